@@ -1,0 +1,93 @@
+//! The command line: one file per sub-command, each with its arguments and a `run`.
+//!
+//! Results alone go to stdout; progress and errors go to stderr. Exit status 0 done, 1 failed, 2 wrong usage or input.
+
+use std::fmt;
+
+use clap::{Parser, Subcommand};
+
+mod calibrate;
+mod child;
+mod evaluate;
+mod score;
+mod serve;
+mod simulate;
+mod track;
+
+/// Measures how surgeons move in a laparoscopic box trainer.
+#[derive(Parser)]
+#[command(name = "trocar", version, about, propagate_version = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run the whole service: HTTP, dashboard, queue and workers.
+    Serve(serve::Args),
+    /// Make a camera.json from photos or a video of a checkerboard.
+    Calibrate(calibrate::Args),
+    /// Track the tools in a recording.
+    Track(track::Args),
+    /// Compute features of trajectories.
+    Score(score::Args),
+    /// Make a clip, checkerboard photos, annotations and truth of a simulated box.
+    Simulate(simulate::Args),
+    /// Compare trajectories with the truth, or with each other.
+    Evaluate(evaluate::Args),
+    /// Run as a confined child of the service; not for people.
+    #[command(hide = true)]
+    Child(child::Args),
+}
+
+/// Runs one command to its end.
+pub fn run(cli: Cli) -> Result<(), Failure> {
+    match cli.command {
+        Command::Serve(args) => serve::run(args),
+        Command::Calibrate(args) => calibrate::run(args),
+        Command::Track(args) => track::run(args),
+        Command::Score(args) => score::run(args),
+        Command::Simulate(args) => simulate::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
+        Command::Child(args) => child::run(args),
+    }
+}
+
+/// Why a command did not end well, in one line that says what, where and what to do.
+#[derive(Debug)]
+pub enum Failure {
+    /// The command line or a file named on it cannot be used: status 2.
+    Input(anyhow::Error),
+    /// Anything else: status 1.
+    Failed(anyhow::Error),
+}
+
+impl Failure {
+    /// The process's exit status.
+    pub fn status(&self) -> u8 {
+        match self {
+            Failure::Failed(_) => 1,
+            Failure::Input(_) => 2,
+        }
+    }
+
+    /// Input that cannot be used.
+    pub fn input(error: impl Into<anyhow::Error>) -> Self {
+        Failure::Input(error.into())
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Failure::Input(error) | Failure::Failed(error)) = self;
+        let chain = format!("{error:#}");
+        f.write_str(&chain.replace('\n', " "))
+    }
+}
+
+impl From<anyhow::Error> for Failure {
+    fn from(error: anyhow::Error) -> Self {
+        Failure::Failed(error)
+    }
+}

@@ -1,0 +1,151 @@
+//! `camera.json`: intrinsics and distortion in OpenCV's convention.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::pipeline::camera::Camera;
+
+/// A camera file as it lies on disk: the camera, what a calibration says of itself, and whatever else another
+/// program keeps there (written back untouched).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraFile {
+    /// Picture width, pixels.
+    pub width: u32,
+    /// Picture height, pixels.
+    pub height: u32,
+    /// Focal length in x, pixels.
+    pub fx: f64,
+    /// Focal length in y, pixels.
+    pub fy: f64,
+    /// Principal point, column, pixels.
+    pub cx: f64,
+    /// Principal point, row, pixels.
+    pub cy: f64,
+    /// Radial distortion, r².
+    #[serde(default)]
+    pub k1: f64,
+    /// Radial distortion, r⁴.
+    #[serde(default)]
+    pub k2: f64,
+    /// Tangential distortion.
+    #[serde(default)]
+    pub p1: f64,
+    /// Tangential distortion.
+    #[serde(default)]
+    pub p2: f64,
+    /// Radial distortion, r⁶.
+    #[serde(default)]
+    pub k3: f64,
+    /// Everything else: `rms_px`, `photos`, `sigma`, `calibrated_at`, and keys of other programs.
+    #[serde(flatten)]
+    pub more: Map<String, Value>,
+}
+
+/// Why a camera file cannot be used.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum CameraFileError {
+    /// Not JSON, or a key is missing or of the wrong type.
+    #[error("not a camera file: {0}; expected a JSON object with width, height, fx, fy, cx, cy and k1 k2 p1 p2 k3")]
+    Syntax(String),
+    /// A number that no camera can have.
+    #[error("{key} is {value}, which no camera can have")]
+    Nonsense {
+        /// Which key.
+        key: &'static str,
+        /// What it holds.
+        value: f64,
+    },
+}
+
+impl CameraFile {
+    /// Reads and checks a camera file.
+    pub fn parse(text: &str) -> Result<Self, CameraFileError> {
+        let file: Self = serde_json::from_str(text).map_err(|e| CameraFileError::Syntax(e.to_string()))?;
+        file.check()?;
+        Ok(file)
+    }
+
+    /// The file's text.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).unwrap_or_default(); // numbers and strings always serialise
+        text.push('\n');
+        text
+    }
+
+    /// The camera that the file describes.
+    pub fn camera(&self) -> Camera {
+        Camera {
+            width: self.width,
+            height: self.height,
+            fx: self.fx,
+            fy: self.fy,
+            cx: self.cx,
+            cy: self.cy,
+            k1: self.k1,
+            k2: self.k2,
+            p1: self.p1,
+            p2: self.p2,
+            k3: self.k3,
+        }
+    }
+
+    fn check(&self) -> Result<(), CameraFileError> {
+        let positive =
+            [("width", f64::from(self.width)), ("height", f64::from(self.height)), ("fx", self.fx), ("fy", self.fy)];
+        let finite = [
+            ("cx", self.cx),
+            ("cy", self.cy),
+            ("k1", self.k1),
+            ("k2", self.k2),
+            ("p1", self.p1),
+            ("p2", self.p2),
+            ("k3", self.k3),
+        ];
+        let bad_size = positive.into_iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
+        let bad_number = finite.into_iter().find(|(_, v)| !v.is_finite());
+        match bad_size.or(bad_number) {
+            Some((key, value)) => Err(CameraFileError::Nonsense { key, value }),
+            None => Ok(()),
+        }
+    }
+}
+
+impl From<Camera> for CameraFile {
+    fn from(c: Camera) -> Self {
+        Self {
+            width: c.width,
+            height: c.height,
+            fx: c.fx,
+            fy: c.fy,
+            cx: c.cx,
+            cy: c.cy,
+            k1: c.k1,
+            k2: c.k2,
+            p1: c.p1,
+            p2: c.p2,
+            k3: c.k3,
+            more: Map::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_of_other_programs_survive_a_round_trip() {
+        let text =
+            r#"{"width":640,"height":480,"fx":500.1,"fy":500.2,"cx":320,"cy":240,"k1":-0.1,"maker":{"lens":"x"}}"#;
+        let file = CameraFile::parse(text).unwrap();
+        assert_eq!(file.k3, 0.0);
+        assert_eq!(CameraFile::parse(&file.to_json()).unwrap(), file);
+        assert_eq!(file.more["maker"]["lens"], "x");
+    }
+
+    #[test]
+    fn a_focal_length_of_zero_is_refused_by_name() {
+        let text = r#"{"width":640,"height":480,"fx":0,"fy":500,"cx":320,"cy":240}"#;
+        assert_eq!(CameraFile::parse(text), Err(CameraFileError::Nonsense { key: "fx", value: 0.0 }));
+    }
+}

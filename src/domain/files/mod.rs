@@ -1,0 +1,4 @@
+//! Exchange formats that other programs rely on. Text in, values out, and back; where the text lies is not their matter.
+
+pub mod annotations;
+pub mod camera;

@@ -1,0 +1,38 @@
+//! Why something was not seen or was rejected: a closed set, so that a page can explain each.
+
+/// Why a tool has no observation on a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Reason {
+    /// No region of the marker's colour.
+    NoMarkerColour,
+    /// Regions of the colour were found, but all are too small to measure.
+    TooSmall,
+    /// A region was found, but its shape is not a band.
+    WrongShape,
+    /// Too little of a border was visible to fit a line.
+    BordersNotFound,
+    /// The borders do not enclose a tube of the known diameter.
+    ImpossiblePose,
+    /// The band's distal end is outside the frame or hidden.
+    TipHidden,
+    /// The measured position lies outside the box.
+    OutOfBounds,
+    /// The measured position contradicts the tool's motion (Mahalanobis gate).
+    GateRejected,
+}
+
+impl Reason {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Reason::NoMarkerColour => "no_marker_colour",
+            Reason::TooSmall => "too_small",
+            Reason::WrongShape => "wrong_shape",
+            Reason::BordersNotFound => "borders_not_found",
+            Reason::ImpossiblePose => "impossible_pose",
+            Reason::TipHidden => "tip_hidden",
+            Reason::OutOfBounds => "out_of_bounds",
+            Reason::GateRejected => "gate_rejected",
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! Where each tool was at each frame: the product of the tracker, the input of the features.
+
+use nalgebra::{Point2, Point3, Vector3};
+
+/// Which estimate a trajectory holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// Each frame's own measurement, unfiltered.
+    Raw,
+    /// Causal Kalman filter: what a live watcher sees.
+    Filtered,
+    /// Rauch–Tung–Striebel smoother over the whole recording: the default for scores.
+    Smoothed,
+}
+
+/// Was the tool measured on this frame?
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SampleState {
+    /// Measured on this frame.
+    Observed,
+    /// Bridged by the motion model over a short gap.
+    Predicted,
+}
+
+/// One tool at one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Decoded frames before this one.
+    pub frame: u64,
+    /// Presentation time, s.
+    pub time_s: f64,
+    /// Index into [`Trajectory::tools`].
+    pub tool: usize,
+    /// Tip in the camera frame, mm.
+    pub tip_mm: Point3<f64>,
+    /// Velocity of the tip, mm/s; `None` where the method gives none (raw).
+    pub velocity_mm_s: Option<Vector3<f64>>,
+    /// Unit vector along the tube from the hand to the tip.
+    pub axis: Option<Vector3<f64>>,
+    /// Tip in the recorded frame, pixels.
+    pub tip_px: Option<Point2<f64>>,
+    /// Standard deviation across the line of sight (RMS of x and y), mm.
+    pub sigma_xy_mm: Option<f64>,
+    /// Standard deviation of depth, mm.
+    pub sigma_z_mm: Option<f64>,
+    /// Measured or bridged.
+    pub state: SampleState,
+}
+
+/// The path of every tool of a session, ordered by frame, then tool. A frame without a row for a tool means
+/// that the tool was not tracked there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Names of the tools; [`Sample::tool`] counts in it.
+    pub tools: Vec<String>,
+    /// Rows.
+    pub samples: Vec<Sample>,
+    /// Presentation time of every decoded frame, s, where known (empty when read from a file of rows).
+    pub frame_times_s: Vec<f64>,
+}
+
+impl Trajectory {
+    /// The rows of one tool, in time order.
+    pub fn of_tool(&self, tool: usize) -> impl Iterator<Item = &Sample> {
+        self.samples.iter().filter(move |s| s.tool == tool)
+    }
+}
