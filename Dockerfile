@@ -1,0 +1,30 @@
+# Trocar as a container: built in one image, run in a small one, never as root.
+#
+#   docker build -t trocar . && docker run -p 8080:8080 -v trocar:/data trocar
+#
+# Both stages are Debian 12: FFmpeg's libraries must be of one major version at build and at run time.
+FROM rust:1.95-slim-bookworm AS build
+RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends \
+    build-essential pkg-config clang libclang-dev libavcodec-dev libavformat-dev libavutil-dev libswscale-dev libswresample-dev \
+    && rm -rf /var/lib/apt/lists/*
+WORKDIR /source
+COPY Cargo.toml Cargo.lock ./
+COPY migrations migrations
+COPY static static
+COPY src src
+RUN cargo build --release --locked
+
+FROM debian:bookworm-slim
+# Debian's FFmpeg is a GPL build: an image that carries it is GPL as a whole (see README).
+RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends \
+    libavcodec59 libavformat59 libavutil57 libswscale6 curl \
+    && rm -rf /var/lib/apt/lists/* \
+    && useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin trocar \
+    && install -d -o trocar -g trocar -m 0700 /data
+COPY --from=build /source/target/release/trocar /usr/local/bin/trocar
+USER trocar
+VOLUME /data
+EXPOSE 8080
+HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl -fsS http://127.0.0.1:8080/readyz || exit 1
+ENTRYPOINT ["/usr/local/bin/trocar"]
+CMD ["serve", "--data", "/data", "--listen", "0.0.0.0:8080"]

@@ -1,0 +1,59 @@
+# What people do with this project. `make run` and `make test` work on a bare Debian 12 with Rust ≥ 1.95.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+
+BUILD_PACKAGES := build-essential pkg-config clang libclang-dev libavcodec-dev libavformat-dev libavutil-dev \
+                  libswscale-dev libswresample-dev
+TEST_PACKAGES  := ffmpeg chromium nodejs curl jq
+SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
+
+# Installs what is missing and nothing else; silent when all is there.
+define install
+	missing=$$(for p in $(1); do dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
+	if [ -n "$$missing" ]; then \
+	    echo "installing" $$missing; \
+	    $(SUDO) apt-get update -qq; \
+	    DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; \
+	fi
+endef
+
+.PHONY: help
+help: ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
+
+DATA   ?= trocar-data
+LISTEN ?= 127.0.0.1:8080
+
+.PHONY: run
+run: packages ## build, start the service with its demonstration centre, print how to sign in
+	cargo build --release --locked
+	exec target/release/trocar serve --data $(DATA) --listen $(LISTEN) --demo
+
+.PHONY: packages
+packages: ## install the system packages that a build needs
+	@$(call install,$(BUILD_PACKAGES))
+
+.PHONY: test-packages
+test-packages: packages
+	@$(call install,$(TEST_PACKAGES))
+	@command -v npm >/dev/null || { $(call install,npm); }
+
+.PHONY: test
+test: test-packages ## everything that decides whether a change may land
+	cargo fmt --check
+	cargo clippy --locked --all-targets -- -D warnings
+	cargo test --locked
+	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps --document-private-items
+	$(MAKE) browser-test
+
+.PHONY: browser-test
+browser-test: test-packages ## a real Chromium signs in, uploads, waits for the score and plays the overlay
+	cargo build --locked
+	tests/browser/run
+
+.PHONY: deny
+deny: packages ## licences, sources and banned crates with cargo-deny (installs it)
+	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
+	cargo deny check licenses bans sources

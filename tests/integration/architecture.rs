@@ -1,0 +1,198 @@
+//! The tree keeps the shape that `src/lib.rs` draws: layers, absences, module docs, released migrations.
+//!
+//! Each finding reads `file:line: rule`, so that an editor can jump there.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A room of the tree: its layer, and words that its code must not name, with the reason.
+struct Room {
+    name: &'static str,
+    layer: u8,
+    banned: &'static [&'static str],
+}
+
+const PURE: &[&str] = &[
+    "tokio",
+    "axum",
+    "sqlx",
+    "ffmpeg_next",
+    "std::fs",
+    "std::net",
+    "std::env",
+    "std::thread",
+    "std::time",
+    "serde",
+    "println!",
+    "eprintln!",
+];
+const DOMAIN: &[&str] = &["tokio", "axum", "sqlx", "ffmpeg_next", "std::fs", "std::net", "std::env"];
+const SERVICE: &[&str] = &["axum", "sqlx", "ffmpeg_next"];
+
+const ROOMS: &[Room] = &[
+    Room { name: "time", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Room { name: "ids", layer: 0, banned: &["axum", "ffmpeg_next"] },
+    Room { name: "shutdown", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Room { name: "pipeline", layer: 1, banned: PURE },
+    Room { name: "simulation", layer: 1, banned: PURE },
+    Room { name: "domain", layer: 2, banned: DOMAIN },
+    Room { name: "media", layer: 3, banned: &["axum", "sqlx", "tokio"] },
+    Room { name: "store", layer: 3, banned: &["axum", "ffmpeg_next"] },
+    Room { name: "vault", layer: 3, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Room { name: "sandbox", layer: 3, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Room { name: "queue", layer: 4, banned: SERVICE },
+    Room { name: "analysis", layer: 4, banned: SERVICE },
+    Room { name: "intake", layer: 4, banned: SERVICE },
+    Room { name: "settings", layer: 5, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Room { name: "http", layer: 5, banned: &["sqlx", "ffmpeg_next", "crate::pipeline"] },
+    Room { name: "commands", layer: 5, banned: &["sqlx", "ffmpeg_next"] },
+];
+
+/// Adapters stand side by side and do not know each other.
+const ADAPTERS: [&str; 4] = ["media", "store", "vault", "sandbox"];
+
+/// Settings are read at the rim, but each part owns the types it is set by.
+const MAY_LOOK_UP: &[(&str, &str)] = &[];
+
+#[test]
+fn imports_point_downwards_and_forbidden_words_stay_out() {
+    let findings: Vec<String> = sources().iter().flat_map(|file| findings_in(file)).collect();
+    assert!(findings.is_empty(), "\n{}\n", findings.join("\n"));
+}
+
+#[test]
+fn every_file_says_what_it_is_for() {
+    let silent: Vec<String> = sources()
+        .iter()
+        .filter(|file| !read(file).starts_with("//!"))
+        .map(|file| format!("{}:1: a file begins with `//!`: what it holds and why", shown(file)))
+        .collect();
+    assert!(silent.is_empty(), "\n{}\n", silent.join("\n"));
+}
+
+#[test]
+fn released_migrations_are_untouched() {
+    use sha2::{Digest, Sha256};
+    let folder = root().join("migrations");
+    let released = read(&folder.join("RELEASED"));
+    for line in released.lines().filter(|l| !l.starts_with('#') && !l.trim().is_empty()) {
+        let (hash, name) = line.split_once("  ").expect("`sha256  file` per line");
+        let bytes = fs::read(folder.join(name)).unwrap_or_else(|_| panic!("migrations/{name}:1: released, but gone"));
+        let now: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+        assert_eq!(now, hash, "migrations/{name}:1: a released migration never changes; add another");
+    }
+}
+
+#[test]
+fn the_check_finds_what_it_should() {
+    let bad = "use crate::http::router;\nlet x = 1; // axum in a comment is fine\nlet s = \"tokio\";\nuse serde::Serialize;\n";
+    let found = check("pipeline", "pipeline/x.rs", bad);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found[0].starts_with("pipeline/x.rs:1: "));
+    assert!(found[1].starts_with("pipeline/x.rs:4: "));
+}
+
+fn findings_in(file: &Path) -> Vec<String> {
+    let Some(room) = room_of(file) else { return Vec::new() };
+    check(room, &shown(file), &read(file))
+}
+
+fn check(room: &str, file: &str, text: &str) -> Vec<String> {
+    let Some(room) = ROOMS.iter().find(|r| r.name == room) else {
+        return vec![format!("{file}:1: module `{room}` is on no layer; add it to src/lib.rs and to this test")];
+    };
+    let mut findings = Vec::new();
+    for (number, line) in code_lines(text) {
+        for word in room.banned.iter().filter(|w| names(&line, w)) {
+            findings.push(format!("{file}:{number}: `{}` must not name {word}", room.name));
+        }
+        for other in ROOMS.iter().filter(|o| o.name != room.name && names(&line, &format!("crate::{}", o.name))) {
+            let allowed = MAY_LOOK_UP.contains(&(room.name, other.name));
+            let beside = ADAPTERS.contains(&room.name) && ADAPTERS.contains(&other.name);
+            if !allowed && (other.layer > room.layer || beside) {
+                findings.push(format!(
+                    "{file}:{number}: `{}` (layer {}) must not import `{}` (layer {})",
+                    room.name, room.layer, other.name, other.layer
+                ));
+            }
+        }
+    }
+    findings
+}
+
+/// Lines of code with their numbers: comments, string contents and test modules taken out.
+fn code_lines(text: &str) -> Vec<(usize, String)> {
+    let mut lines = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        if line.trim_start().starts_with("#[cfg(test)]") {
+            break; // tests stand last in a file and may use anything
+        }
+        lines.push((index + 1, without_text(line)));
+    }
+    lines
+}
+
+fn without_text(line: &str) -> String {
+    let mut code = String::new();
+    let mut in_text = false;
+    let mut before = ' ';
+    for (at, c) in line.char_indices() {
+        if !in_text && line[at..].starts_with("//") {
+            break;
+        }
+        if c == '"' && before != '\\' && before != '\'' {
+            in_text = !in_text;
+        } else if !in_text {
+            code.push(c);
+        }
+        before = c;
+    }
+    code
+}
+
+/// Does the line hold `word` as whole words?
+fn names(line: &str, word: &str) -> bool {
+    line.match_indices(word).any(|(at, _)| {
+        let edge = |c: Option<char>| c.is_none_or(|c| !c.is_alphanumeric() && c != '_');
+        edge(line[..at].chars().next_back()) && edge(line[at + word.len()..].chars().next())
+    })
+}
+
+fn room_of(file: &Path) -> Option<&str> {
+    let inside = file.strip_prefix(root().join("src")).ok()?;
+    let first = Path::new(inside.components().next()?.as_os_str()).file_stem()?.to_str()?;
+    let known = ROOMS.iter().find(|r| r.name == first).map(|r| r.name);
+    match first {
+        "lib" | "main" => None,
+        _ => Some(known.unwrap_or("unknown")),
+    }
+}
+
+fn sources() -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![root().join("src")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).expect("src is readable").flatten() {
+            let path = entry.path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false if path.extension().is_some_and(|e| e == "rs") => files.push(path),
+                false => {}
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn shown(path: &Path) -> String {
+    path.strip_prefix(root()).unwrap_or(path).display().to_string()
+}

@@ -1,0 +1,4 @@
+//! One binary for everything that spans parts; `tests/README.md` says which test goes where.
+
+mod architecture;
+mod dependencies;
