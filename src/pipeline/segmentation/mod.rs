@@ -1,1 +1,8 @@
-//! Under construction.
+//! Frame in, labelled cells out (METHOD 2).
+//!
+//! The colours that an instructor marked decide, by k nearest neighbours, what each possible colour is; the answer is
+//! worked out once into a [`colour_table::ColourTable`], and the frame is then only looked up: first around the place
+//! where a tool is expected, else on a coarse grid.
+
+pub mod encoding;
+pub mod samples;

@@ -1,0 +1,78 @@
+//! Colour samples: the pixels inside the rectangles that an instructor marked. Plain data, so that they can be
+//! stored per box and read back.
+
+use crate::pipeline::frame::{ColourEncoding, Frame};
+
+/// A marked rectangle, in pixels of the recorded frame; `x`, `y` is the first pixel inside.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rectangle {
+    /// Marker's name, or a label that is no tool (`background`, `shaft`, …).
+    pub label: String,
+    /// First column.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
+    /// Columns.
+    pub w: usize,
+    /// Rows.
+    pub h: usize,
+}
+
+/// One marked colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ColourSample {
+    /// Index into [`ColourSamples::labels`].
+    pub label: usize,
+    /// Codes as decoded, in the samples' encoding.
+    pub yuv: [u8; 3],
+}
+
+/// All marked colours of a box.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ColourSamples {
+    /// How the codes relate to colour.
+    pub encoding: ColourEncoding,
+    /// Label names.
+    pub labels: Vec<String>,
+    /// The samples.
+    pub samples: Vec<ColourSample>,
+}
+
+/// Most samples taken from one rectangle: beyond it, pixels are taken at even steps. A huge background rectangle
+/// would otherwise cost time and outvote the tape.
+const MOST_PER_RECTANGLE: usize = 400;
+
+impl ColourSamples {
+    /// No samples yet, in this encoding.
+    pub fn new(encoding: ColourEncoding) -> Self {
+        Self { encoding, labels: Vec::new(), samples: Vec::new() }
+    }
+
+    /// Adds the pixels inside a rectangle; parts outside the frame are left out. A frame in another encoding than
+    /// the samples' gives codes that are brought to theirs.
+    pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &Rectangle) {
+        let label = self.label_index(&rectangle.label);
+        let right = rectangle.x.saturating_add(rectangle.w).min(frame.width());
+        let bottom = rectangle.y.saturating_add(rectangle.h).min(frame.height());
+        let pixels = right.saturating_sub(rectangle.x) * bottom.saturating_sub(rectangle.y);
+        let step = (pixels.div_ceil(MOST_PER_RECTANGLE) as f64).sqrt().ceil().max(1.0) as usize;
+        for y in (rectangle.y..bottom).step_by(step) {
+            for x in (rectangle.x..right).step_by(step) {
+                let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));
+                self.samples.push(ColourSample { label, yuv });
+            }
+        }
+    }
+
+    /// How many samples a label has.
+    pub fn count(&self, label: &str) -> usize {
+        self.samples.iter().filter(|s| self.labels[s.label] == label).count()
+    }
+
+    fn label_index(&mut self, name: &str) -> usize {
+        self.labels.iter().position(|l| l == name).unwrap_or_else(|| {
+            self.labels.push(name.to_owned());
+            self.labels.len() - 1
+        })
+    }
+}

@@ -1,0 +1,89 @@
+//! What a tracker says: frame by frame while it runs, and of the whole recording at its end.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use crate::pipeline::reason::Reason;
+use crate::pipeline::space::Pixel;
+use crate::pipeline::trajectory::{Sample, Trajectory};
+
+/// One tool measured on one frame, before any filter over time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Tip in the camera frame, mm.
+    pub tip_mm: Point3<f64>,
+    /// Unit vector along the tube from the hand to the tip.
+    pub axis: Vector3<f64>,
+    /// Covariance of the tip, mm².
+    pub covariance_mm2: Matrix3<f64>,
+    /// Tip in the recorded frame, pixels.
+    pub tip_px: Pixel,
+    /// RMS distance of the border points from the fitted tube's outline, pixels.
+    pub border_residual_px: f64,
+}
+
+/// What was found of one tool on one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolReport {
+    /// Index into the settings' tools.
+    pub tool: usize,
+    /// The measurement, or why there is none.
+    pub outcome: Result<Observation, Reason>,
+    /// The causal filter's estimate, where the tool is being tracked.
+    pub filtered: Option<Sample>,
+    /// Both borders of the band, each from its distal to its proximal end, in the recorded frame.
+    pub borders_px: Option<[[Pixel; 2]; 2]>,
+    /// Where the midline meets the band's distal end: on the tube's surface, in the recorded frame.
+    pub band_end_px: Option<Pixel>,
+}
+
+/// What was found on one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameReport {
+    /// Decoded frames before this one.
+    pub frame: u64,
+    /// Presentation time, s.
+    pub time_s: f64,
+    /// One report per tool, in the settings' order.
+    pub tools: Vec<ToolReport>,
+}
+
+/// How one tool fared over a recording.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ToolQuality {
+    /// The tool's name.
+    pub tool: String,
+    /// Frames on which it was measured.
+    pub observed: u64,
+    /// Frames bridged by prediction.
+    pub predicted: u64,
+    /// Frames without a position.
+    pub missing: u64,
+    /// How often each reason kept a measurement from being made or believed.
+    pub reasons: BTreeMap<Reason, u64>,
+    /// RMS distance of border points from the fitted outline, pixels; `None` when never measured.
+    pub border_residual_px: Option<f64>,
+}
+
+/// How a whole recording fared.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Quality {
+    /// Frames seen.
+    pub frames: u64,
+    /// One entry per tool.
+    pub tools: Vec<ToolQuality>,
+}
+
+/// A whole recording, tracked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tracking {
+    /// Each frame's own measurement.
+    pub raw: Trajectory,
+    /// The causal filter's path.
+    pub filtered: Trajectory,
+    /// The smoother's path over the whole recording: the default for scores.
+    pub smoothed: Trajectory,
+    /// How it went.
+    pub quality: Quality,
+}

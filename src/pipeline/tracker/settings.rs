@@ -1,0 +1,132 @@
+//! What a tracker must be told before the first frame: camera, tools, colours, and how tools can move.
+
+use crate::pipeline::camera::Camera;
+use crate::pipeline::segmentation::samples::ColourSamples;
+
+/// One tool: a tube with a band of coloured tape that ends where the jaw begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolSpec {
+    /// The marker's name; also the label of its colour samples.
+    pub name: String,
+    /// Outer diameter over the tape, mm.
+    pub diameter_mm: f64,
+    /// Length of the tape along the tube, mm, where somebody measured it: depth becomes about three times sharper.
+    pub band_length_mm: Option<f64>,
+}
+
+/// From where the camera looks (T 6.4); decides which end of a band is distal while nothing better is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum View {
+    /// Camera above the box: hands are below the picture, tips point up in it.
+    Top,
+    /// Camera at the side: hands are beside the picture, tips point to its centre.
+    Side,
+}
+
+/// How borders become a position in space.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum PoseMethod {
+    /// Exact tangent planes, then a joint fit of borders and band ends: the default.
+    #[default]
+    TangentPlanes,
+    /// `z ≈ f·D/width`: the thesis's method, kept as the reference. Biased when the tool leans.
+    PinholeWidth,
+}
+
+/// How tools can move, and how long one is believed to go on unseen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionSettings {
+    /// Typical acceleration, mm/s²: more follows quicker, less is smoother. Hands reach 200–1000.
+    pub acceleration_mm_s2: f64,
+    /// How long such an acceleration lasts, s. With the acceleration it gives the motion noise `a²·t`, mm²/s³.
+    pub acceleration_lasts_s: f64,
+    /// Speed that a newly seen tool may have, mm/s (one standard deviation).
+    pub first_speed_mm_s: f64,
+    /// Largest squared Mahalanobis distance at which a measurement is believed; 16.3 passes 99.9 % of good ones.
+    pub gate: f64,
+    /// A measured position that stays consistent with itself for this long is believed against the gate, s.
+    pub reacquire_s: f64,
+    /// Longest gap that is bridged by prediction, s; longer ones are gaps.
+    pub longest_prediction_s: f64,
+    /// Nearest tip to the camera, mm.
+    pub nearest_mm: f64,
+    /// Farthest tip from the camera, mm.
+    pub farthest_mm: f64,
+}
+
+impl Default for MotionSettings {
+    fn default() -> Self {
+        Self {
+            acceleration_mm_s2: 400.0,
+            acceleration_lasts_s: 0.05,
+            first_speed_mm_s: 150.0,
+            gate: 16.3,
+            reacquire_s: 0.15,
+            longest_prediction_s: 0.2,
+            nearest_mm: 20.0,
+            farthest_mm: 1000.0,
+        }
+    }
+}
+
+/// Everything a [`super::Tracker`] is told.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackerSettings {
+    /// The camera, calibrated at the size of the frames to come.
+    pub camera: Camera,
+    /// Tools to track; their order is the order of the reports.
+    pub tools: Vec<ToolSpec>,
+    /// Colours as an instructor marked them.
+    pub samples: ColourSamples,
+    /// Camera's place, where known.
+    pub view: Option<View>,
+    /// Pose method.
+    pub pose: PoseMethod,
+    /// Motion model.
+    pub motion: MotionSettings,
+}
+
+impl TrackerSettings {
+    /// The usual settings.
+    pub fn new(camera: Camera, tools: Vec<ToolSpec>, samples: ColourSamples) -> Self {
+        Self { camera, tools, samples, view: None, pose: PoseMethod::default(), motion: MotionSettings::default() }
+    }
+}
+
+/// Why a tracker cannot be made from its settings.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingsProblem {
+    /// The camera was calibrated at another picture size.
+    #[error(
+        "the camera is calibrated for {}×{} pixels, but the recording is {}×{}; calibrate at the size that is recorded",
+        camera.0, camera.1, frame.0, frame.1
+    )]
+    OtherSize {
+        /// Width and height in the calibration.
+        camera: (u32, u32),
+        /// Width and height of the frames.
+        frame: (u32, u32),
+    },
+    /// Nothing to track.
+    #[error("no tool is given; mark at least one rectangle on a tool's tape")]
+    NoTool,
+    /// A tool's colour was never marked.
+    #[error("tool `{0}` has no colour samples; mark rectangles on its tape and label them `{0}`")]
+    NoSamples(String),
+    /// Nothing but tools was marked, so every colour would be a tool.
+    #[error("no colour that is not a tool was marked; mark rectangles of the scene, labelled `background`")]
+    NoBackground,
+    /// More labels than the colour table can tell apart.
+    #[error("{0} colour labels were marked; at most {1} can be told apart")]
+    TooManyLabels(usize, usize),
+    /// A size that no tube has.
+    #[error("tool `{tool}`: {what} is {value_mm} mm; it must be more than 0")]
+    Size {
+        /// Which tool.
+        tool: String,
+        /// Diameter or band length.
+        what: &'static str,
+        /// What was given, mm.
+        value_mm: f64,
+    },
+}
