@@ -1,0 +1,75 @@
+//! Trajectory → one vector per column: what pages plot, and what Parquet is written from.
+
+use serde::Serialize;
+
+use super::state_name;
+use crate::pipeline::trajectory::{Sample, Trajectory};
+
+/// A trajectory, column by column. Serialises as `{"tools":[…],"columns":{"frame":[…],…,"state":[…]}}`, where the
+/// column `tool` counts in `tools` and an absent number is `null`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrajectoryColumns {
+    /// Names of the tools.
+    pub tools: Vec<String>,
+    /// The columns, all of one length.
+    pub columns: Columns,
+}
+
+/// The columns under their names in the table.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)] // the names are the documentation: they are the contract's
+pub struct Columns {
+    pub frame: Vec<u64>,
+    pub time_s: Vec<f64>,
+    pub tool: Vec<usize>,
+    pub x_mm: Vec<f64>,
+    pub y_mm: Vec<f64>,
+    pub z_mm: Vec<f64>,
+    pub vx_mm_s: Vec<Option<f64>>,
+    pub vy_mm_s: Vec<Option<f64>>,
+    pub vz_mm_s: Vec<Option<f64>>,
+    pub axis_x: Vec<Option<f64>>,
+    pub axis_y: Vec<Option<f64>>,
+    pub axis_z: Vec<Option<f64>>,
+    pub tip_u_px: Vec<Option<f64>>,
+    pub tip_v_px: Vec<Option<f64>>,
+    pub sigma_xy_mm: Vec<Option<f64>>,
+    pub sigma_z_mm: Vec<Option<f64>>,
+    pub state: Vec<&'static str>,
+}
+
+impl From<&Trajectory> for TrajectoryColumns {
+    fn from(trajectory: &Trajectory) -> Self {
+        let mut columns = Columns::default();
+        trajectory.samples.iter().for_each(|sample| columns.push(sample));
+        Self { tools: trajectory.tools.clone(), columns }
+    }
+}
+
+impl Columns {
+    fn push(&mut self, sample: &Sample) {
+        self.frame.push(sample.frame);
+        self.time_s.push(sample.time_s);
+        self.tool.push(sample.tool);
+        self.x_mm.push(sample.tip_mm.x);
+        self.y_mm.push(sample.tip_mm.y);
+        self.z_mm.push(sample.tip_mm.z);
+        self.vx_mm_s.push(sample.velocity_mm_s.map(|v| v.x));
+        self.vy_mm_s.push(sample.velocity_mm_s.map(|v| v.y));
+        self.vz_mm_s.push(sample.velocity_mm_s.map(|v| v.z));
+        self.axis_x.push(sample.axis.map(|a| a.x));
+        self.axis_y.push(sample.axis.map(|a| a.y));
+        self.axis_z.push(sample.axis.map(|a| a.z));
+        self.tip_u_px.push(sample.tip_px.map(|p| p.x));
+        self.tip_v_px.push(sample.tip_px.map(|p| p.y));
+        self.sigma_xy_mm.push(sample.sigma_xy_mm);
+        self.sigma_z_mm.push(sample.sigma_z_mm);
+        self.state.push(state_name(sample.state));
+    }
+}
+
+/// The trajectory as JSON columns, ready to be sent.
+pub fn to_json_columns(trajectory: &Trajectory) -> String {
+    // Vectors of numbers and strings always serialise; a number that is not finite becomes null.
+    serde_json::to_string(&TrajectoryColumns::from(trajectory)).unwrap_or_default()
+}

@@ -1,0 +1,54 @@
+//! Trajectories as files: one table, as CSV, as JSON columns and as Parquet.
+//!
+//! One row per frame and tool that is tracked there, with the columns of [`COLUMNS`] in that order. `frame` counts
+//! decoded frames from 0, `time_s` is the frame's presentation time; millimetres and seconds. Numbers are written in
+//! the shortest form that reads back to the same number, so a stored trajectory gives the same score again.
+//!
+//! Every form is written; only CSV is read, because that is how trajectories of other programs arrive.
+
+mod columns;
+mod parquet;
+mod read;
+mod write;
+
+pub use columns::{TrajectoryColumns, to_json_columns};
+pub use parquet::{ParquetProblem, write_parquet};
+pub use read::{TrajectoryProblem, read_csv};
+pub use write::write_csv;
+
+use crate::pipeline::trajectory::SampleState;
+
+/// The table's columns, in order. Readers need the first [`REQUIRED`] of them; the others may be absent or empty.
+pub const COLUMNS: [&str; 17] = [
+    "frame",
+    "time_s",
+    "tool",
+    "x_mm",
+    "y_mm",
+    "z_mm",
+    "vx_mm_s",
+    "vy_mm_s",
+    "vz_mm_s",
+    "axis_x",
+    "axis_y",
+    "axis_z",
+    "tip_u_px",
+    "tip_v_px",
+    "sigma_xy_mm",
+    "sigma_z_mm",
+    "state",
+];
+
+/// How many of [`COLUMNS`] a reader cannot do without.
+pub const REQUIRED: usize = 6;
+
+/// The word for a state in the column `state`.
+fn state_name(state: SampleState) -> &'static str {
+    match state {
+        SampleState::Observed => "observed",
+        SampleState::Predicted => "predicted",
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,113 @@
+//! Trajectory → Parquet: the same table for programs that read columns (pandas, DuckDB, Arrow).
+//!
+//! Written with the low-level writer: seventeen flat columns need no Arrow. Names are UTF-8 strings, absent numbers
+//! are nulls, pages are compressed with Snappy.
+
+use std::io::Write;
+use std::sync::Arc;
+
+use parquet::basic::Compression;
+use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::schema::parser::parse_message_type;
+
+use super::columns::{Columns, TrajectoryColumns};
+use crate::pipeline::trajectory::Trajectory;
+
+const SCHEMA: &str = "message trajectory {
+    REQUIRED INT64 frame;
+    REQUIRED DOUBLE time_s;
+    REQUIRED BYTE_ARRAY tool (STRING);
+    REQUIRED DOUBLE x_mm;
+    REQUIRED DOUBLE y_mm;
+    REQUIRED DOUBLE z_mm;
+    OPTIONAL DOUBLE vx_mm_s;
+    OPTIONAL DOUBLE vy_mm_s;
+    OPTIONAL DOUBLE vz_mm_s;
+    OPTIONAL DOUBLE axis_x;
+    OPTIONAL DOUBLE axis_y;
+    OPTIONAL DOUBLE axis_z;
+    OPTIONAL DOUBLE tip_u_px;
+    OPTIONAL DOUBLE tip_v_px;
+    OPTIONAL DOUBLE sigma_xy_mm;
+    OPTIONAL DOUBLE sigma_z_mm;
+    REQUIRED BYTE_ARRAY state (STRING);
+}";
+
+/// Why a Parquet file could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ParquetProblem {
+    /// A row of a tool that the trajectory does not name.
+    #[error("a row names tool {0}, but the trajectory does not know it")]
+    UnknownTool(usize),
+    /// A frame number beyond what the format's signed 64 bits hold.
+    #[error("frame {0} is too large for Parquet")]
+    FrameTooLarge(u64),
+    /// The writer or what lies beneath it.
+    #[error("write Parquet")]
+    Write(#[from] ParquetError),
+}
+
+/// Writes the trajectory's table as one Parquet row group.
+pub fn write_parquet(trajectory: &Trajectory, out: impl Write + Send) -> Result<(), ParquetProblem> {
+    let TrajectoryColumns { tools, columns } = TrajectoryColumns::from(trajectory);
+    let frames = columns.frame.iter().map(|&f| i64::try_from(f).map_err(|_| ParquetProblem::FrameTooLarge(f)));
+    let frames = frames.collect::<Result<Vec<_>, _>>()?;
+    let names = columns.tool.iter().map(|&t| tools.get(t).ok_or(ParquetProblem::UnknownTool(t)));
+    let names = names.map(|name| name.map(|n| ByteArray::from(n.as_str()))).collect::<Result<Vec<_>, _>>()?;
+
+    let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
+    let mut file = SerializedFileWriter::new(out, Arc::new(parse_message_type(SCHEMA)?), Arc::new(properties))?;
+    let mut rows = file.next_row_group()?;
+    write_columns(&mut rows, &frames, &names, &columns)?;
+    rows.close()?;
+    file.close()?;
+    Ok(())
+}
+
+/// The columns in the schema's order: the format knows no other way to address them.
+fn write_columns<W: Write + Send>(
+    rows: &mut SerializedRowGroupWriter<'_, W>,
+    frames: &[i64],
+    names: &[ByteArray],
+    columns: &Columns,
+) -> Result<(), ParquetError> {
+    write::<Int64Type, _>(rows, frames, None)?;
+    write::<DoubleType, _>(rows, &columns.time_s, None)?;
+    write::<ByteArrayType, _>(rows, names, None)?;
+    for column in [&columns.x_mm, &columns.y_mm, &columns.z_mm] {
+        write::<DoubleType, _>(rows, column, None)?;
+    }
+    let optional = [
+        &columns.vx_mm_s,
+        &columns.vy_mm_s,
+        &columns.vz_mm_s,
+        &columns.axis_x,
+        &columns.axis_y,
+        &columns.axis_z,
+        &columns.tip_u_px,
+        &columns.tip_v_px,
+        &columns.sigma_xy_mm,
+        &columns.sigma_z_mm,
+    ];
+    for column in optional {
+        let present: Vec<i16> = column.iter().map(|value| i16::from(value.is_some())).collect();
+        let values: Vec<f64> = column.iter().copied().flatten().collect();
+        write::<DoubleType, _>(rows, &values, Some(&present))?;
+    }
+    let states: Vec<ByteArray> = columns.state.iter().map(|&s| ByteArray::from(s)).collect();
+    write::<ByteArrayType, _>(rows, &states, None)
+}
+
+fn write<T: DataType, W: Write + Send>(
+    rows: &mut SerializedRowGroupWriter<'_, W>,
+    values: &[T::T],
+    present: Option<&[i16]>,
+) -> Result<(), ParquetError> {
+    let column = rows.next_column()?;
+    let mut column = column.ok_or_else(|| ParquetError::General("the schema has too few columns".to_owned()))?;
+    column.typed::<T>().write_batch(values, present, None)?;
+    column.close()
+}

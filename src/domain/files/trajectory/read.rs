@@ -1,0 +1,285 @@
+//! CSV → trajectory: our own files, and those of other trackers.
+//!
+//! A row that cannot be meant is an error with its line, never a guess. The order of rows and columns is free, because
+//! other programs write tool after tool or add columns of their own; what must agree is the *content*: each tool at
+//! most once on a frame, one time per frame, and time that grows with the frame number.
+
+use std::collections::HashMap;
+use std::io::Read;
+
+use csv::StringRecord;
+use nalgebra::{Point2, Point3, Vector3};
+
+use super::{COLUMNS, REQUIRED};
+use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+
+/// Largest coordinate that can be meant, mm: ten metres, far outside any box. Catches metres given as micrometres,
+/// and keeps everything that is computed from a path finite.
+pub const LARGEST_MM: f64 = 10_000.0;
+
+/// Latest time that can be meant, s: a week of recording.
+pub const LATEST_S: f64 = 604_800.0;
+
+/// Why a file of rows cannot be read as a trajectory. Lines count from 1, the header being the first.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum TrajectoryProblem {
+    /// Nothing in it.
+    #[error("the file is empty; expected a header line with {}", required())]
+    Empty,
+    /// A column that a reader cannot do without.
+    #[error("the header has no column `{0}`; needed are {columns}, separated by commas", columns = required())]
+    MissingColumn(&'static str),
+    /// A known column twice.
+    #[error("the header names column `{0}` twice")]
+    RepeatedColumn(&'static str),
+    /// Not CSV in UTF-8, or a line with too few or too many fields, or an unreadable stream.
+    #[error("not a CSV table: {0}")]
+    Syntax(String),
+    /// A field that cannot be meant.
+    #[error("line {line}: `{column}` is `{text}`; expected {expected}")]
+    Field {
+        /// Where.
+        line: u64,
+        /// Which column.
+        column: &'static str,
+        /// What it holds.
+        text: String,
+        /// What it should hold.
+        expected: &'static str,
+    },
+    /// Some, but not all, of the numbers of one vector.
+    #[error("line {line}: of {columns} some are empty and some are not")]
+    HalfGiven {
+        /// Where.
+        line: u64,
+        /// Which columns belong together.
+        columns: &'static str,
+    },
+    /// One tool in two places at once.
+    #[error("line {line}: tool `{tool}` already has a row on frame {frame}, at line {earlier}")]
+    RepeatedRow {
+        /// Where.
+        line: u64,
+        /// Whose.
+        tool: String,
+        /// On which frame.
+        frame: u64,
+        /// The row it contradicts.
+        earlier: u64,
+    },
+    /// Times that do not grow with the frame number, or differ on one frame.
+    #[error(
+        "line {line}: frame {frame} at {time_s} s contradicts line {earlier}: frame {earlier_frame} at {earlier_s} s"
+    )]
+    Time {
+        /// Where.
+        line: u64,
+        /// Its frame.
+        frame: u64,
+        /// Its time, s.
+        time_s: f64,
+        /// The row it contradicts.
+        earlier: u64,
+        /// That row's frame.
+        earlier_frame: u64,
+        /// That row's time, s.
+        earlier_s: f64,
+    },
+}
+
+fn required() -> String {
+    COLUMNS[..REQUIRED].join(",")
+}
+
+/// Reads a table of rows. Tools are numbered in the order in which they first appear in the file; samples come out
+/// ordered by frame, then tool. Unknown columns are ignored; without a column `state` every row counts as observed.
+///
+/// A header without rows is a trajectory in which nothing was tracked. Frames on which no tool was tracked leave no
+/// row, so `frame_times_s` stays empty.
+pub fn read_csv(input: impl Read) -> Result<Trajectory, TrajectoryProblem> {
+    let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
+    let columns = Positions::find(table.headers().map_err(syntax)?)?;
+    let mut tools = Tools::default();
+    let mut rows = Vec::new();
+    for record in table.records() {
+        let record = record.map_err(syntax)?;
+        let row = Fields { record: &record, columns: &columns, line: record.position().map_or(0, csv::Position::line) };
+        rows.push((row.sample(&mut tools)?, row.line));
+    }
+    rows.sort_by_key(|(sample, _)| (sample.frame, sample.tool));
+    check_order(&rows, &tools.names)?;
+    let samples = rows.into_iter().map(|(sample, _)| sample).collect();
+    Ok(Trajectory { tools: tools.names, samples, frame_times_s: Vec::new() })
+}
+
+fn syntax(error: csv::Error) -> TrajectoryProblem {
+    TrajectoryProblem::Syntax(error.to_string())
+}
+
+/// Sorted neighbours must agree: a new tool at the same time, or a later frame at a later time.
+fn check_order(rows: &[(Sample, u64)], tools: &[String]) -> Result<(), TrajectoryProblem> {
+    for pair in rows.windows(2) {
+        let [(before, earlier), (after, line)] = pair else { continue };
+        if before.frame == after.frame && before.tool == after.tool {
+            let tool = tools[after.tool].clone();
+            let (earlier, line) = (*earlier.min(line), *earlier.max(line));
+            return Err(TrajectoryProblem::RepeatedRow { line, tool, frame: after.frame, earlier });
+        }
+        let agrees =
+            if before.frame == after.frame { before.time_s == after.time_s } else { before.time_s < after.time_s };
+        if !agrees {
+            return Err(TrajectoryProblem::Time {
+                line: *line,
+                frame: after.frame,
+                time_s: after.time_s,
+                earlier: *earlier,
+                earlier_frame: before.frame,
+                earlier_s: before.time_s,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Where each known column stands in the file.
+struct Positions([Option<usize>; COLUMNS.len()]);
+
+impl Positions {
+    fn find(header: &StringRecord) -> Result<Self, TrajectoryProblem> {
+        if header.iter().all(str::is_empty) {
+            return Err(TrajectoryProblem::Empty);
+        }
+        let mut positions = [None; COLUMNS.len()];
+        for (index, name) in header.iter().enumerate() {
+            let name = name.trim_start_matches('\u{feff}'); // spreadsheets put a byte-order mark before the first name
+            if let Some(column) = COLUMNS.iter().position(|known| *known == name) {
+                if positions[column].replace(index).is_some() {
+                    return Err(TrajectoryProblem::RepeatedColumn(COLUMNS[column]));
+                }
+            }
+        }
+        match (0..REQUIRED).find(|&column| positions[column].is_none()) {
+            Some(missing) => Err(TrajectoryProblem::MissingColumn(COLUMNS[missing])),
+            None => Ok(Self(positions)),
+        }
+    }
+
+    fn of(&self, name: &str) -> Option<usize> {
+        COLUMNS.iter().position(|known| *known == name).and_then(|column| self.0[column])
+    }
+}
+
+/// The tools seen so far, numbered in order of appearance.
+#[derive(Default)]
+struct Tools {
+    names: Vec<String>,
+    numbers: HashMap<String, usize>,
+}
+
+impl Tools {
+    fn number(&mut self, name: &str) -> usize {
+        if let Some(&number) = self.numbers.get(name) {
+            return number;
+        }
+        self.names.push(name.to_owned());
+        self.numbers.insert(name.to_owned(), self.names.len() - 1);
+        self.names.len() - 1
+    }
+}
+
+/// One line of the file.
+struct Fields<'a> {
+    record: &'a StringRecord,
+    columns: &'a Positions,
+    line: u64,
+}
+
+impl Fields<'_> {
+    fn sample(&self, tools: &mut Tools) -> Result<Sample, TrajectoryProblem> {
+        Ok(Sample {
+            frame: self.frame()?,
+            time_s: self.bounded("time_s", LATEST_S, "seconds, at most a week")?,
+            tool: tools.number(self.tool()?),
+            tip_mm: Point3::new(self.millimetres("x_mm")?, self.millimetres("y_mm")?, self.millimetres("z_mm")?),
+            velocity_mm_s: self.vector(["vx_mm_s", "vy_mm_s", "vz_mm_s"], "vx_mm_s, vy_mm_s, vz_mm_s")?,
+            axis: self.vector(["axis_x", "axis_y", "axis_z"], "axis_x, axis_y, axis_z")?,
+            tip_px: self.pixel()?,
+            sigma_xy_mm: self.sigma("sigma_xy_mm")?,
+            sigma_z_mm: self.sigma("sigma_z_mm")?,
+            state: self.state()?,
+        })
+    }
+
+    fn text(&self, column: &'static str) -> &str {
+        self.columns.of(column).and_then(|index| self.record.get(index)).unwrap_or("")
+    }
+
+    fn wrong(&self, column: &'static str, expected: &'static str) -> TrajectoryProblem {
+        TrajectoryProblem::Field { line: self.line, column, text: self.text(column).to_owned(), expected }
+    }
+
+    fn frame(&self) -> Result<u64, TrajectoryProblem> {
+        self.text("frame").parse().map_err(|_| self.wrong("frame", "a whole number from 0"))
+    }
+
+    fn tool(&self) -> Result<&str, TrajectoryProblem> {
+        let name = self.text("tool");
+        if name.is_empty() { Err(self.wrong("tool", "the tool's name")) } else { Ok(name) }
+    }
+
+    fn state(&self) -> Result<SampleState, TrajectoryProblem> {
+        match self.text("state") {
+            "" | "observed" => Ok(SampleState::Observed),
+            "predicted" => Ok(SampleState::Predicted),
+            _ => Err(self.wrong("state", "observed or predicted")),
+        }
+    }
+
+    fn bounded(&self, column: &'static str, limit: f64, expected: &'static str) -> Result<f64, TrajectoryProblem> {
+        let value = self.text(column).parse::<f64>().ok().filter(|v| v.abs() <= limit); // NaN is not below anything
+        value.ok_or_else(|| self.wrong(column, expected))
+    }
+
+    fn millimetres(&self, column: &'static str) -> Result<f64, TrajectoryProblem> {
+        self.bounded(column, LARGEST_MM, "millimetres with a decimal dot, within ten metres")
+    }
+
+    fn optional(&self, column: &'static str) -> Result<Option<f64>, TrajectoryProblem> {
+        match self.text(column) {
+            "" => Ok(None),
+            text => {
+                let value = text.parse::<f64>().ok().filter(|v| v.is_finite());
+                value.map(Some).ok_or_else(|| self.wrong(column, "a finite number with a decimal dot, or nothing"))
+            }
+        }
+    }
+
+    fn vector(
+        &self,
+        [x, y, z]: [&'static str; 3],
+        columns: &'static str,
+    ) -> Result<Option<Vector3<f64>>, TrajectoryProblem> {
+        match (self.optional(x)?, self.optional(y)?, self.optional(z)?) {
+            (Some(x), Some(y), Some(z)) => Ok(Some(Vector3::new(x, y, z))),
+            (None, None, None) => Ok(None),
+            _ => Err(TrajectoryProblem::HalfGiven { line: self.line, columns }),
+        }
+    }
+
+    fn pixel(&self) -> Result<Option<Point2<f64>>, TrajectoryProblem> {
+        match (self.optional("tip_u_px")?, self.optional("tip_v_px")?) {
+            (Some(u), Some(v)) => Ok(Some(Point2::new(u, v))),
+            (None, None) => Ok(None),
+            _ => Err(TrajectoryProblem::HalfGiven { line: self.line, columns: "tip_u_px, tip_v_px" }),
+        }
+    }
+
+    fn sigma(&self, column: &'static str) -> Result<Option<f64>, TrajectoryProblem> {
+        let value = self.optional(column)?;
+        if value.is_some_and(|v| v < 0.0) {
+            Err(self.wrong(column, "a standard deviation, not negative"))
+        } else {
+            Ok(value)
+        }
+    }
+}

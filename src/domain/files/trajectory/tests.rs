@@ -1,0 +1,208 @@
+use nalgebra::{Point2, Point3, Vector3};
+use proptest::prelude::*;
+
+use super::*;
+use crate::pipeline::trajectory::{Sample, Trajectory};
+
+fn csv_of(trajectory: &Trajectory) -> String {
+    let mut bytes = Vec::new();
+    write_csv(trajectory, &mut bytes).unwrap();
+    String::from_utf8(bytes).unwrap()
+}
+
+fn read(text: &str) -> Result<Trajectory, TrajectoryProblem> {
+    read_csv(text.as_bytes())
+}
+
+const SHORT: &str = "frame,time_s,tool,x_mm,y_mm,z_mm\n";
+
+fn with_rows(rows: &str) -> String {
+    format!("{SHORT}{rows}")
+}
+
+fn sample(frame: u64, tool: usize) -> Sample {
+    Sample {
+        frame,
+        time_s: frame as f64 * 0.04,
+        tool,
+        tip_mm: Point3::new(1.5, -2.25, 180.0),
+        velocity_mm_s: Some(Vector3::new(0.0, 10.0, -3.5)),
+        axis: Some(Vector3::new(0.0, 0.6, 0.8)),
+        tip_px: Some(Point2::new(640.5, 360.25)),
+        sigma_xy_mm: Some(0.1),
+        sigma_z_mm: None,
+        state: SampleState::Predicted,
+    }
+}
+
+fn two_tools() -> Trajectory {
+    let tools = vec!["orange".to_owned(), "cyan, left".to_owned()];
+    Trajectory { tools, samples: vec![sample(0, 0), sample(0, 1), sample(3, 0)], frame_times_s: Vec::new() }
+}
+
+#[test]
+fn the_header_and_a_row_are_the_contracts() {
+    let text = csv_of(&two_tools());
+    let mut lines = text.split('\n');
+    assert_eq!(
+        lines.next().unwrap(),
+        "frame,time_s,tool,x_mm,y_mm,z_mm,vx_mm_s,vy_mm_s,vz_mm_s,axis_x,axis_y,axis_z,tip_u_px,tip_v_px,\
+         sigma_xy_mm,sigma_z_mm,state"
+    );
+    assert_eq!(lines.next().unwrap(), "0,0,orange,1.5,-2.25,180,0,10,-3.5,0,0.6,0.8,640.5,360.25,0.1,,predicted");
+    assert!(text.ends_with('\n') && !text.contains('\r'));
+}
+
+#[test]
+fn a_number_that_is_not_finite_is_not_written() {
+    let mut bad = two_tools();
+    bad.samples[1].tip_mm.z = f64::NAN;
+    let error = write_csv(&bad, Vec::new()).unwrap_err();
+    assert_eq!(error.to_string(), "frame 0, tool 1: `z_mm` is not a usable value");
+}
+
+#[test]
+fn six_columns_in_any_order_are_enough_and_foreign_ones_are_ignored() {
+    let text = "\u{feff}tool,confidence,z_mm,y_mm,x_mm,time_s,frame\r\na,0.9,3,2,1,0.5,7\r\n";
+    let read = read(text).unwrap();
+    assert_eq!(read.tools, ["a"]);
+    assert_eq!(read.samples[0].tip_mm, Point3::new(1.0, 2.0, 3.0));
+    assert_eq!((read.samples[0].frame, read.samples[0].state), (7, SampleState::Observed));
+    assert_eq!(read.samples[0].velocity_mm_s, None);
+}
+
+#[test]
+fn rows_in_tool_order_come_out_in_frame_order() {
+    let read = read(&with_rows("0,0,a,1,1,1\n1,0.04,a,1,1,1\n0,0,b,2,2,2\n1,0.04,b,2,2,2\n")).unwrap();
+    let order: Vec<_> = read.samples.iter().map(|s| (s.frame, s.tool)).collect();
+    assert_eq!(order, [(0, 0), (0, 1), (1, 0), (1, 1)]);
+}
+
+#[test]
+fn a_header_alone_is_a_trajectory_in_which_nothing_was_tracked() {
+    assert_eq!(read(SHORT).unwrap().samples, []);
+}
+
+#[test]
+fn an_empty_file_says_which_columns_it_should_have() {
+    assert_eq!(read(""), Err(TrajectoryProblem::Empty));
+    assert!(TrajectoryProblem::Empty.to_string().contains("frame,time_s,tool,x_mm,y_mm,z_mm"));
+}
+
+#[test]
+fn missing_and_repeated_columns_are_named() {
+    assert_eq!(read("frame,time_s,tool,x_mm,y_mm\n"), Err(TrajectoryProblem::MissingColumn("z_mm")));
+    assert_eq!(read("frame;time_s;tool;x_mm;y_mm;z_mm\n"), Err(TrajectoryProblem::MissingColumn("frame")));
+    assert_eq!(read("frame,frame,time_s,tool,x_mm,y_mm,z_mm\n"), Err(TrajectoryProblem::RepeatedColumn("frame")));
+}
+
+#[test]
+fn a_field_that_cannot_be_meant_is_named_with_its_line() {
+    for bad in ["NaN", "nan", "inf", "-inf", "", "12,5", "x", "1e300"] {
+        let rows = format!("0,0,a,1,1,1\n1,0.04,a,1,\"{bad}\",1\n");
+        match read(&with_rows(&rows)) {
+            Err(TrajectoryProblem::Field { line: 3, column: "y_mm", text, .. }) => assert_eq!(text, bad),
+            other => panic!("{bad}: {other:?}"),
+        }
+    }
+    assert!(matches!(read(&with_rows("-1,0,a,1,1,1\n")), Err(TrajectoryProblem::Field { column: "frame", .. })));
+    assert!(matches!(read(&with_rows("0,NaN,a,1,1,1\n")), Err(TrajectoryProblem::Field { column: "time_s", .. })));
+    assert!(matches!(read(&with_rows("0,0,,1,1,1\n")), Err(TrajectoryProblem::Field { column: "tool", .. })));
+    assert!(matches!(read(&with_rows("0,0,a,1,1\n")), Err(TrajectoryProblem::Syntax(_))));
+}
+
+#[test]
+fn one_tool_twice_on_a_frame_is_refused_with_both_lines() {
+    let problem = read(&with_rows("5,0.2,a,1,1,1\n6,0.24,a,1,1,1\n5,0.2,a,1,1,1\n")).unwrap_err();
+    assert_eq!(problem, TrajectoryProblem::RepeatedRow { line: 4, tool: "a".to_owned(), frame: 5, earlier: 2 });
+}
+
+#[test]
+fn times_that_contradict_the_frame_numbers_are_refused() {
+    assert!(matches!(read(&with_rows("0,1,a,1,1,1\n1,0.5,a,1,1,1\n")), Err(TrajectoryProblem::Time { line: 3, .. })));
+    assert!(matches!(read(&with_rows("0,0,a,1,1,1\n0,0.5,b,1,1,1\n")), Err(TrajectoryProblem::Time { line: 3, .. })));
+}
+
+#[test]
+fn half_a_velocity_is_refused() {
+    let text = "frame,time_s,tool,x_mm,y_mm,z_mm,vx_mm_s,vy_mm_s,vz_mm_s\n0,0,a,1,1,1,5,,5\n";
+    assert!(matches!(read(text), Err(TrajectoryProblem::HalfGiven { line: 2, .. })));
+}
+
+#[test]
+fn json_columns_have_one_entry_per_row_and_null_for_what_is_absent() {
+    let json: serde_json::Value = serde_json::from_str(&to_json_columns(&two_tools())).unwrap();
+    assert_eq!(json["tools"], serde_json::json!(["orange", "cyan, left"]));
+    assert_eq!(json["columns"]["tool"], serde_json::json!([0, 1, 0]));
+    assert_eq!(json["columns"]["sigma_z_mm"], serde_json::json!([null, null, null]));
+    let lengths: Vec<_> = COLUMNS.iter().map(|c| json["columns"][c].as_array().map(Vec::len)).collect();
+    assert_eq!(lengths, [Some(3); COLUMNS.len()]);
+}
+
+#[test]
+fn parquet_holds_the_same_table() {
+    use ::parquet::file::reader::{FileReader, SerializedFileReader};
+    use ::parquet::record::RowAccessor;
+
+    let mut bytes = Vec::new();
+    write_parquet(&two_tools(), &mut bytes).unwrap();
+    let file = SerializedFileReader::new(bytes::Bytes::from(bytes)).unwrap();
+    let schema = file.metadata().file_metadata().schema_descr();
+    let names: Vec<_> = schema.columns().iter().map(|c| c.name().to_owned()).collect();
+    assert_eq!(names, COLUMNS);
+    let rows: Vec<_> = file.get_row_iter(None).unwrap().map(Result::unwrap).collect();
+    assert_eq!(rows.len(), 3);
+    assert_eq!((rows[2].get_long(0).unwrap(), rows[1].get_string(2).unwrap().as_str()), (3, "cyan, left"));
+    assert_eq!((rows[0].get_double(4).unwrap(), rows[0].get_double(14).unwrap()), (-2.25, 0.1));
+    assert!(rows[0].get_double(15).is_err(), "an absent number is null");
+    assert_eq!(rows[0].get_string(16).unwrap(), "predicted");
+}
+
+#[test]
+fn an_empty_trajectory_is_a_valid_parquet_file() {
+    let empty = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new() };
+    let mut bytes = Vec::new();
+    write_parquet(&empty, &mut bytes).unwrap();
+    assert_eq!(&bytes[..4], b"PAR1");
+}
+
+prop_compose! {
+    fn any_sample(tool: usize)(
+        frame in 0u64..1_000_000,
+        position in prop::array::uniform3(-1e4f64..1e4),
+        velocity in prop::option::of(prop::array::uniform3(-1e3f64..1e3)),
+        pixel in prop::option::of(prop::array::uniform2(-1e4f64..1e4)),
+        sigma in prop::option::of(0.0f64..10.0),
+        seen in any::<bool>(),
+    ) -> Sample {
+        Sample {
+            frame,
+            time_s: frame as f64 / 29.97,
+            tool,
+            tip_mm: Point3::from(position),
+            velocity_mm_s: velocity.map(Vector3::from),
+            axis: velocity.map(|v| Vector3::from(v).normalize()),
+            tip_px: pixel.map(Point2::from),
+            sigma_xy_mm: sigma,
+            sigma_z_mm: sigma,
+            state: if seen { SampleState::Observed } else { SampleState::Predicted },
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_reads_back_to_the_last_bit(mut samples in prop::collection::vec(any_sample(0), 0..20)) {
+        samples.sort_by_key(|s| s.frame);
+        samples.dedup_by_key(|s| s.frame);
+        let tools = if samples.is_empty() { Vec::new() } else { vec!["a \"b\", c".to_owned()] };
+        let trajectory = Trajectory { tools, samples, frame_times_s: Vec::new() };
+        prop_assert_eq!(read(&csv_of(&trajectory)).unwrap(), trajectory);
+    }
+
+    #[test]
+    fn no_text_makes_the_reader_panic(text in "\\PC{0,80}", rows in "[0-9a,.\\-\n\"]{0,80}") {
+        let _ = read(&text);
+        let _ = read(&with_rows(&rows));
+    }
+}
