@@ -20,6 +20,7 @@ pub mod assessment;
 pub mod blob;
 pub mod camera;
 pub mod edges;
+pub mod evaluation;
 pub mod features;
 pub mod filter;
 pub mod frame;

@@ -3,3 +3,4 @@
 pub mod annotations;
 pub mod camera;
 pub mod trajectory;
+pub mod truth;

@@ -1,0 +1,208 @@
+//! `truth.json`: where each tool of a simulated or rendered scene really was.
+
+use std::collections::HashSet;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::pipeline::evaluation::{Truth, TruthFrame, TruthTool};
+
+/// A truth file as it lies on disk, with whatever else its maker keeps there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TruthFile {
+    /// Nominal frames per second; the frames' own times are what counts.
+    pub fps: f64,
+    /// Every frame of the clip.
+    pub frames: Vec<FrameEntry>,
+    /// Keys of other programs, such as the sizes of tubes and bands.
+    #[serde(flatten)]
+    pub more: Map<String, Value>,
+}
+
+/// One frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameEntry {
+    /// Decoded frames before this one.
+    pub frame: u64,
+    /// Time of the picture, s.
+    pub time_s: f64,
+    /// The tools on it.
+    pub tools: Vec<ToolEntry>,
+}
+
+/// One tool on one frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ToolEntry {
+    /// The marker's name.
+    pub tool: String,
+    /// Tip in the camera frame, mm.
+    pub tip_mm: [f64; 3],
+    /// Unit vector along the tube from the hand to the tip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// Tip in the recorded frame, pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_px: Option<[f64; 2]>,
+    /// Share of the band that is seen, 0 to 1.
+    pub visible: f64,
+}
+
+/// Why a truth file cannot be used.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum TruthFileError {
+    /// Not JSON, or a key is missing or of the wrong type.
+    #[error("not a truth file: {0}")]
+    Syntax(String),
+    /// Frames that are not in order: numbers and times must both grow.
+    #[error("frame {frame} at {time_s} s does not come after frame {before} at {before_s} s")]
+    Order {
+        /// The frame.
+        frame: u64,
+        /// Its time, s.
+        time_s: f64,
+        /// The frame written before it.
+        before: u64,
+        /// That frame's time, s.
+        before_s: f64,
+    },
+    /// A tool that is listed twice on one frame.
+    #[error("frame {frame} lists tool `{tool}` twice")]
+    RepeatedTool {
+        /// The frame.
+        frame: u64,
+        /// The tool.
+        tool: String,
+    },
+    /// A share outside 0 to 1.
+    #[error("frame {frame}, tool `{tool}`: visible is {value}; expected 0 to 1")]
+    Visible {
+        /// The frame.
+        frame: u64,
+        /// The tool.
+        tool: String,
+        /// What it holds.
+        value: f64,
+    },
+}
+
+impl TruthFile {
+    /// Reads and checks a truth file.
+    pub fn parse(text: &str) -> Result<Self, TruthFileError> {
+        let file: Self = serde_json::from_str(text).map_err(|e| TruthFileError::Syntax(e.to_string()))?;
+        file.check_order()?;
+        file.frames.iter().try_for_each(FrameEntry::check)?;
+        Ok(file)
+    }
+
+    /// A file of this truth.
+    pub fn new(fps: f64, truth: &Truth) -> Self {
+        Self { fps, frames: truth.frames.iter().map(FrameEntry::from).collect(), more: Map::new() }
+    }
+
+    /// The file's text.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).unwrap_or_default() + "\n" // numbers and strings always serialise
+    }
+
+    /// The truth that the file describes.
+    pub fn truth(&self) -> Truth {
+        Truth { frames: self.frames.iter().map(TruthFrame::from).collect() }
+    }
+
+    fn check_order(&self) -> Result<(), TruthFileError> {
+        let wrong = self.frames.windows(2).find(|w| w[0].frame >= w[1].frame || w[0].time_s >= w[1].time_s);
+        match wrong {
+            Some([before, after, ..]) => Err(TruthFileError::Order {
+                frame: after.frame,
+                time_s: after.time_s,
+                before: before.frame,
+                before_s: before.time_s,
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl FrameEntry {
+    fn check(&self) -> Result<(), TruthFileError> {
+        let mut names = HashSet::new();
+        for entry in &self.tools {
+            let (frame, tool) = (self.frame, entry.tool.clone());
+            if !names.insert(&entry.tool) {
+                return Err(TruthFileError::RepeatedTool { frame, tool });
+            }
+            if !(0.0..=1.0).contains(&entry.visible) {
+                return Err(TruthFileError::Visible { frame, tool, value: entry.visible });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl From<&TruthFrame> for FrameEntry {
+    fn from(frame: &TruthFrame) -> Self {
+        let tools = frame.tools.iter().map(ToolEntry::from).collect();
+        Self { frame: frame.frame, time_s: frame.time_s, tools }
+    }
+}
+
+impl From<&TruthTool> for ToolEntry {
+    fn from(tool: &TruthTool) -> Self {
+        Self {
+            tool: tool.tool.clone(),
+            tip_mm: tool.tip_mm.into(),
+            axis: tool.axis.map(Into::into),
+            tip_px: tool.tip_px.map(Into::into),
+            visible: tool.visible,
+        }
+    }
+}
+
+impl From<&FrameEntry> for TruthFrame {
+    fn from(entry: &FrameEntry) -> Self {
+        let tools = entry.tools.iter().map(TruthTool::from).collect();
+        Self { frame: entry.frame, time_s: entry.time_s, tools }
+    }
+}
+
+impl From<&ToolEntry> for TruthTool {
+    fn from(entry: &ToolEntry) -> Self {
+        Self {
+            tool: entry.tool.clone(),
+            tip_mm: entry.tip_mm.into(),
+            axis: entry.axis.map(Into::into),
+            tip_px: entry.tip_px.map(Into::into),
+            visible: entry.visible,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILE: &str = r#"{"fps":25,"tool_diameter_mm":8.0,"frames":[
+        {"frame":0,"time_s":0.0,"tools":[{"tool":"orange","tip_mm":[-43.04757,-7.74609,189.84106],
+         "axis":[0.4,-0.6,0.67],"tip_px":[424.2275,328.5814],"visible":1.0}]},
+        {"frame":2,"time_s":0.081,"tools":[]}]}"#;
+
+    #[test]
+    fn a_truth_survives_a_round_trip() {
+        let file = TruthFile::parse(FILE).unwrap();
+        assert_eq!(file.more["tool_diameter_mm"], 8.0);
+        assert_eq!(TruthFile::parse(&file.to_json()).unwrap(), file);
+        assert_eq!(TruthFile::new(25.0, &file.truth()).frames, file.frames);
+    }
+
+    #[test]
+    fn frames_out_of_order_are_named() {
+        let text = FILE.replace("\"frame\":2", "\"frame\":0");
+        assert!(matches!(TruthFile::parse(&text), Err(TruthFileError::Order { frame: 0, before: 0, .. })));
+    }
+
+    #[test]
+    fn a_share_above_one_is_refused() {
+        let text = FILE.replace("\"visible\":1.0", "\"visible\":1.5");
+        assert!(matches!(TruthFile::parse(&text), Err(TruthFileError::Visible { frame: 0, .. })));
+    }
+}
