@@ -1,0 +1,121 @@
+#!/usr/bin/env python3
+"""The README's table of figures: calibrate → track → evaluate, on every scene with a known answer, beside the OpenCV peer.
+
+Usage: benches/figures.py TROCAR SHARED WORK [--readme README.md]
+
+TROCAR is the release binary, SHARED the folder with `scenes/`, `peer/`, WORK a folder for results. Everything is done
+as a user would: photos and annotations in, nothing else. Own-stage CPU is the process's CPU per frame less what
+decoding alone costs (`ffmpeg -threads 2 -f null`), measured the same way for both programs in the same run, medians
+of RUNS interleaved rounds.
+"""
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+RUNS = 3
+PEER_NEEDS = ["opencv-python-headless<5", "numpy", "scipy", "numba"]
+BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
+
+
+def main():
+    trocar, shared, work = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
+    readme = Path(sys.argv[sys.argv.index("--readme") + 1]) if "--readme" in sys.argv else None
+    work.mkdir(parents=True, exist_ok=True)
+    python = peer_python(work / "peer-venv")
+    table = ["| scene | calibration RMS | tip found | false tracks | swaps | lateral RMS | depth RMS | 3-D RMS | peer 3-D RMS "
+             "| own CPU a frame | peer CPU a frame |",
+             "|---|---|---|---|---|---|---|---|---|---|---|"]
+    for scene in scenes(shared, work, python):
+        print(f"… {scene['name']}", file=sys.stderr)
+        table.append(row(scene, trocar, shared, work, python))
+    text = "\n".join(table)
+    print(text)
+    if readme:
+        before, rest = readme.read_text().split(BEGIN)
+        after = rest.split(END)[1]
+        readme.write_text(f"{before}{BEGIN}\n\n{text}\n\n{note()}\n\n{END}{after}")
+
+
+def peer_python(folder):
+    python = folder / "bin" / "python"
+    if not python.exists():
+        venv.create(folder, with_pip=True)
+        subprocess.run([folder / "bin" / "pip", "install", "-q", *PEER_NEEDS], check=True)
+    return python
+
+
+def scenes(shared, work, python):
+    """The rendered scenes and one clip of the peer's own generator, each with the photos that its camera took."""
+    for name, photos in (("V1", "V"), ("V2", "W"), ("V3", "V"), ("V4", "V"), ("V5", "V")):
+        folder = shared / "scenes" / name
+        yield dict(name=name, video=folder / "video.mp4", annotations=folder / "annotations.json",
+                   truth=folder / "truth.json", photos=sorted((shared / "scenes" / "calib" / photos).glob("*.jpg")))
+    clip = work / "peer-clip"
+    if not (clip / "truth.json").exists():
+        subprocess.run([python, shared / "peer" / "make_clip.py", "--out", clip], check=True, stdout=sys.stderr)
+    yield dict(name="peer, 1080p", video=clip / "clip.mp4", annotations=clip / "annotations.json",
+               truth=clip / "truth.json", photos=sorted((clip / "boards").glob("*.jpg")))
+
+
+def row(scene, trocar, shared, work, python):
+    out = work / scene["name"].replace(", ", "-")
+    out.mkdir(exist_ok=True)
+    camera = out / "camera.json"
+    run([trocar, "calibrate", "--quiet", "--board", "9x6", "--square-mm", "21", "--out", camera, *scene["photos"]])
+    ours = [trocar, "track", "--quiet", "--camera", camera, "--annotations", scene["annotations"],
+            "--out", out / "track.csv", scene["video"]]
+    peer = [python, shared / "peer" / "opencv_tracker.py", "--video", scene["video"], "--camera", camera,
+            "--annotations", scene["annotations"], "--out", out / "peer.csv", "--timings", out / "peer.json",
+            "--lut", out / "peer-lut.npy"]
+    decode = ["ffmpeg", "-v", "error", "-threads", "2", "-i", scene["video"], "-f", "null", "-"]
+    run(peer)  # fills its colour table once; setting it up is no per-frame cost
+    timings_file = out / "timings.json"
+    cpu = {"decode": [], "ours": [], "peer": []}
+    for _ in range(RUNS):
+        cpu["decode"].append(cpu_of(decode))
+        run(ours + ["--timings", timings_file])
+        cpu["ours"].append(json.loads(timings_file.read_text())["own_cpu_ms_per_frame"])
+        run(peer)
+        cpu["peer"].append(json.loads((out / "peer.json").read_text())["cpu_ms_per_frame"])
+    frames = json.loads((out / "peer.json").read_text())["frames"]
+    decode_ms = 1e3 * statistics.median(cpu["decode"]) / frames
+    own_ms = statistics.median(cpu["ours"])
+    peer_ms = statistics.median(cpu["peer"]) - decode_ms
+    mine = evaluated(trocar, out / "track.csv", scene["truth"])
+    other = evaluated(trocar, out / "peer.csv", scene["truth"])
+    rms_px = json.loads(camera.read_text())["rms_px"]
+    return (f"| {scene['name']} | {rms_px:.3f} px | {100 * mine['coverage']:.1f} % | {mine['false_tracks']} | {mine['swaps']} "
+            f"| {mine['lateral_mm']['rms']:.2f} mm | {mine['depth_mm']['rms']:.2f} mm | {mine['error_mm']['rms']:.2f} mm "
+            f"| {other['error_mm']['rms']:.2f} mm ({100 * other['coverage']:.0f} %) | {own_ms:.2f} ms | {peer_ms:.1f} ms |")
+
+
+def evaluated(trocar, track, truth):
+    text = subprocess.run([trocar, "evaluate", "--json", track, truth], check=True, capture_output=True, text=True).stdout
+    return json.loads(text)
+
+
+def run(command):
+    subprocess.run([str(c) for c in command], check=True, stdout=subprocess.DEVNULL)
+
+
+def cpu_of(command):
+    """CPU seconds, user and system, of one run of a command."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    run(command)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def note():
+    return ("All from photos and annotations alone. *Tip found*: share of the frames where ≥ 40 % of the band is visible. "
+            "The peer is an OpenCV program of the same method; its share of found tips is in brackets. "
+            f"CPU: own stages without decoding, {os.cpu_count()} cores, medians of {RUNS} interleaved runs.")
+
+
+if __name__ == "__main__":
+    main()
