@@ -1,15 +1,25 @@
 //! A recording that lies whole in a file: frames in presentation order, in display orientation.
+//!
+//! A file may be cut anywhere, damaged anywhere or made to harm: every loop here has a bound, a damaged packet costs that
+//! packet, and what remains is an explained end.
 
 use std::io::{Read, Seek};
 
 use ff::{Dictionary, codec, format, frame, media, software::scaling};
 use ffmpeg_next as ff;
 
+use super::clock::FrameClock;
 use super::picture::{Picture, Rotation};
 use super::{Limits, MediaError};
 
 /// Containers that are accepted. FFmpeg would otherwise follow playlists to other files (TRUST, finding 1).
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
+
+/// Reads of a demuxer that may fail in a row; one that fails for ever must not hold us.
+const MOST_FAILED_READS: u32 = 1_000;
+
+/// Packets in a row that may give no picture. Ten seconds' wait for a key frame, with sound, is under 2,000.
+const MOST_FRUITLESS_PACKETS: u32 = 50_000;
 
 const CODECS: [codec::Id; 8] = [
     codec::Id::H264,
@@ -40,13 +50,13 @@ pub struct VideoFile {
     input: format::context::Input,
     decoder: ff::decoder::Video,
     stream: usize,
-    seconds_per_tick: f64,
-    start_ticks: i64,
+    clock: FrameClock,
     rotation: Rotation,
     info: RecordingInfo,
     limits: Limits,
     scaler: Option<scaling::Context>,
     decoded: u64,
+    pending: Option<ff::Packet>,
     drained: bool,
     first_size: Option<(u32, u32)>,
 }
@@ -61,8 +71,10 @@ impl VideoFile {
         options.set("format_whitelist", CONTAINERS);
         options.set("protocol_whitelist", "");
         options.set("max_streams", &limits.streams.to_string());
-        let input =
-            format::input_from_stream(io, None, Some(options)).map_err(|e| MediaError::Container(e.to_string()))?;
+        let input = format::input_from_stream(io, None, Some(options)).map_err(|source| match source {
+            NO_MEMORY => MediaError::Memory,
+            other => MediaError::Container(other.to_string()),
+        })?;
         Self::from_input(input, limits)
     }
 
@@ -76,14 +88,12 @@ impl VideoFile {
         if !CODECS.contains(&id) {
             return Err(MediaError::Codec(id.name().to_owned()));
         }
-        let time_base = stream.time_base();
-        let seconds_per_tick = f64::from(time_base.numerator()) / f64::from(time_base.denominator());
-        let start_ticks = if stream.start_time() == ff::ffi::AV_NOPTS_VALUE { 0 } else { stream.start_time() };
         let duration_s = (input.duration() > 0).then(|| input.duration() as f64 / f64::from(ff::ffi::AV_TIME_BASE));
         if let Some(duration_s) = duration_s.filter(|d| *d > limits.duration_s) {
             return Err(over("the duration in seconds", duration_s, limits.duration_s));
         }
         let rate = f64::from(stream.avg_frame_rate());
+        let clock = clock_of(&stream, rate)?;
         let frames_expected = match stream.frames() {
             n if n > 0 => Some(n as u64),
             _ => duration_s.filter(|_| rate.is_finite() && rate > 0.0).map(|d| (d * rate).round() as u64),
@@ -91,22 +101,19 @@ impl VideoFile {
         let rotation = rotation_of(&stream);
         let index = stream.index();
         let decoder = open_decoder(&stream, limits)?;
-        let (width, height) = match rotation {
-            Rotation::None | Rotation::Half => (decoder.width(), decoder.height()),
-            Rotation::Right | Rotation::Left => (decoder.height(), decoder.width()),
-        };
         check_size(decoder.width(), decoder.height(), limits)?;
+        let (width, height) = rotation.turned(decoder.width(), decoder.height());
         Ok(Self {
             info: RecordingInfo { width, height, frames_expected, duration_s },
             input,
             decoder,
             stream: index,
-            seconds_per_tick,
-            start_ticks,
+            clock,
             rotation,
             limits,
             scaler: None,
             decoded: 0,
+            pending: None,
             drained: false,
             first_size: None,
         })
@@ -117,41 +124,59 @@ impl VideoFile {
         self.info
     }
 
+    /// Frames whose time stamp was missing or did not advance, so far; their times were continued at the frame rate.
+    pub fn repaired_times(&self) -> u64 {
+        self.clock.repaired()
+    }
+
     /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file cut short ends
     /// where its bytes end.
     pub fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {
         let mut video = frame::Video::empty();
-        loop {
+        for _ in 0..MOST_FRUITLESS_PACKETS {
             match self.decoder.receive_frame(&mut video) {
                 Ok(()) => return self.picture(video).map(Some),
-                Err(ff::Error::Eof) => {
-                    return if self.decoded == 0 { Err(MediaError::NoFrames) } else { Ok(None) };
+                Err(NO_MEMORY) => return Err(MediaError::Memory),
+                Err(ff::Error::Eof) => return self.end(),
+                Err(_) if self.drained => return self.end(),
+                Err(_) => self.feed(),
+            }
+        }
+        self.end()
+    }
+
+    fn end(&self) -> Result<Option<Picture>, MediaError> {
+        if self.decoded == 0 { Err(MediaError::NoFrames) } else { Ok(None) }
+    }
+
+    /// Gives the decoder one more packet, or its end. A packet it refuses is damaged, and the frames around it still
+    /// count; one it has no room for yet is kept.
+    fn feed(&mut self) {
+        match self.pending.take().or_else(|| self.read_packet()) {
+            Some(packet) if packet.stream() != self.stream => {}
+            Some(packet) => {
+                if self.decoder.send_packet(&packet) == Err(AGAIN) {
+                    self.pending = Some(packet);
                 }
-                Err(ff::Error::Other { errno: ff::error::EAGAIN }) if !self.drained => self.feed()?,
-                Err(_) if self.drained => return if self.decoded == 0 { Err(MediaError::NoFrames) } else { Ok(None) },
-                Err(_) => self.feed()?,
+            }
+            None => {
+                self.drained = true;
+                // Only a decoder that is at its end already refuses to be ended.
+                let _ = self.decoder.send_eof();
             }
         }
     }
 
-    /// Gives the decoder one more packet, or its end. Damaged input costs that packet, never the recording.
-    fn feed(&mut self) -> Result<(), MediaError> {
-        const MOST_FAILED_READS: usize = 1_000; // a demuxer that fails for ever must not hold us
+    fn read_packet(&mut self) -> Option<ff::Packet> {
         let mut packet = ff::Packet::empty();
         for _ in 0..MOST_FAILED_READS {
             match packet.read(&mut self.input) {
-                Ok(()) if packet.stream() != self.stream => return Ok(()),
-                Ok(()) => {
-                    // A refused packet is a damaged one: the frames around it still count.
-                    let _ = self.decoder.send_packet(&packet);
-                    return Ok(());
-                }
-                Err(ff::Error::Eof) => break,
-                Err(_) => continue,
+                Ok(()) => return Some(packet),
+                Err(ff::Error::Eof) => return None,
+                Err(_) => {}
             }
         }
-        self.drained = true;
-        self.decoder.send_eof().map_err(failed("ending the decoder"))
+        None
     }
 
     fn picture(&mut self, video: frame::Video) -> Result<Picture, MediaError> {
@@ -164,12 +189,26 @@ impl VideoFile {
         if self.decoded >= self.limits.frames {
             return Err(over("the number of frames", self.decoded + 1, self.limits.frames));
         }
-        let ticks = video.timestamp().or(video.pts()).map_or(self.decoded as i64, |t| t - self.start_ticks);
-        let time_s = ticks as f64 * self.seconds_per_tick;
+        let time_s = self.clock.time_s(video.timestamp().or(video.pts()));
+        if time_s > self.limits.duration_s {
+            return Err(over("the duration in seconds", time_s, self.limits.duration_s));
+        }
         let picture = Picture::new(video, self.decoded, time_s, self.rotation, &mut self.scaler)?;
         self.decoded += 1;
         Ok(picture)
     }
+}
+
+const NO_MEMORY: ff::Error = ff::Error::Other { errno: ff::error::ENOMEM };
+const AGAIN: ff::Error = ff::Error::Other { errno: ff::error::EAGAIN };
+
+fn clock_of(stream: &format::stream::Stream<'_>, rate_hz: f64) -> Result<FrameClock, MediaError> {
+    let seconds_per_tick = f64::from(stream.time_base());
+    if !(seconds_per_tick.is_finite() && seconds_per_tick > 0.0) {
+        return Err(MediaError::Container("its video stream has no unit of time".into()));
+    }
+    let start = Some(stream.start_time()).filter(|&t| t != ff::ffi::AV_NOPTS_VALUE);
+    Ok(FrameClock::new(seconds_per_tick, start, rate_hz))
 }
 
 fn open_decoder(stream: &format::stream::Stream<'_>, limits: Limits) -> Result<ff::decoder::Video, MediaError> {

@@ -4,6 +4,7 @@
 //! open descriptor), and budgets for pixels, frames, streams and time bound what a file can do; the process around it
 //! is confined by [`crate::sandbox`].
 
+mod clock;
 mod file;
 mod limits;
 mod picture;
@@ -47,6 +48,9 @@ pub enum MediaError {
     /// No frame could be decoded.
     #[error("the video stream holds no frame that can be decoded; the file may be cut before its first picture")]
     NoFrames,
+    /// Memory ran out under the process's limit.
+    #[error("decoding it needs more memory than one recording may use; record a smaller picture")]
+    Memory,
     /// A pixel format that cannot be brought to planar YUV.
     #[error("pixel format {0} cannot be converted")]
     PixelFormat(String),

@@ -18,6 +18,16 @@ pub enum Rotation {
     Left,
 }
 
+impl Rotation {
+    /// Width and height as displayed.
+    pub(super) fn turned(self, width: u32, height: u32) -> (u32, u32) {
+        match self {
+            Rotation::None | Rotation::Half => (width, height),
+            Rotation::Right | Rotation::Left => (height, width),
+        }
+    }
+}
+
 /// One decoded picture; owns its memory.
 pub struct Picture {
     index: u64,
@@ -107,7 +117,9 @@ fn is_planar_8_bit(format: format::Pixel) -> bool {
 fn to_planar(decoded: frame::Video, scaler: &mut Option<scaling::Context>) -> Result<frame::Video, MediaError> {
     let from = decoded.format();
     if is_planar_8_bit(from) {
-        return Ok(decoded);
+        return has_whole_planes(&decoded)
+            .then_some(decoded)
+            .ok_or_else(|| MediaError::PixelFormat(format!("{from:?}")));
     }
     let to = match chroma_shift(from) {
         (1, 1) => format::Pixel::YUV420P,
@@ -124,9 +136,26 @@ fn to_planar(decoded: frame::Video, scaler: &mut Option<scaling::Context>) -> Re
     };
     let mut planar = frame::Video::empty();
     context.run(&decoded, &mut planar).map_err(unusable)?;
-    planar.set_color_range(decoded.color_range());
-    planar.set_color_space(decoded.color_space());
+    if is_rgb_or_grey(from) {
+        // What the scaler makes of them.
+        planar.set_color_range(color::Range::MPEG);
+        planar.set_color_space(color::Space::SMPTE170M);
+    } else {
+        planar.set_color_range(decoded.color_range());
+        planar.set_color_space(decoded.color_space());
+    }
     Ok(planar)
+}
+
+fn is_rgb_or_grey(format: format::Pixel) -> bool {
+    let name = format.descriptor().map_or("", |d| d.name());
+    ["gbr", "rgb", "bgr", "gray", "pal"].iter().any(|family| name.starts_with(family))
+}
+
+/// Three planes whose rows run downwards and hold the width: what [`plane_of`] relies on.
+fn has_whole_planes(video: &frame::Video) -> bool {
+    const WIDEST_STRIDE: usize = 1 << 20; // a bottom-up picture's negative stride reads as far more
+    video.planes() >= 3 && (0..3).all(|i| (video.plane_width(i) as usize..WIDEST_STRIDE).contains(&video.stride(i)))
 }
 
 fn encoding_of(video: &frame::Video) -> ColourEncoding {

@@ -1,0 +1,106 @@
+//! The child's first steps: take request and descriptors, then confine itself, then look at either.
+
+use std::fs::File;
+use std::io::{self, IoSliceMut, Read};
+use std::mem::MaybeUninit;
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+
+use rustix::net::{RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, recvmsg};
+
+use super::budget::LandlockPolicy;
+use super::confinement::{self, Confinement, ConfinementError, Enforced, system};
+
+/// Most descriptors handed to one child (the kernel passes at most 253 with a message).
+pub(super) const MOST_INPUTS: usize = 128;
+
+/// What a confined child has to work with.
+pub struct Admission {
+    /// The request's bytes, as the parent gave them.
+    pub request: Vec<u8>,
+    /// Its inputs, open for reading, in the parent's order.
+    pub inputs: Vec<File>,
+    /// How much of Landlock holds.
+    pub enforced: Enforced,
+}
+
+/// Confines this process and returns what it is to do. Call it first in a process that has no other thread: what is
+/// open beyond the standard streams is closed.
+pub fn admit() -> Result<Admission, ConfinementError> {
+    confinement::tie_to_parent()?;
+    close_inherited()?;
+    let socket: UnixStream = io::stdin().as_fd().try_clone_to_owned().map_err(system("opening the request"))?.into();
+    let (preamble, inputs) = receive(&socket).map_err(system("receiving the preamble"))?;
+    let enforced = preamble.confinement.enter()?;
+    let mut request = vec![0; preamble.request_bytes as usize];
+    (&socket).read_exact(&mut request).map_err(system("reading the request"))?;
+    Ok(Admission { request, inputs, enforced })
+}
+
+/// Closes what a parent's library may have left inheritable; Rust itself leaves nothing.
+fn close_inherited() -> Result<(), ConfinementError> {
+    // SAFETY: called before this process opened anything; nobody owns a descriptor above the standard streams.
+    let failed = unsafe { libc::close_range(3, libc::c_uint::MAX, 0) } != 0;
+    if failed { Err(system("closing inherited files")(io::Error::last_os_error())) } else { Ok(()) }
+}
+
+/// What the parent says first; fixed length, so that it is read whole with the descriptors that ride on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Preamble {
+    pub(super) confinement: Confinement,
+    pub(super) request_bytes: u64,
+}
+
+impl Preamble {
+    const WORDS: usize = 5;
+    const BYTES: usize = Self::WORDS * 8;
+
+    pub(super) fn to_bytes(self) -> Vec<u8> {
+        let Confinement { parent, address_space_bytes, cpu_s, landlock } = self.confinement;
+        let required = u64::from(landlock == LandlockPolicy::Required);
+        let words: [u64; Self::WORDS] = [u64::from(parent), self.request_bytes, address_space_bytes, cpu_s, required];
+        words.iter().flat_map(|word| word.to_le_bytes()).collect()
+    }
+
+    fn from_bytes(bytes: &[u8; Self::BYTES]) -> Self {
+        let word = |i: usize| u64::from_le_bytes(bytes.as_chunks().0[i]);
+        let landlock = if word(4) == 1 { LandlockPolicy::Required } else { LandlockPolicy::IfAvailable };
+        Self {
+            confinement: Confinement { parent: word(0) as u32, address_space_bytes: word(2), cpu_s: word(3), landlock },
+            request_bytes: word(1),
+        }
+    }
+}
+
+fn receive(socket: &UnixStream) -> io::Result<(Preamble, Vec<File>)> {
+    let mut bytes = [0; Preamble::BYTES];
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(MOST_INPUTS))];
+    let mut control = RecvAncillaryBuffer::new(&mut space);
+    let message = recvmsg(socket, &mut [IoSliceMut::new(&mut bytes)], &mut control, RecvFlags::CMSG_CLOEXEC)?;
+    let inputs = control
+        .drain()
+        .filter_map(|message| match message {
+            RecvAncillaryMessage::ScmRights(descriptors) => Some(descriptors),
+            _ => None,
+        })
+        .flatten()
+        .map(File::from)
+        .collect();
+    let mut socket = socket;
+    socket.read_exact(&mut bytes[message.bytes..])?;
+    Ok((Preamble::from_bytes(&bytes), inputs))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_preamble_survives_its_bytes() {
+        let confinement =
+            Confinement { parent: 4711, address_space_bytes: 1 << 30, cpu_s: 3600, landlock: LandlockPolicy::Required };
+        let preamble = Preamble { confinement, request_bytes: 99 };
+        let bytes = preamble.to_bytes().try_into().unwrap();
+        assert_eq!(Preamble::from_bytes(&bytes), preamble);
+    }
+}

@@ -1,0 +1,46 @@
+//! How much one child may use.
+
+use std::time::Duration;
+
+/// What to do on a kernel without Landlock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum LandlockPolicy {
+    /// Go on behind seccomp alone; the parent says so once, loudly.
+    #[default]
+    IfAvailable,
+    /// Refuse to look at any recording.
+    Required,
+}
+
+/// Limits of one child. Beyond one it is killed, and [`super::Outcome`] names which.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Budget {
+    /// Address space, bytes. The default lets 4096×2304 H.264 through with two decoder threads and refuses 16384×8704.
+    pub address_space_bytes: u64,
+    /// Processor time of all its threads together.
+    pub cpu: Duration,
+    /// Time on the wall from start to end.
+    pub wall: Duration,
+    /// Time on the wall without a single record: a child that still works says so more often.
+    pub silence: Duration,
+    /// Longest record, bytes.
+    pub record_bytes: usize,
+    /// All records together, bytes.
+    pub output_bytes: u64,
+    /// What to do without Landlock.
+    pub landlock: LandlockPolicy,
+}
+
+impl Default for Budget {
+    fn default() -> Self {
+        Self {
+            address_space_bytes: 1 << 30,
+            cpu: Duration::from_secs(4 * 3600),
+            wall: Duration::from_secs(4 * 3600),
+            silence: Duration::from_secs(60),
+            record_bytes: 4 << 20,
+            output_bytes: 512 << 20,
+            landlock: LandlockPolicy::default(),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! What a child gives up, for good and for all its threads to come.
+
+use std::io;
+
+use landlock::{
+    ABI, Access, AccessFs, AccessNet, CompatLevel, Compatible, Ruleset, RulesetAttr, RulesetError, RulesetStatus, Scope,
+};
+use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_death_signal, setrlimit};
+use rustix::thread::set_no_new_privs;
+
+use super::budget::LandlockPolicy;
+use super::syscalls;
+
+/// Newest Landlock interface whose rights were read and understood; older kernels enforce the part they know.
+const LANDLOCK: ABI = ABI::V6;
+
+/// What a child is told to give up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Confinement {
+    /// Process that must outlive it.
+    pub(super) parent: u32,
+    /// Address space, bytes.
+    pub(super) address_space_bytes: u64,
+    /// Processor time, s.
+    pub(super) cpu_s: u64,
+    /// What to do without Landlock.
+    pub(super) landlock: LandlockPolicy,
+}
+
+/// How much of Landlock the kernel enforces. The system call filter and the limits are always whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Enforced {
+    /// All that was asked for.
+    Fully,
+    /// The part an older kernel knows.
+    Partly,
+    /// Nothing: the kernel has no Landlock, or has it switched off.
+    NoLandlock,
+}
+
+/// Why a process could not confine itself; it must then not look at its input.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfinementError {
+    /// A system call failed.
+    #[error("while {doing}: {source}")]
+    System {
+        /// What was being done.
+        doing: &'static str,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// The parent is gone already.
+    #[error("the parent has ended")]
+    Orphaned,
+    /// Landlock is required, but the kernel has none.
+    #[error("the settings require Landlock, which this kernel does not enforce fully")]
+    NoLandlock,
+    /// Landlock refused.
+    #[error("while entering Landlock: {0}")]
+    Landlock(#[from] RulesetError),
+    /// The system call filter could not be made.
+    #[error("while making the system call filter: {0}")]
+    Filter(#[from] seccompiler::BackendError),
+    /// The system call filter could not be entered.
+    #[error("while entering the system call filter: {0}")]
+    Seccomp(#[from] seccompiler::Error),
+}
+
+pub(super) fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> ConfinementError {
+    move |source| ConfinementError::System { doing, source: source.into() }
+}
+
+/// Dies with the parent from now on.
+pub(super) fn tie_to_parent() -> Result<(), ConfinementError> {
+    set_parent_process_death_signal(Some(Signal::KILL)).map_err(system("tying the child to its parent"))
+}
+
+impl Confinement {
+    /// Enters all of it. There is no way back.
+    pub(super) fn enter(&self) -> Result<Enforced, ConfinementError> {
+        self.check_parent()?;
+        set_no_new_privs(true).map_err(system("giving up new privileges"))?;
+        self.limit_resources()?;
+        let enforced = self.enter_landlock()?;
+        limit(Resource::Nofile, 0, 0)?; // what is open stays; entering Landlock needed one more
+        for filter in syscalls::filters(std::process::id())? {
+            seccompiler::apply_filter_all_threads(&filter)?;
+        }
+        Ok(enforced)
+    }
+
+    /// The death signal is sent only if the parent ends after it was asked for.
+    fn check_parent(&self) -> Result<(), ConfinementError> {
+        let alive = getppid().is_some_and(|parent| parent.as_raw_nonzero().get().unsigned_abs() == self.parent);
+        if alive { Ok(()) } else { Err(ConfinementError::Orphaned) }
+    }
+
+    fn limit_resources(&self) -> Result<(), ConfinementError> {
+        limit(Resource::As, self.address_space_bytes, self.address_space_bytes)?;
+        limit(Resource::Cpu, self.cpu_s, self.cpu_s + 5)?; // first SIGXCPU, which names the reason
+        for resource in [Resource::Core, Resource::Fsize, Resource::Memlock, Resource::Msgqueue] {
+            limit(resource, 0, 0)?;
+        }
+        Ok(())
+    }
+
+    /// No file, no port, no signal or abstract socket outside: a rule set without a single rule.
+    fn enter_landlock(&self) -> Result<Enforced, ConfinementError> {
+        let status = Ruleset::default()
+            .set_compatibility(CompatLevel::BestEffort)
+            .handle_access(AccessFs::from_all(LANDLOCK))?
+            .handle_access(AccessNet::from_all(LANDLOCK))?
+            .scope(Scope::from_all(LANDLOCK))?
+            .create()?
+            .set_compatibility(CompatLevel::BestEffort)
+            .restrict_self()?;
+        let enforced = match status.ruleset {
+            RulesetStatus::FullyEnforced => Enforced::Fully,
+            RulesetStatus::PartiallyEnforced => Enforced::Partly,
+            RulesetStatus::NotEnforced => Enforced::NoLandlock,
+        };
+        if self.landlock == LandlockPolicy::Required && enforced == Enforced::NoLandlock {
+            return Err(ConfinementError::NoLandlock);
+        }
+        Ok(enforced)
+    }
+}
+
+fn limit(resource: Resource, soft: u64, hard: u64) -> Result<(), ConfinementError> {
+    setrlimit(resource, Rlimit { current: Some(soft), maximum: Some(hard) })
+        .map_err(system("limiting the child's resources"))
+}

@@ -1,0 +1,344 @@
+//! The parent's side: start a child, pump its streams, watch the clocks, name its end.
+
+use std::fs::File;
+use std::io::{self, IoSlice, Read};
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::ExitStatusExt;
+use std::path::PathBuf;
+use std::process::{ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::net::{SendAncillaryBuffer, SendAncillaryMessage, SendFlags, sendmsg};
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+
+use super::admission::{MOST_INPUTS, Preamble};
+use super::budget::Budget;
+use super::confinement::Confinement;
+use super::outcome::{self, Cost, Ended, Limit, Outcome};
+use super::record::{RecordError, Splitter};
+use super::stop::Stop;
+
+/// Bytes of standard error that are kept, from its end.
+const STDERR_TAIL: usize = 4096;
+
+/// What is started.
+#[derive(Clone, Debug)]
+pub struct Program {
+    path: PathBuf,
+    arguments: Vec<String>,
+}
+
+impl Program {
+    /// This very program, even if its file has been replaced since it was started.
+    pub fn this(arguments: &[&str]) -> Self {
+        Self::at("/proc/self/exe", arguments)
+    }
+
+    /// Another one.
+    pub fn at(path: impl Into<PathBuf>, arguments: &[&str]) -> Self {
+        Self { path: path.into(), arguments: arguments.iter().map(|&a| a.to_owned()).collect() }
+    }
+}
+
+/// What one child is to do.
+pub struct Order<'a> {
+    /// What to start.
+    pub program: &'a Program,
+    /// Bytes it gets once it is confined.
+    pub request: Vec<u8>,
+    /// Its inputs; open them for reading only.
+    pub inputs: Vec<File>,
+}
+
+/// Runs one child to its end; every record goes to `on_record`, whose error ends the child as one that broke the protocol.
+///
+/// Blocks for the child's whole life, and must: the kernel kills the child when the *thread* that started it ends.
+pub fn run(
+    order: Order<'_>,
+    budget: &Budget,
+    stop: &Stop,
+    on_record: impl FnMut(&[u8]) -> Result<(), String>,
+) -> Ended {
+    let started = Instant::now();
+    match Running::start(order, budget, started) {
+        Ok(mut running) => running.attend(stop, on_record),
+        Err(error) => {
+            let cost = Cost { wall: started.elapsed(), ..Cost::default() };
+            Ended { outcome: Outcome::NotRun(error), stderr_tail: String::new(), cost }
+        }
+    }
+}
+
+/// A child that has been started and not yet waited for.
+struct Running {
+    budget: Budget,
+    pid: Pid,
+    pidfd: OwnedFd,
+    reaped: bool,
+    request: Option<Outgoing>,
+    stdout: Option<ChildStdout>,
+    stderr: Option<ChildStderr>,
+    splitter: Splitter,
+    tail: Vec<u8>,
+    output_bytes: u64,
+    started: Instant,
+    last_record: Instant,
+}
+
+/// What woke the parent.
+#[derive(Clone, Copy, Default)]
+struct Ready {
+    request: bool,
+    stdout: bool,
+    stderr: bool,
+    exit: bool,
+    stop: bool,
+}
+
+impl Running {
+    fn start(order: Order<'_>, budget: &Budget, started: Instant) -> io::Result<Self> {
+        if order.inputs.len() > MOST_INPUTS {
+            return Err(io::Error::other(format!("more than {MOST_INPUTS} inputs for one child")));
+        }
+        let (ours, theirs) = UnixStream::pair()?;
+        ours.set_nonblocking(true)?;
+        let mut child = Command::new(&order.program.path)
+            .args(&order.program.arguments)
+            .env_clear()
+            .current_dir("/")
+            .stdin(Stdio::from(OwnedFd::from(theirs)))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let pid = Pid::from_child(&child);
+        Ok(Self {
+            budget: *budget,
+            pid,
+            pidfd: pidfd_open(pid, PidfdFlags::empty())?,
+            reaped: false,
+            request: Some(Outgoing::new(ours, order.request, order.inputs, budget)),
+            stdout: child.stdout.take(),
+            stderr: child.stderr.take(),
+            splitter: Splitter::new(budget.record_bytes, budget.output_bytes),
+            tail: Vec::new(),
+            output_bytes: 0,
+            started,
+            last_record: started,
+        })
+    }
+
+    fn attend(&mut self, stop: &Stop, on_record: impl FnMut(&[u8]) -> Result<(), String>) -> Ended {
+        let early = self.pump(stop, on_record).err();
+        if early.is_some() {
+            self.kill();
+        }
+        let stderr_tail = printable(&self.tail);
+        let (outcome, cost) = match self.reap() {
+            Ok((status, cost)) => (early.unwrap_or_else(|| self.outcome(status, &stderr_tail)), cost),
+            Err(error) => (Outcome::NotRun(error), Cost::default()),
+        };
+        let cost = Cost { wall: self.started.elapsed(), output_bytes: self.output_bytes, ..cost };
+        Ended { outcome, stderr_tail, cost }
+    }
+
+    /// A crash tears a record: then the crash is the reason to tell, not the tear.
+    fn outcome(&self, status: ExitStatus, stderr_tail: &str) -> Outcome {
+        match (outcome::of_status(status, stderr_tail, self.budget.cpu), self.splitter.finish()) {
+            (Outcome::Finished, Err(torn)) => Outcome::Violated(torn),
+            (outcome, _) => outcome,
+        }
+    }
+
+    /// Until its streams are closed and it has exited; an error is a reason to kill it.
+    fn pump(&mut self, stop: &Stop, mut on_record: impl FnMut(&[u8]) -> Result<(), String>) -> Result<(), Outcome> {
+        loop {
+            let ready = self.wait(stop)?;
+            if ready.stop {
+                return Err(Outcome::Stopped);
+            }
+            if ready.request {
+                self.send_request();
+            }
+            if ready.stdout {
+                self.read_records(&mut on_record).map_err(Outcome::Violated)?;
+            }
+            if ready.stderr {
+                self.read_stderr();
+            }
+            if ready.exit && self.stdout.is_none() && self.stderr.is_none() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn wait(&self, stop: &Stop) -> Result<Ready, Outcome> {
+        let until = self.next_limit()?;
+        let timeout = Timespec { tv_sec: until.as_secs().min(3600) as i64, tv_nsec: until.subsec_nanos().into() };
+        let streams_open = self.stdout.is_some() || self.stderr.is_some();
+        let watched = [
+            self.request.as_ref().map(|r| (r.socket.as_fd(), PollFlags::OUT)),
+            self.stdout.as_ref().map(|s| (s.as_fd(), PollFlags::IN)),
+            self.stderr.as_ref().map(|s| (s.as_fd(), PollFlags::IN)),
+            // An exit is ready for ever: look at it only when the streams have told all.
+            (!streams_open).then(|| (self.pidfd.as_fd(), PollFlags::IN)),
+            Some((stop.as_fd(), PollFlags::IN)),
+        ];
+        let [request, stdout, stderr, exit, stop] = ready_of(watched, &timeout).map_err(Outcome::NotRun)?;
+        Ok(Ready { request, stdout, stderr, exit, stop })
+    }
+
+    /// How long until the next limit of time, or which one has been reached.
+    fn next_limit(&self) -> Result<Duration, Outcome> {
+        let wall = self.budget.wall.checked_sub(self.started.elapsed());
+        let silence = self.budget.silence.checked_sub(self.last_record.elapsed());
+        match (wall, silence) {
+            (None, _) => Err(Outcome::TimedOut(Limit::Wall(self.budget.wall))),
+            (_, None) => Err(Outcome::TimedOut(Limit::Silence(self.budget.silence))),
+            (Some(wall), Some(silence)) => Ok(wall.min(silence)),
+        }
+    }
+
+    fn send_request(&mut self) {
+        let done = self.request.as_mut().is_none_or(|r| r.send().unwrap_or(true)); // a broken socket: it has ended
+        if done {
+            self.request = None;
+        }
+    }
+
+    fn read_records(&mut self, on_record: &mut impl FnMut(&[u8]) -> Result<(), String>) -> Result<(), RecordError> {
+        let mut buffer = [0; 1 << 16];
+        match self.stdout.as_mut().map_or(Ok(0), |s| s.read(&mut buffer)) {
+            Ok(0) | Err(_) => {
+                self.stdout = None;
+                Ok(())
+            }
+            Ok(n) => {
+                self.output_bytes += n as u64;
+                if self.splitter.push(&buffer[..n], on_record)? > 0 {
+                    self.last_record = Instant::now();
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn read_stderr(&mut self) {
+        let mut buffer = [0; STDERR_TAIL];
+        match self.stderr.as_mut().map_or(Ok(0), |s| s.read(&mut buffer)) {
+            Ok(0) | Err(_) => self.stderr = None,
+            Ok(n) => {
+                self.tail.extend_from_slice(&buffer[..n]);
+                let surplus = self.tail.len().saturating_sub(STDERR_TAIL);
+                self.tail.drain(..surplus);
+            }
+        }
+    }
+
+    fn kill(&self) {
+        // It may have ended on its own meanwhile.
+        let _ = pidfd_send_signal(&self.pidfd, Signal::KILL);
+    }
+
+    /// Waits for the end, once, and reads the bill.
+    fn reap(&mut self) -> io::Result<(ExitStatus, Cost)> {
+        let mut status = 0;
+        // SAFETY: `rusage` is plain numbers, for which zeros are a value.
+        let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
+        loop {
+            // SAFETY: both pointers are to live, writable variables of the right types; the process is our child.
+            let pid = unsafe { libc::wait4(self.pid.as_raw_nonzero().get(), &mut status, 0, &mut usage) };
+            if pid > 0 {
+                break;
+            }
+            let error = io::Error::last_os_error();
+            if error.kind() != io::ErrorKind::Interrupted {
+                return Err(error);
+            }
+        }
+        self.reaped = true;
+        let cpu = duration(usage.ru_utime) + duration(usage.ru_stime);
+        let peak_rss_bytes = usage.ru_maxrss.unsigned_abs() * 1024;
+        Ok((ExitStatus::from_raw(status), Cost { cpu, peak_rss_bytes, ..Cost::default() }))
+    }
+}
+
+impl Drop for Running {
+    /// A panic in the caller's record handler must not leave a child behind.
+    fn drop(&mut self) {
+        if !self.reaped {
+            self.kill();
+            let _ = self.reap();
+        }
+    }
+}
+
+/// The request on its way to the child; the descriptors ride on its first bytes.
+struct Outgoing {
+    socket: UnixStream,
+    bytes: Vec<u8>,
+    sent: usize,
+    inputs: Vec<File>,
+}
+
+impl Outgoing {
+    fn new(socket: UnixStream, request: Vec<u8>, inputs: Vec<File>, budget: &Budget) -> Self {
+        let confinement = Confinement {
+            parent: std::process::id(),
+            address_space_bytes: budget.address_space_bytes,
+            cpu_s: budget.cpu.as_secs().max(1),
+            landlock: budget.landlock,
+        };
+        let mut bytes = Preamble { confinement, request_bytes: request.len() as u64 }.to_bytes();
+        bytes.extend(request);
+        Self { socket, bytes, sent: 0, inputs }
+    }
+
+    /// Sends what the socket takes; true when all is sent.
+    fn send(&mut self) -> io::Result<bool> {
+        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(MOST_INPUTS))];
+        let mut control = SendAncillaryBuffer::new(&mut space);
+        let descriptors: Vec<BorrowedFd<'_>> = self.inputs.iter().map(|f| f.as_fd()).collect();
+        if !descriptors.is_empty() {
+            control.push(SendAncillaryMessage::ScmRights(&descriptors));
+        }
+        let rest = [IoSlice::new(&self.bytes[self.sent..])];
+        match sendmsg(&self.socket, &rest, &mut control, SendFlags::NOSIGNAL) {
+            Ok(n) => {
+                self.sent += n;
+                self.inputs.clear();
+                Ok(self.sent == self.bytes.len())
+            }
+            Err(rustix::io::Errno::AGAIN | rustix::io::Errno::INTR) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// Polls what is watched; the answers stand in the same places.
+fn ready_of<const N: usize>(
+    watched: [Option<(BorrowedFd<'_>, PollFlags)>; N],
+    timeout: &Timespec,
+) -> io::Result<[bool; N]> {
+    let mut polled: Vec<PollFd<'_>> =
+        watched.iter().flatten().map(|&(fd, flags)| PollFd::from_borrowed_fd(fd, flags)).collect();
+    match poll(&mut polled, Some(timeout)) {
+        Ok(_) => {}
+        Err(rustix::io::Errno::INTR) => return Ok([false; N]),
+        Err(error) => return Err(error.into()),
+    }
+    let mut answers = polled.iter().map(|p| !p.revents().is_empty());
+    Ok(watched.map(|w| w.is_some() && answers.next().unwrap_or(false)))
+}
+
+fn duration(time: libc::timeval) -> Duration {
+    Duration::new(time.tv_sec.unsigned_abs(), time.tv_usec as u32 * 1000)
+}
+
+/// Text without control characters, so that a log shows what was written and obeys none of it.
+fn printable(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    text.trim().chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
