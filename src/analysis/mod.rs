@@ -1,1 +1,17 @@
-//! Under construction.
+//! The job: claim it, run a confined child on its files, assess what the child says, save the result.
+//!
+//! ```text
+//! worker ──claim──▶ job ──▶ orders ──▶ sandbox::run ══▶ child: open → Tracker → rows
+//!    ▲                                     │ records
+//!    └── save (one transaction) ◀── assess ◀── receipt (checks every record)
+//! ```
+//! Pixels are touched in the child alone; the parent sees numbers, and believes none of them unchecked.
+
+pub mod child;
+pub mod protocol;
+
+mod attempt;
+mod receipt;
+
+pub use attempt::{Attempt, Failure, attempt};
+pub use receipt::Heard;

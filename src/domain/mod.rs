@@ -3,3 +3,4 @@
 //! [`files`] holds the exchange formats (camera.json, annotations.json, trajectories, truth).
 
 pub mod files;
+pub mod problem;

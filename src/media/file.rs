@@ -219,7 +219,7 @@ fn open_decoder(stream: &format::stream::Stream<'_>, limits: Limits) -> Result<f
     options.set("max_pixels", &(u64::from(limits.width) * u64::from(limits.height)).to_string());
     let mut decoder = context.decoder();
     decoder.set_packet_time_base(stream.time_base());
-    decoder.open_with(options).and_then(|opened| opened.video()).map_err(failed("opening the decoder"))
+    decoder.open_as_with(stream.parameters().id(), options).and_then(|opened| opened.video()).map_err(failed("opening the decoder"))
 }
 
 fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {

@@ -1,0 +1,87 @@
+//! One attempt at a piece of work: a child, its records checked, its end named.
+
+use std::fs::File;
+
+use super::protocol::{self, Request};
+use super::receipt::{Heard, Receipt};
+use crate::domain::problem::Problem;
+use crate::media::Limits;
+use crate::sandbox::{self, Budget, Cost, Order, Outcome, Program, Stop};
+
+/// What is attempted, and with what.
+pub struct Attempt<'a> {
+    /// The child's program: [`Program::this`] with the argument `child`.
+    pub program: &'a Program,
+    /// What it is to do.
+    pub request: Request,
+    /// Its files, open for reading.
+    pub inputs: Vec<File>,
+    /// What it may use.
+    pub budget: &'a Budget,
+    /// Ends it early.
+    pub stop: &'a Stop,
+}
+
+/// Why an attempt gave no result.
+#[derive(Debug)]
+pub enum Failure {
+    /// The work cannot be done, however often it is tried.
+    Explained(Problem),
+    /// The child died, fell silent or spoke nonsense; another attempt may go better.
+    Crashed(String),
+    /// Ended on request.
+    Stopped,
+}
+
+/// Runs a child to its end and tells progress, 0..1, on the way. Blocks: see [`sandbox::run`].
+pub fn attempt(what: Attempt<'_>, mut on_progress: impl FnMut(f64)) -> (Result<Heard, Failure>, Cost) {
+    let mut receipt = Receipt::new(&what.request.work, Limits::default());
+    let request = match protocol::encode(&what.request) {
+        Ok(bytes) => bytes,
+        Err(error) => return (Err(Failure::Crashed(format!("the request cannot be coded: {error}"))), Cost::default()),
+    };
+    let order = Order { program: what.program, request, inputs: what.inputs };
+    let ended = sandbox::run(order, what.budget, what.stop, |record| {
+        if let Some(progress) = receipt.take(record)? {
+            on_progress(progress);
+        }
+        Ok(())
+    });
+    let heard = receipt.into_heard();
+    if heard.landlock == Some(false) {
+        warn_of_missing_landlock();
+    }
+    (conclude(ended.outcome, &ended.stderr_tail, heard), ended.cost)
+}
+
+fn conclude(outcome: Outcome, stderr_tail: &str, mut heard: Heard) -> Result<Heard, Failure> {
+    match (outcome, heard.problem.take()) {
+        (Outcome::Finished, Some(problem)) => Err(Failure::Explained(problem)),
+        (Outcome::Finished, None) if heard.done => Ok(heard),
+        (Outcome::Finished, None) => Err(Failure::Crashed("ended without a last word".into())),
+        (Outcome::Stopped, _) => Err(Failure::Stopped),
+        (Outcome::OutOfMemory(known_by), _) => Err(Failure::Explained(out_of_memory(known_by))),
+        (outcome, _) => {
+            tracing::warn!(%outcome, stderr = stderr_tail, "a child did not end well");
+            Err(Failure::Crashed(outcome.to_string()))
+        }
+    }
+}
+
+fn out_of_memory(known_by: &str) -> Problem {
+    let detail = format!(
+        "decoding and tracking it needs more memory than one recording may use ({known_by}); \
+         record a smaller picture or a shorter time"
+    );
+    Problem::new("too-much-memory", "The recording needs too much memory", detail)
+}
+
+fn warn_of_missing_landlock() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        tracing::warn!(
+            "this kernel does not enforce Landlock: children that decode recordings are confined by the system call \
+             filter alone. Enable Landlock in the kernel, or require it in the settings to refuse recordings instead."
+        );
+    });
+}

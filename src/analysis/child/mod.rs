@@ -1,0 +1,77 @@
+//! What runs inside the confinement: decode, track, report. No file is opened, no clock is asked, nothing is stored.
+
+mod explain;
+mod preview;
+mod probe;
+mod reporter;
+
+use std::fs::File;
+
+use reporter::Reporter;
+
+use super::protocol::{self, Answer, Request, Work};
+use crate::domain::problem::Problem;
+use crate::media::{Limits, VideoFile};
+use crate::sandbox::{self, ConfinementError, Enforced};
+
+/// Why a child ends without having explained itself to its parent.
+#[derive(Debug, thiserror::Error)]
+pub enum ChildError {
+    /// It could not confine itself, so it looked at nothing.
+    #[error("not confined: {0}")]
+    Confinement(#[from] ConfinementError),
+    /// The request cannot be read: parent and child are not the same program.
+    #[error("the request cannot be read: {0}")]
+    Request(postcard::Error),
+    /// Nobody listens any more.
+    #[error("the parent does not listen: {0}")]
+    Silenced(#[from] std::io::Error),
+}
+
+/// Why a piece of work stopped early.
+enum Halt {
+    /// It cannot be done; the parent is told why.
+    Explained(Problem),
+    /// Nobody listens any more.
+    Silenced(std::io::Error),
+}
+
+impl From<std::io::Error> for Halt {
+    fn from(error: std::io::Error) -> Self {
+        Halt::Silenced(error)
+    }
+}
+
+impl<E: explain::Explain> From<E> for Halt {
+    fn from(error: E) -> Self {
+        Halt::Explained(error.explain())
+    }
+}
+
+/// The whole life of a child: confine, take the request, work, tell the end.
+pub fn run() -> Result<(), ChildError> {
+    let admission = sandbox::admit()?;
+    let mut reporter = Reporter::new();
+    reporter.say(&Answer::Confined { landlock: admission.enforced != Enforced::NoLandlock })?;
+    let request: Request = protocol::decode(&admission.request).map_err(ChildError::Request)?;
+    let last = match work(request, admission.inputs, &mut reporter) {
+        Ok(()) => Answer::Done,
+        Err(Halt::Explained(problem)) => Answer::Problem(problem),
+        Err(Halt::Silenced(error)) => return Err(error.into()),
+    };
+    Ok(reporter.say(&last)?)
+}
+
+fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), Halt> {
+    let limits = Limits { threads: request.threads, ..Limits::default() };
+    match request.work {
+        Work::Probe => probe::run(open(inputs, limits)?, reporter),
+        Work::Track(_) | Work::Palette(_) | Work::Calibrate(_) => Err(Halt::Explained(explain::no_input())),
+    }
+}
+
+/// The one recording among the inputs.
+fn open(inputs: Vec<File>, limits: Limits) -> Result<VideoFile, Halt> {
+    let file = inputs.into_iter().next().ok_or_else(|| Halt::Explained(explain::no_input()))?;
+    Ok(VideoFile::open(file, limits)?)
+}

@@ -1,0 +1,20 @@
+//! Decode a recording from end to end: its size, the times of its frames, a small picture.
+
+use super::Halt;
+use super::preview::Preview;
+use super::reporter::Reporter;
+use crate::analysis::protocol::Answer;
+use crate::media::VideoFile;
+
+pub(super) fn run(mut video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
+    let info = video.info();
+    reporter.recording(info)?;
+    let mut preview = Preview::new(info.frames_expected);
+    while let Some(picture) = video.next_picture()? {
+        let frame = picture.frame();
+        preview.consider(&frame);
+        reporter.frame(frame.time_s, std::iter::empty())?;
+    }
+    reporter.frames_end()?;
+    Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
+}

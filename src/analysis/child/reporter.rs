@@ -1,0 +1,45 @@
+//! The child's voice: answers as records on standard output.
+
+use std::io::{self, BufWriter, Stdout, Write};
+
+use crate::analysis::protocol::{self, Answer, SeenRow};
+use crate::media::RecordingInfo;
+use crate::sandbox::write_record;
+
+/// Frames told of at a time: often enough to show progress, rarely enough to cost nothing.
+const FRAMES_AT_A_TIME: usize = 32;
+
+/// Says answers, and collects frames into a few larger ones.
+pub(super) struct Reporter {
+    out: BufWriter<Stdout>,
+    times_s: Vec<f64>,
+    seen: Vec<SeenRow>,
+}
+
+impl Reporter {
+    pub(super) fn new() -> Self {
+        Self { out: BufWriter::new(io::stdout()), times_s: Vec::new(), seen: Vec::new() }
+    }
+
+    pub(super) fn say(&mut self, answer: &Answer) -> io::Result<()> {
+        let bytes = protocol::encode(answer).map_err(io::Error::other)?;
+        write_record(&mut self.out, &bytes)?;
+        self.out.flush()
+    }
+
+    pub(super) fn recording(&mut self, info: RecordingInfo) -> io::Result<()> {
+        let RecordingInfo { width, height, frames_expected, .. } = info;
+        self.say(&Answer::Recording { width, height, frames_expected })
+    }
+
+    pub(super) fn frame(&mut self, time_s: f64, seen: impl Iterator<Item = SeenRow>) -> io::Result<()> {
+        self.times_s.push(time_s);
+        self.seen.extend(seen);
+        if self.times_s.len() < FRAMES_AT_A_TIME { Ok(()) } else { self.frames_end() }
+    }
+
+    pub(super) fn frames_end(&mut self) -> io::Result<()> {
+        let (times_s, seen) = (std::mem::take(&mut self.times_s), std::mem::take(&mut self.seen));
+        if times_s.is_empty() { Ok(()) } else { self.say(&Answer::Frames { times_s, seen }) }
+    }
+}

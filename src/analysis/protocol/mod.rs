@@ -1,0 +1,163 @@
+//! What parent and child say to each other. Each message is one record of [`crate::sandbox`], coded by `postcard`: small,
+//! exact to the last bit of a number, and decoded without trust.
+//!
+//! ```text
+//! probe      Confined  Recording  Frames*  Preview                              Done
+//! track      Confined  Recording  Frames*  Path*  Quality  Preview              Done
+//! palette    Confined  Recording? Alive*   Palette                              Done
+//! calibrate  Confined  Recording? Alive*   Calibration                          Done
+//! any        …                                                    Problem
+//! ```
+//! The pipeline's types know no serialisation; their images here are in [`shapes`] and [`rows`].
+
+mod rows;
+mod shapes;
+
+use serde::{Deserialize, Serialize};
+
+pub use rows::{PathRow, SeenRow};
+pub use shapes::{
+    BoardShape, CalibrationShape, CameraShape, MarkShape, PaletteShape, QualityShape, ToolShape, ViewShape,
+};
+
+use crate::domain::problem::Problem;
+use crate::pipeline::trajectory::Kind;
+
+/// What a child is asked to do. Its inputs are descriptors, in the order that the work states.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Request {
+    /// Decoder threads.
+    pub threads: usize,
+    /// The work.
+    pub work: Work,
+}
+
+/// Kinds of work.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Work {
+    /// Decode one recording: size, frames, a small picture.
+    Probe,
+    /// Track one recording.
+    Track(TrackWork),
+    /// Collect colours: from one clip, or from one picture per frame.
+    Palette(PaletteWork),
+    /// Calibrate from one video, or from photos.
+    Calibrate(CalibrateWork),
+}
+
+/// What tracking needs besides the recording.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct TrackWork {
+    /// The box's camera.
+    pub camera: CameraShape,
+    /// Tools to track.
+    pub tools: Vec<ToolShape>,
+    /// The box's colours.
+    pub palette: PaletteShape,
+    /// Camera's place.
+    pub view: Option<ViewShape>,
+}
+
+/// What collecting colours needs besides the pictures.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct PaletteWork {
+    /// Marked rectangles.
+    pub marks: Vec<MarkShape>,
+    /// Frame shown by each input; `None`: the one input is a clip.
+    pub frames: Option<Vec<u64>>,
+}
+
+/// What calibration needs besides the pictures.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct CalibrateWork {
+    /// The board.
+    pub board: BoardShape,
+    /// Name of each photo, for the report; `None`: the one input is a video.
+    pub photos: Option<Vec<String>>,
+}
+
+/// What a child answers.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Answer {
+    /// It is confined; the first word of every child.
+    Confined {
+        /// Does Landlock hold, at least in part?
+        landlock: bool,
+    },
+    /// What the container says.
+    Recording {
+        /// Width as displayed, pixels.
+        width: u32,
+        /// Height as displayed, pixels.
+        height: u32,
+        /// Frames to expect, if known.
+        frames_expected: Option<u64>,
+    },
+    /// Frames that have been decoded, in order.
+    Frames {
+        /// Their times, s.
+        times_s: Vec<f64>,
+        /// What was seen on them; a row per frame and tool.
+        seen: Vec<SeenRow>,
+    },
+    /// Still at work; for work without frames.
+    Alive {
+        /// Pictures looked at.
+        done: u64,
+        /// Of how many, if known.
+        of: Option<u64>,
+    },
+    /// A piece of a path, in order.
+    Path {
+        /// Of which.
+        kind: KindShape,
+        /// Its rows.
+        rows: Vec<PathRow>,
+    },
+    /// How tracking went.
+    Quality(QualityShape),
+    /// A small JPEG of one frame.
+    Preview(Vec<u8>),
+    /// Collected colours.
+    Palette(PaletteShape),
+    /// A calibration.
+    Calibration(CalibrationShape),
+    /// Why the work cannot be done; the last word.
+    Problem(Problem),
+    /// The work is done; the last word.
+    Done,
+}
+
+/// [`Kind`] on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum KindShape {
+    /// Unfiltered.
+    Raw,
+    /// Causal.
+    Filtered,
+    /// Smoothed.
+    Smoothed,
+}
+
+impl From<Kind> for KindShape {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Raw => Self::Raw,
+            Kind::Filtered => Self::Filtered,
+            Kind::Smoothed => Self::Smoothed,
+        }
+    }
+}
+
+/// A message as bytes. Fails only for lack of memory.
+pub fn encode(message: &impl Serialize) -> Result<Vec<u8>, postcard::Error> {
+    postcard::to_stdvec(message)
+}
+
+/// Bytes as a message; nothing may be left over.
+pub fn decode<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, postcard::Error> {
+    match postcard::take_from_bytes(bytes)? {
+        (message, []) => Ok(message),
+        _ => Err(postcard::Error::SerdeDeCustom),
+    }
+}

@@ -1,0 +1,196 @@
+//! Cameras, tools, colours and reports, as they travel.
+
+use serde::{Deserialize, Serialize};
+
+use super::rows::ReasonShape;
+use crate::domain::files::annotations;
+use crate::pipeline::camera::Camera;
+use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, Rectangle};
+use crate::pipeline::tracker::{Quality, ToolQuality, ToolSpec, View};
+
+/// [`Camera`]: `width height` and `fx fy cx cy k1 k2 p1 p2 k3`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraShape {
+    size: [u32; 2],
+    numbers: [f64; 9],
+}
+
+impl From<Camera> for CameraShape {
+    fn from(c: Camera) -> Self {
+        Self { size: [c.width, c.height], numbers: [c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3] }
+    }
+}
+
+impl From<CameraShape> for Camera {
+    fn from(CameraShape { size: [width, height], numbers }: CameraShape) -> Self {
+        let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = numbers;
+        Self { width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3 }
+    }
+}
+
+/// [`ToolSpec`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ToolShape {
+    /// Marker's name.
+    pub name: String,
+    /// Outer diameter over the tape, mm.
+    pub diameter_mm: f64,
+    /// Band length, mm, where known.
+    pub band_length_mm: Option<f64>,
+}
+
+impl From<ToolShape> for ToolSpec {
+    fn from(ToolShape { name, diameter_mm, band_length_mm }: ToolShape) -> Self {
+        Self { name, diameter_mm, band_length_mm }
+    }
+}
+
+/// [`View`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ViewShape {
+    /// From above.
+    Top,
+    /// From the side.
+    Side,
+}
+
+impl From<annotations::View> for ViewShape {
+    fn from(view: annotations::View) -> Self {
+        match view {
+            annotations::View::Top => Self::Top,
+            annotations::View::Side => Self::Side,
+        }
+    }
+}
+
+impl From<ViewShape> for View {
+    fn from(view: ViewShape) -> Self {
+        match view {
+            ViewShape::Top => Self::Top,
+            ViewShape::Side => Self::Side,
+        }
+    }
+}
+
+/// A marked rectangle on a frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MarkShape {
+    /// Decoded frame, from 0.
+    pub frame: u64,
+    /// Label.
+    pub label: String,
+    /// First column, first row, columns, rows.
+    pub x_y_w_h: [u32; 4],
+}
+
+impl MarkShape {
+    /// The rectangle, for the pipeline.
+    pub fn rectangle(&self) -> Rectangle {
+        let [x, y, w, h] = self.x_y_w_h.map(|n| n as usize);
+        Rectangle { label: self.label.clone(), x, y, w, h }
+    }
+}
+
+/// [`ColourSamples`]; also the form in which a box's palette is stored.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PaletteShape {
+    /// Codes span 0–255.
+    full_range: bool,
+    /// Number of the standard: 601, 709 or 2020.
+    matrix: u16,
+    /// Labels.
+    pub labels: Vec<String>,
+    /// Label index and codes of each sample.
+    pub samples: Vec<(u32, [u8; 3])>,
+}
+
+impl From<&ColourSamples> for PaletteShape {
+    fn from(palette: &ColourSamples) -> Self {
+        let matrix = match palette.encoding.matrix {
+            Matrix::Bt601 => 601,
+            Matrix::Bt709 => 709,
+            Matrix::Bt2020 => 2020,
+        };
+        Self {
+            full_range: palette.encoding.range == Range::Full,
+            matrix,
+            labels: palette.labels.clone(),
+            samples: palette.samples.iter().map(|s| (s.label as u32, s.yuv)).collect(),
+        }
+    }
+}
+
+impl PaletteShape {
+    /// The samples, for the pipeline; `None` if a sample names no label or the standard is unknown.
+    pub fn colour_samples(&self) -> Option<ColourSamples> {
+        let matrix = match self.matrix {
+            601 => Matrix::Bt601,
+            709 => Matrix::Bt709,
+            2020 => Matrix::Bt2020,
+            _ => return None,
+        };
+        let range = if self.full_range { Range::Full } else { Range::Limited };
+        let sample = |&(label, yuv): &(u32, [u8; 3])| {
+            let label = label as usize;
+            (label < self.labels.len()).then_some(ColourSample { label, yuv })
+        };
+        let samples = self.samples.iter().map(sample).collect::<Option<_>>()?;
+        Some(ColourSamples { encoding: ColourEncoding { range, matrix }, labels: self.labels.clone(), samples })
+    }
+
+    /// How many samples each label has, in the labels' order.
+    pub fn counts(&self) -> Vec<(String, u64)> {
+        let count = |label: usize| self.samples.iter().filter(|s| s.0 as usize == label).count() as u64;
+        self.labels.iter().enumerate().map(|(i, name)| (name.clone(), count(i))).collect()
+    }
+}
+
+/// A checkerboard: inner corners and the side of a square.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BoardShape {
+    /// Inner corners in a row.
+    pub columns: u32,
+    /// Rows of inner corners.
+    pub rows: u32,
+    /// Side of a square, mm.
+    pub square_mm: f64,
+}
+
+/// [`Quality`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct QualityShape {
+    /// Frames seen.
+    pub frames: u64,
+    /// Per tool.
+    pub tools: Vec<ToolQualityShape>,
+}
+
+/// [`ToolQuality`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ToolQualityShape {
+    /// Frames on which it was measured, bridged, missing.
+    pub observed_predicted_missing: [u64; 3],
+    /// How often each reason kept a measurement away.
+    pub reasons: Vec<(ReasonShape, u64)>,
+    /// RMS distance of border points from the fitted outline, pixels.
+    pub border_residual_px: Option<f64>,
+}
+
+impl From<&Quality> for QualityShape {
+    fn from(quality: &Quality) -> Self {
+        let tool = |t: &ToolQuality| ToolQualityShape {
+            observed_predicted_missing: [t.observed, t.predicted, t.missing],
+            reasons: t.reasons.iter().map(|(&reason, &n)| (reason.into(), n)).collect(),
+            border_residual_px: t.border_residual_px,
+        };
+        Self { frames: quality.frames, tools: quality.tools.iter().map(tool).collect() }
+    }
+}
+
+/// A calibration, as camera.json holds it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationShape {
+    /// The file's content, but for the moment, which the parent sets.
+    pub camera_json: String,
+}

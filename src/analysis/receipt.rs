@@ -1,0 +1,248 @@
+//! What a child says, checked record by record: its decoder may have been taken over by the file it decoded.
+//!
+//! A record is accepted if an honest child could have written it at this point. Sizes, order, indices and numbers
+//! are checked here; what is accepted can be stored and shown.
+
+use super::protocol::{self, Answer, CalibrationShape, KindShape, PaletteShape, PathRow, QualityShape, SeenRow, Work};
+use crate::domain::problem::Problem;
+use crate::media::Limits;
+
+/// Largest preview, bytes.
+const PREVIEW_BYTES: usize = 1 << 20;
+
+/// Largest magnitude of a number in a row: 10 km in mm, and far outside any frame in pixels.
+const MAGNITUDE: f64 = 1e7;
+
+/// Most samples in a palette.
+const SAMPLES: usize = 1_000_000;
+
+/// Longest texts of a problem: name, title, detail; characters.
+const TEXTS: [usize; 3] = [64, 200, 4000];
+
+/// Everything a child said.
+#[derive(Debug, Default)]
+pub struct Heard {
+    /// It is confined; with Landlock or without.
+    pub landlock: Option<bool>,
+    /// Width and height as displayed, pixels.
+    pub size: Option<(u32, u32)>,
+    /// Presentation time of every decoded frame, s.
+    pub times_s: Vec<f64>,
+    /// What was seen, a row per frame and tool.
+    pub seen: Vec<SeenRow>,
+    /// Unfiltered path.
+    pub raw: Vec<PathRow>,
+    /// Causal path.
+    pub filtered: Vec<PathRow>,
+    /// Smoothed path.
+    pub smoothed: Vec<PathRow>,
+    /// How tracking went.
+    pub quality: Option<QualityShape>,
+    /// A small JPEG.
+    pub preview: Option<Vec<u8>>,
+    /// Collected colours.
+    pub palette: Option<PaletteShape>,
+    /// A calibration.
+    pub calibration: Option<CalibrationShape>,
+    /// Why the work cannot be done.
+    pub(super) problem: Option<Problem>,
+    /// It said that it was done.
+    pub(super) done: bool,
+}
+
+/// Checks answers as they come and keeps what they say.
+pub(super) struct Receipt {
+    work: Kind,
+    tools: usize,
+    limits: Limits,
+    frames_expected: Option<u64>,
+    heard: Heard,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Probe,
+    Track,
+    Palette,
+    Calibrate,
+}
+
+/// How far a child has come, 0..1, if that can be known.
+pub(super) type Progress = Option<f64>;
+
+impl Receipt {
+    /// A receipt for what this work may answer.
+    pub(super) fn new(work: &Work, limits: Limits) -> Self {
+        let (work, tools) = match work {
+            Work::Probe => (Kind::Probe, 0),
+            Work::Track(track) => (Kind::Track, track.tools.len()),
+            Work::Palette(_) => (Kind::Palette, 0),
+            Work::Calibrate(_) => (Kind::Calibrate, 0),
+        };
+        Self { work, tools, limits, frames_expected: None, heard: Heard::default() }
+    }
+
+    /// Takes one record; an error ends the child.
+    pub(super) fn take(&mut self, record: &[u8]) -> Result<Progress, String> {
+        let answer = protocol::decode(record).map_err(|e| format!("a record that cannot be read: {e}"))?;
+        if self.heard.done || self.heard.problem.is_some() {
+            return Err("a record after the last one".into());
+        }
+        if self.heard.landlock.is_none() && !matches!(answer, Answer::Confined { .. }) {
+            return Err("an answer before confinement".into());
+        }
+        self.accept(answer)
+    }
+
+    /// What was said in the end.
+    pub(super) fn into_heard(self) -> Heard {
+        self.heard
+    }
+
+    fn accept(&mut self, answer: Answer) -> Result<Progress, String> {
+        match answer {
+            Answer::Confined { landlock } => once(&mut self.heard.landlock, landlock, "confinement")?,
+            Answer::Recording { width, height, frames_expected } => self.recording(width, height, frames_expected)?,
+            Answer::Frames { times_s, seen } => return self.frames(times_s, seen),
+            Answer::Alive { done, of } => return Ok(share(done, of)),
+            Answer::Path { kind, rows } => self.path(kind, rows)?,
+            Answer::Quality(quality) => self.quality(quality)?,
+            Answer::Preview(jpeg) => self.preview(jpeg)?,
+            Answer::Palette(palette) => self.palette(palette)?,
+            Answer::Calibration(calibration) => {
+                self.only(&[Kind::Calibrate])?;
+                once(&mut self.heard.calibration, calibration, "calibration")?;
+            }
+            Answer::Problem(problem) => self.heard.problem = Some(presentable(problem)?),
+            Answer::Done => self.heard.done = true,
+        }
+        Ok(None)
+    }
+
+    fn only(&self, kinds: &[Kind]) -> Result<(), String> {
+        if kinds.contains(&self.work) { Ok(()) } else { Err("an answer to another question".into()) }
+    }
+
+    fn recording(&mut self, width: u32, height: u32, frames_expected: Option<u64>) -> Result<(), String> {
+        let longest = self.limits.width.max(self.limits.height);
+        if !(1..=longest).contains(&width) || !(1..=longest).contains(&height) {
+            return Err(format!("a picture of {width}×{height} pixels"));
+        }
+        self.frames_expected = frames_expected.filter(|&n| n > 0);
+        once(&mut self.heard.size, (width, height), "recording")
+    }
+
+    fn frames(&mut self, times_s: Vec<f64>, seen: Vec<SeenRow>) -> Result<Progress, String> {
+        self.only(&[Kind::Probe, Kind::Track])?;
+        let before = self.heard.times_s.len() as u64;
+        self.heard.times_s.reserve(times_s.len());
+        for time_s in times_s {
+            let last = self.heard.times_s.last().copied().unwrap_or(-f64::MIN_POSITIVE);
+            if !(time_s > last && time_s <= self.limits.duration_s) {
+                return Err(format!("a frame at {time_s} s after one at {last} s"));
+            }
+            self.heard.times_s.push(time_s);
+        }
+        let after = self.heard.times_s.len() as u64;
+        if after > self.limits.frames {
+            return Err(format!("{after} frames"));
+        }
+        let place = |row: &SeenRow| (row.frame, row.tool);
+        let known = |row: &SeenRow| (before..after).contains(&row.frame) && (row.tool as usize) < self.tools;
+        if !seen.iter().all(|row| known(row) && row.numbers().all(|x| sensible(x.into())))
+            || !seen.is_sorted_by(|a, b| place(a) < place(b))
+        {
+            return Err("a row of what was seen that cannot be".into());
+        }
+        self.heard.seen.extend(seen);
+        Ok(share(after, self.frames_expected))
+    }
+
+    fn path(&mut self, kind: KindShape, rows: Vec<PathRow>) -> Result<(), String> {
+        self.only(&[Kind::Track])?;
+        let path = match kind {
+            KindShape::Raw => &mut self.heard.raw,
+            KindShape::Filtered => &mut self.heard.filtered,
+            KindShape::Smoothed => &mut self.heard.smoothed,
+        };
+        let times_s = &self.heard.times_s;
+        let place = |row: &PathRow| (row.frame, row.tool);
+        for row in rows {
+            let on_its_frame = times_s.get(row.frame as usize).is_some_and(|&t| t == row.time_s);
+            let in_order = path.last().is_none_or(|last| place(last) < place(&row));
+            if !(on_its_frame && in_order && (row.tool as usize) < self.tools && row.numbers().all(sensible)) {
+                return Err("a row of a path that cannot be".into());
+            }
+            path.push(row);
+        }
+        Ok(())
+    }
+
+    fn quality(&mut self, quality: QualityShape) -> Result<(), String> {
+        self.only(&[Kind::Track])?;
+        let frames = self.heard.times_s.len() as u64;
+        let consistent = quality.frames == frames
+            && quality.tools.len() == self.tools
+            && quality.tools.iter().all(|tool| {
+                tool.observed_predicted_missing.iter().all(|&n| n <= frames)
+                    && tool.reasons.is_sorted_by(|a, b| a.0 < b.0)
+                    && tool.reasons.iter().all(|&(_, n)| n <= frames)
+                    && tool.border_residual_px.is_none_or(sensible)
+            });
+        if !consistent {
+            return Err("a summary that contradicts its frames".into());
+        }
+        once(&mut self.heard.quality, quality, "summary")
+    }
+
+    fn preview(&mut self, jpeg: Vec<u8>) -> Result<(), String> {
+        self.only(&[Kind::Probe, Kind::Track])?;
+        if jpeg.is_empty() {
+            return Ok(());
+        }
+        if jpeg.len() > PREVIEW_BYTES || !jpeg.starts_with(&[0xff, 0xd8]) {
+            return Err("a preview that is no small JPEG".into());
+        }
+        once(&mut self.heard.preview, jpeg, "preview")
+    }
+
+    fn palette(&mut self, palette: PaletteShape) -> Result<(), String> {
+        self.only(&[Kind::Palette])?;
+        let named = palette.labels.iter().all(|l| l.chars().count() <= TEXTS[0]);
+        if !named || palette.samples.len() > SAMPLES || palette.colour_samples().is_none() {
+            return Err("colours that cannot be".into());
+        }
+        once(&mut self.heard.palette, palette, "palette")
+    }
+}
+
+fn once<T>(slot: &mut Option<T>, value: T, what: &str) -> Result<(), String> {
+    match slot.replace(value) {
+        None => Ok(()),
+        Some(_) => Err(format!("a second {what}")),
+    }
+}
+
+fn sensible(x: f64) -> bool {
+    x.is_finite() && x.abs() <= MAGNITUDE
+}
+
+fn share(done: u64, of: Option<u64>) -> Progress {
+    of.filter(|&of| of > 0).map(|of| (done as f64 / of as f64).min(1.0))
+}
+
+/// A problem whose texts may be shown: of limited length, without control characters.
+fn presentable(problem: Problem) -> Result<Problem, String> {
+    let Problem { slug, title, detail } = problem;
+    let is_slug = !slug.is_empty() && slug.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-');
+    if !is_slug || slug.len() > TEXTS[0] {
+        return Err("a problem without a name".into());
+    }
+    let clean = |text: String, most: usize| -> String {
+        text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(most).collect()
+    };
+    Ok(Problem { slug, title: clean(title, TEXTS[1]), detail: clean(detail, TEXTS[2]) })
+}
+
+#[cfg(test)]
+mod tests;

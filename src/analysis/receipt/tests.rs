@@ -1,0 +1,132 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::analysis::protocol::{CameraShape, ToolShape, TrackWork, encode};
+use crate::pipeline::camera::Camera;
+use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+use crate::pipeline::segmentation::samples::ColourSamples;
+
+fn tracking() -> Receipt {
+    let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+    let camera = Camera {
+        width: 640,
+        height: 480,
+        fx: 500.0,
+        fy: 500.0,
+        cx: 320.0,
+        cy: 240.0,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    };
+    let work = Work::Track(TrackWork {
+        camera: CameraShape::from(camera),
+        tools: vec![ToolShape { name: "orange".into(), diameter_mm: 8.0, band_length_mm: None }],
+        palette: PaletteShape::from(&ColourSamples::new(encoding)),
+        view: None,
+    });
+    Receipt::new(&work, Limits::default())
+}
+
+fn row(frame: u64, time_s: f64) -> PathRow {
+    PathRow {
+        frame,
+        time_s,
+        tool: 0,
+        tip_mm: [1.0, 2.0, 300.0],
+        velocity_mm_s: None,
+        axis: Some([0.0, 0.0, 1.0]),
+        tip_px: None,
+        sigma_xy_mm: None,
+        sigma_z_mm: None,
+        observed: true,
+    }
+}
+
+/// Says all of these after the confinement and one frame at 0 s and one at 0.04 s.
+fn hear(answers: Vec<Answer>) -> Result<Heard, String> {
+    let mut receipt = tracking();
+    let opening = [
+        Answer::Confined { landlock: true },
+        Answer::Recording { width: 640, height: 480, frames_expected: Some(2) },
+        Answer::Frames { times_s: vec![0.0, 0.04], seen: vec![] },
+    ];
+    for answer in opening.into_iter().chain(answers) {
+        receipt.take(&encode(&answer).unwrap())?;
+    }
+    Ok(receipt.into_heard())
+}
+
+fn path(rows: Vec<PathRow>) -> Vec<Answer> {
+    vec![Answer::Path { kind: KindShape::Raw, rows }]
+}
+
+#[test]
+fn an_honest_path_is_heard_as_it_was_said() {
+    let rows = vec![row(0, 0.0), row(1, 0.04)];
+    assert_eq!(hear(path(rows.clone())).unwrap().raw, rows);
+}
+
+#[test]
+fn rows_that_cannot_be_are_refused() {
+    let cases = [
+        vec![row(2, 0.08)],
+        vec![row(1, 0.05)],
+        vec![row(1, 0.04), row(0, 0.0)],
+        vec![row(0, 0.0), row(0, 0.0)],
+        vec![PathRow { tool: 1, ..row(0, 0.0) }],
+        vec![PathRow { tip_mm: [f64::NAN, 0.0, 0.0], ..row(0, 0.0) }],
+        vec![PathRow { sigma_z_mm: Some(f64::INFINITY), ..row(0, 0.0) }],
+        vec![PathRow { tip_mm: [1e300, 0.0, 0.0], ..row(0, 0.0) }],
+    ];
+    for rows in cases {
+        assert!(hear(path(rows.clone())).is_err(), "{rows:?}");
+    }
+}
+
+#[test]
+fn answers_out_of_turn_are_refused() {
+    let cases = [
+        vec![Answer::Confined { landlock: true }],
+        vec![Answer::Recording { width: 640, height: 480, frames_expected: None }],
+        vec![Answer::Frames { times_s: vec![0.04], seen: vec![] }],
+        vec![Answer::Frames { times_s: vec![f64::NAN], seen: vec![] }],
+        vec![Answer::Frames { times_s: vec![1e9], seen: vec![] }],
+        vec![Answer::Preview(b"<script>".to_vec())],
+        vec![Answer::Quality(QualityShape { frames: 3, tools: vec![] })],
+        vec![Answer::Calibration(CalibrationShape { camera_json: "{}".into() })],
+        vec![Answer::Done, Answer::Done],
+        vec![Answer::Problem(Problem::new("no such name!", "", ""))],
+    ];
+    for answers in cases {
+        let said = format!("{answers:?}");
+        assert!(hear(answers).is_err(), "{said}");
+    }
+}
+
+#[test]
+fn nothing_is_heard_before_confinement() {
+    assert!(tracking().take(&encode(&Answer::Done).unwrap()).is_err());
+}
+
+#[test]
+fn a_problems_texts_are_short_and_without_control_characters() {
+    let problem = Problem::new("not-a-video", "a\nb", "x".repeat(10_000) + "\x1b[31m");
+    let heard = hear(vec![Answer::Problem(problem)]).unwrap().problem.unwrap();
+    assert_eq!((heard.title.as_str(), heard.detail.len()), ("a b", 4000));
+}
+
+proptest! {
+    #[test]
+    fn arbitrary_records_are_heard_or_refused_but_never_panic(
+        records in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..80), 1..8),
+    ) {
+        let mut receipt = tracking();
+        receipt.take(&encode(&Answer::Confined { landlock: true }).unwrap()).unwrap();
+        for record in records {
+            let _ = receipt.take(&record);
+        }
+    }
+}

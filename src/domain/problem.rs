@@ -1,0 +1,21 @@
+//! Why something did not work, in words for people: what, where, and what to do.
+
+use serde::{Deserialize, Serialize};
+
+/// A problem that is stored with a job and shown to people. HTTP sends it as `application/problem+json`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Problem {
+    /// Stable short name, `a–z 0–9 -`: the last part of the problem's `type`, such as `not-a-video`.
+    pub slug: String,
+    /// One line, the same for every problem of this slug.
+    pub title: String,
+    /// This problem: what happened, with the figures, and what to do about it.
+    pub detail: String,
+}
+
+impl Problem {
+    /// A problem of this kind.
+    pub fn new(slug: &str, title: &str, detail: impl Into<String>) -> Self {
+        Self { slug: slug.to_owned(), title: title.to_owned(), detail: detail.into() }
+    }
+}

@@ -1,0 +1,28 @@
+//! Clips made by the `ffmpeg` program, each once per run.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Runs `ffmpeg` with these arguments and the output's path; `None`, said loudly, if there is no such program.
+pub fn ffmpeg(arguments: &str, out: &Path) -> Option<PathBuf> {
+    let made = Command::new("ffmpeg")
+        .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"])
+        .args(arguments.split_whitespace())
+        .arg(out)
+        .status();
+    match made {
+        Ok(status) => {
+            assert!(status.success(), "ffmpeg {arguments} {}", out.display());
+            Some(out.to_owned())
+        }
+        Err(error) => {
+            eprintln!("SKIPPED: the ffmpeg program cannot be run ({error}); install it to make test clips");
+            None
+        }
+    }
+}
+
+/// Arguments for a moving test picture of this size and length, and what follows them.
+pub fn test_picture(size: &str, frames: u32, more: &str) -> String {
+    format!("-f lavfi -i testsrc2=size={size}:rate=25 -frames:v {frames} {more}")
+}
