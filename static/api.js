@@ -1,0 +1,118 @@
+// The only file that talks to REST. Everything a page shows comes through here, from the same routes other programs use.
+import { t } from './texts.js';
+
+const ROOT = '/api/v1';
+const signedOut = new Set();
+
+/** An RFC 9457 problem: `title` says what, `detail` says what to do. */
+export class Problem extends Error {
+  constructor({ type, title, status, detail, ...more }) {
+    super(title);
+    Object.assign(this, { type: type ?? 'about:blank', title, status, detail: detail ?? '', more });
+  }
+
+  /** From an answer's text, which a proxy may have replaced by something that is not JSON. */
+  static fromText(status, text) {
+    try {
+      const body = JSON.parse(text);
+      if (body?.title) return new Problem({ status, ...body });
+    } catch {
+      // Falls through to the general words.
+    }
+    return new Problem({ status, title: t.problems.answered(status), detail: t.problems.answeredDetail });
+  }
+
+  static offline() {
+    return new Problem({ type: 'offline', title: t.problems.offline, status: 0, detail: t.problems.offlineDetail });
+  }
+}
+
+/** Calls back when an answer says that nobody is signed in (any more). */
+export function onSignedOut(callback) {
+  signedOut.add(callback);
+  return () => signedOut.delete(callback);
+}
+
+function address(path, query = {}) {
+  const url = `${ROOT}/${path.map(encodeURIComponent).join('/')}`;
+  const kept = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
+  return kept.length ? `${url}?${new URLSearchParams(kept)}` : url;
+}
+
+async function call(method, path, { query, json, form, signal } = {}) {
+  const headers = { accept: 'application/json' };
+  if (json !== undefined) headers['content-type'] = 'application/json';
+  const body = json !== undefined ? JSON.stringify(json) : form;
+  let answer;
+  try {
+    answer = await fetch(address(path, query), { method, headers, body, signal, credentials: 'same-origin' });
+  } catch (error) {
+    throw error.name === 'AbortError' ? error : Problem.offline();
+  }
+  if (answer.ok) return answer.status === 204 ? null : parse(await answer.text());
+  const problem = Problem.fromText(answer.status, await answer.text());
+  if (answer.status === 401 && path[0] !== 'sign-in') signedOut.forEach(tell => tell());
+  throw problem;
+}
+
+/** JSON, or null for an empty body (a 201 or 202 may have one). */
+const parse = text => (text ? JSON.parse(text) : null);
+
+/** All items of a list up to `limit`, page by page: for choosers, which must not silently lack the 51st name. */
+async function everything(path, query = {}, limit = 1000) {
+  const items = [];
+  let cursor;
+  do {
+    const page = await call('GET', path, { query: { ...query, limit: 200, cursor } });
+    items.push(...page.items);
+    cursor = page.next;
+  } while (cursor && items.length < limit);
+  return items;
+}
+
+/** The usual verbs of a noun that is listed, made, changed and deleted. */
+const noun = name => ({
+  all: query => everything([name], query),
+  page: (query, signal) => call('GET', [name], { query, signal }),
+  get: (id, signal) => call('GET', [name, id], { signal }),
+  create: json => call('POST', [name], { json }),
+  change: (id, json) => call('PATCH', [name, id], { json }),
+  remove: id => call('DELETE', [name, id]),
+});
+
+export const api = {
+  me: () => call('GET', ['me']),
+  signIn: (login, password) => call('POST', ['sign-in'], { json: { login, password } }),
+  signOut: () => call('POST', ['sign-out']),
+  changePassword: (old, fresh) => call('POST', ['me', 'password'], { json: { old, new: fresh } }),
+
+  people: noun('people'),
+  groups: { ...noun('groups'), setMembers: (id, json) => call('PUT', ['groups', id, 'members'], { json }) },
+  tokens: noun('tokens'),
+  tasks: noun('tasks'),
+  jobs: noun('jobs'),
+  trainees: {
+    ...noun('trainees'),
+    progress: (id, task, signal) => call('GET', ['trainees', id, 'progress'], { query: { task }, signal }),
+  },
+  boxes: {
+    ...noun('boxes'),
+    camera: id => call('GET', ['boxes', id, 'camera']),
+    putCamera: (id, json) => call('PUT', ['boxes', id, 'camera'], { json }),
+    calibrations: id => everything(['boxes', id, 'calibrations']),
+    calibrate: (id, form) => call('POST', ['boxes', id, 'calibrations'], { form }),
+    palette: id => call('GET', ['boxes', id, 'palette']),
+    putPalette: (id, form) => call('PUT', ['boxes', id, 'palette'], { form }),
+  },
+  sessions: {
+    ...noun('sessions'),
+    retry: id => call('POST', ['sessions', id, 'retry']),
+    trajectory: (id, kind, signal) => call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),
+    diagnostics: (id, signal) => call('GET', ['sessions', id, 'diagnostics'], { signal }),
+    videoAddress: id => address(['sessions', id, 'video']),
+    trajectoryAddress: (id, format) => address(['sessions', id, 'trajectory'], { format, kind: 'smoothed' }),
+  },
+  /** tus 1.0.0; the protocol itself is tus-js-client's. */
+  uploadsAddress: () => address(['uploads']),
+  events: () => new EventSource(address(['events'])),
+};

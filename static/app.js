@@ -1,0 +1,106 @@
+// The shell: who is signed in, which page the address names, and what surrounds every page.
+import { html, render, useEffect, useErrorBoundary, useRef, useState } from './parts/preact.js';
+import { api, onSignedOut } from './api.js';
+import { asProblem } from './data.js';
+import { startLive, stopLive } from './live.js';
+import { go, href, useRoute } from './router.js';
+import { may } from './roles.js';
+import { t } from './texts.js';
+import { Empty, Loading, ProblemNotice } from './parts/notice.js';
+import { Shell } from './parts/shell.js';
+import { SignIn } from './pages/sign_in.js';
+
+/** Every page: the first part of its address, its module (loaded when it is first shown), and who may see it. */
+const PAGES = [
+  { name: 'today', at: path => path.length === 0, load: () => import('./pages/today.js') },
+  { name: 'sessions', at: path => path[0] === 'sessions' && path.length === 1, load: () => import('./pages/sessions.js') },
+  { name: 'sessions', at: path => path[0] === 'sessions' && path.length === 2, load: () => import('./pages/session.js') },
+  { name: 'upload', at: path => path[0] === 'upload', load: () => import('./pages/upload.js') },
+  { name: 'trainees', at: path => path[0] === 'trainees' && path.length === 1, load: () => import('./pages/trainees.js'), needs: 'see_trainees' },
+  { name: 'trainees', at: path => path[0] === 'trainees' && path.length === 2, load: () => import('./pages/trainee.js') },
+  { name: 'tasks', at: path => path[0] === 'tasks', load: () => import('./pages/tasks.js'), needs: 'edit_tasks' },
+  { name: 'boxes', at: path => path[0] === 'boxes' && path.length === 1, load: () => import('./pages/boxes.js'), needs: 'see_boxes' },
+  { name: 'boxes', at: path => path[0] === 'boxes' && path.length === 2, load: () => import('./pages/box.js'), needs: 'see_boxes' },
+  { name: 'people', at: path => path[0] === 'people', load: () => import('./pages/people.js'), needs: 'people' },
+  { name: 'account', at: path => path[0] === 'account', load: () => import('./pages/account.js') },
+];
+
+function App() {
+  const [person, setPerson] = useState(undefined); // undefined: not known yet; null: nobody
+  const [problem, setProblem] = useState(null);
+  const [expired, setExpired] = useState(false);
+
+  const ask = () => api.me().then(setPerson, error => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
+  useEffect(() => void ask(), []);
+  useEffect(
+    () =>
+      onSignedOut(() =>
+        setPerson(before => {
+          if (before) setExpired(true);
+          return null;
+        }),
+      ),
+    [],
+  );
+  useEffect(() => {
+    if (!person) return undefined;
+    startLive();
+    return stopLive;
+  }, [person?.id]);
+
+  if (problem) {
+    const again = () => (setProblem(null), ask());
+    return html`<main class="gate"><${ProblemNotice} problem=${problem} onRetry=${again} /></main>`;
+  }
+  if (person === undefined) return html`<${Loading} />`;
+  if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${setPerson} />`;
+  const signOut = async () => {
+    await api.signOut().catch(() => {}); // Signed out here in any case; the cookie ends by itself.
+    setExpired(false);
+    setPerson(null);
+    go([]);
+  };
+  return html`<${Page} person=${person} onSignOut=${signOut} />`;
+}
+
+function Page({ person, onSignOut }) {
+  const route = useRoute();
+  const place = route.path.join('/');
+  const entry = PAGES.find(page => page.at(route.path) && (!page.needs || may(person, page.needs)));
+  const [loaded, setLoaded] = useState({});
+  const [fault, clearFault] = useErrorBoundary(error => console.error(error));
+  const first = useRef(true);
+
+  useEffect(() => {
+    clearFault();
+    let stale = false;
+    const fail = error => !stale && setLoaded({ entry, problem: asProblem(error) });
+    entry?.load().then(module => !stale && setLoaded({ entry, Show: module.default }), fail);
+    return () => (stale = true);
+  }, [entry]);
+
+  // A screen reader hears the new page's title; a sighted keyboard user starts at its top.
+  useEffect(() => {
+    if (first.current) return void (first.current = false);
+    scrollTo(0, 0);
+    const heading = document.querySelector('main h1');
+    (heading ?? document.querySelector('main'))?.focus({ preventScroll: true });
+  }, [place, loaded.Show]);
+
+  const body = () => {
+    if (fault) return html`<${ProblemNotice} problem=${asProblem(fault)} onRetry=${() => location.reload()} />`;
+    if (!entry) return html`<${Missing} />`;
+    if (loaded.problem && loaded.entry === entry) return html`<${ProblemNotice} problem=${loaded.problem} />`;
+    if (loaded.entry !== entry) return html`<${Loading} />`;
+    return html`<${loaded.Show} key=${place} person=${person} route=${route} onSignOut=${onSignOut} />`;
+  };
+  return html`<${Shell} person=${person} current=${entry?.name}>${body()}<//>`;
+}
+
+const Missing = () => html`
+  <h1 tabindex="-1" class="unseen">${t.notFound.title}</h1>
+  <${Empty} title=${t.notFound.title} body=${t.notFound.body}>
+    <a class="button main" href=${href([])}>${t.notFound.action}</a>
+  <//>`;
+
+render(html`<${App} />`, document.getElementById('app'));

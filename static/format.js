@@ -1,0 +1,49 @@
+// Numbers, times and sizes as people read them; times in the zone of the person's device.
+const when = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium', timeStyle: 'short' });
+const day = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium' });
+const share = new Intl.NumberFormat('en', { style: 'percent', maximumFractionDigits: 1 });
+const plain = [0, 1, 2, 3].map(
+  digits => new Intl.NumberFormat('en', { minimumFractionDigits: digits, maximumFractionDigits: digits }),
+);
+const tiny = new Intl.NumberFormat('en', { maximumSignificantDigits: 3 });
+const TRUE_MINUS = '−';
+
+/** Three telling digits and no more: what follows is noise of the measurement. */
+export function number(value) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size !== 0 && size < 0.1) return minus(tiny.format(value));
+  return minus(plain[size >= 100 ? 0 : size >= 10 ? 1 : 2].format(value));
+}
+
+/** A fixed number of digits after the point: for read-outs, which must not jump in width. */
+export function fixed(value, digits) {
+  return Number.isFinite(value) ? minus(plain[digits].format(value)) : '–';
+}
+
+const minus = text => text.replace('-', TRUE_MINUS);
+
+export const percent = value => share.format(value);
+
+/** `1` and the empty unit are ratios: nothing is written behind them. */
+export const unit = name => (name === '1' || !name ? '' : name);
+
+export const dateTime = iso => (iso ? when.format(new Date(iso)) : '–');
+export const date = iso => (iso ? day.format(new Date(iso)) : '–');
+
+/** Seconds as `1:02.3`, or `1:02:03.4` from an hour on. */
+export function clock(seconds, digits = 1) {
+  if (!Number.isFinite(seconds)) return '–';
+  const unit = 10 ** digits;
+  const total = Math.round(Math.max(0, seconds) * unit) / unit;
+  const hours = Math.floor(total / 3600);
+  const minutes = Math.floor((total % 3600) / 60);
+  const rest = (total % 60).toFixed(digits).padStart(digits ? digits + 3 : 2, '0');
+  return hours ? `${hours}:${String(minutes).padStart(2, '0')}:${rest}` : `${minutes}:${rest}`;
+}
+
+export function bytes(count) {
+  const units = ['B', 'kB', 'MB', 'GB'];
+  const step = Math.min(units.length - 1, Math.floor(Math.log10(Math.max(1, count)) / 3));
+  return `${step ? (count / 1000 ** step).toFixed(1) : count} ${units[step]}`;
+}

@@ -1,0 +1,46 @@
+// The signed-in person: who they are, a new password, signing out.
+import { html, useState } from '../parts/preact.js';
+import { api, Problem } from '../api.js';
+import { Form } from '../parts/form.js';
+import { Notice, PageHead } from '../parts/notice.js';
+import { t } from '../texts.js';
+
+const words = t.account;
+const FIELDS = [
+  { name: 'old', label: words.old, type: 'password', required: true, autocomplete: 'current-password' },
+  { name: 'fresh', label: words.fresh, type: 'password', required: true, minlength: 10, hint: words.freshHint, autocomplete: 'new-password' },
+  { name: 'again', label: words.again, type: 'password', required: true, autocomplete: 'new-password' },
+];
+
+export default function Account({ person, onSignOut }) {
+  const [changed, setChanged] = useState(false);
+  const change = async ({ old, fresh, again }, form) => {
+    setChanged(false);
+    if (fresh !== again) throw new Problem({ title: words.differ, status: 0 });
+    await api.changePassword(old, fresh);
+    form.reset();
+    setChanged(true);
+  };
+  return html`
+    <${PageHead} title=${words.title}>
+      <button class="button" type="button" onClick=${onSignOut}>${words.signOut}</button>
+    <//>
+    <div class="columns">
+      <section class="card">
+        <div class="body">
+          <dl class="facts">
+            <dt>${words.name}</dt><dd>${person.name}</dd>
+            <dt>${words.login}</dt><dd>${person.login}</dd>
+            <dt>${words.role}</dt><dd>${t.roles[person.role] ?? person.role}</dd>
+          </dl>
+        </div>
+      </section>
+      <section class="card">
+        <header><h2>${words.password}</h2></header>
+        <div class="body stack">
+          ${changed && html`<${Notice} tone="good" title=${words.changed} />`}
+          <${Form} fields=${FIELDS} onSave=${change} submit=${words.change} />
+        </div>
+      </section>
+    </div>`;
+}

@@ -1,0 +1,67 @@
+// The boxes, and what each still lacks before its recordings can be scored.
+import { html } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData } from '../data.js';
+import { number } from '../format.js';
+import { may } from '../roles.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+
+const words = t.boxes;
+
+/** A box that has no camera yet answers 404 there: that is a state, not an error. */
+const orNone = promise => promise.catch(error => (error.status === 404 ? null : Promise.reject(error)));
+
+export const loadSetUp = async box => {
+  const [camera, palette] = await Promise.all([orNone(api.boxes.camera(box.id)), orNone(api.boxes.palette(box.id))]);
+  return { ...box, camera, palette };
+};
+
+export const boxFields = item => [
+  { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
+  { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
+  { name: 'view', label: words.view, type: 'select', options: [['', words.auto], ...Object.entries(words.views)], value: item?.view },
+  { name: 'notes', label: words.notes, type: 'textarea', value: item?.notes },
+];
+
+export default function Boxes({ person }) {
+  const { data: boxes, problem, reload } = useData(async () => Promise.all((await api.boxes.all()).map(loadSetUp)), []);
+  const mayEdit = may(person, 'edit_boxes');
+  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: t.people.removeTitle, fields: boxFields, save: (item, values) => saveChanges(api.boxes, item, values), remove: item => api.boxes.remove(item.id), onChange: reload });
+  return html`
+    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
+    <${ProblemNotice} problem=${problem} onRetry=${reload} />
+    <section class="card">
+      ${!boxes && !problem && html`<${Loading} />`}
+      ${boxes?.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
+      ${boxes?.length > 0 && html`
+        <div class="scroll">
+          <table class="table">
+            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.camera}</th><th scope="col">${words.palette}</th><th scope="col">${words.tools}</th><th scope="col">${words.view}</th><td></td></tr></thead>
+            <tbody>
+              ${boxes.map(box => html`
+                <tr key=${box.id}>
+                  <th scope="row"><a class="cover" href=${href(['boxes', box.id])}>${box.name}</a></th>
+                  <td><${CameraState} camera=${box.camera} /></td>
+                  <td>${box.palette ? html`<span class="pill good">${words.ready}</span>` : html`<span class="pill warn">${words.notYet}</span>`}</td>
+                  <td>${toolsOf(box).map(toolName).join(', ') || '–'}</td>
+                  <td>${words.views[box.view] ?? words.auto}</td>
+                  <td>${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change} onRemove=${may(person, 'people') && edit.remove} />`}</td>
+                </tr>`)}
+            </tbody>
+          </table>
+        </div>`}
+    </section>
+    ${edit.dialogs}`;
+}
+
+export const toolsOf = box => box.palette?.tools ?? box.tools ?? [];
+export const toolName = tool => tool.name ?? tool.tool ?? tool;
+
+/** A camera.json from elsewhere says nothing of its residual. */
+export const CameraState = ({ camera }) => {
+  if (!camera) return html`<span class="pill warn">${words.notYet}</span>`;
+  return html`<span class="pill good">${Number.isFinite(camera.rms_px) ? words.calibrated(number(camera.rms_px)) : words.given}</span>`;
+};

@@ -1,0 +1,53 @@
+// Administration of people, groups and tokens.
+import { html } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData } from '../data.js';
+import { t } from '../texts.js';
+import { Groups, Tokens } from '../parts/groups_tokens.js';
+import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+
+const words = t.people;
+
+export default function People() {
+  const { data, problem, reload } = useData(async () => {
+    const [people, groups, tokens, trainees, boxes] = await Promise.all([api.people.all(), api.groups.all(), api.tokens.all(), api.trainees.all(), api.boxes.all()]);
+    return { people, groups, tokens, trainees, boxes };
+  }, []);
+  const fields = item => [
+    { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name, autocomplete: 'off' },
+    ...(item ? [] : [{ name: 'login', label: words.login, required: true, autocapitalize: 'none', autocomplete: 'off', spellcheck: false }]),
+    { name: 'role', label: words.role, type: 'select', options: Object.entries(t.roles), value: item?.role ?? 'instructor' },
+    { name: 'password', label: item ? words.newPassword : words.password, type: 'password', hint: item ? words.newPasswordHint : words.passwordHint, required: !item, minlength: 10, autocomplete: 'new-password' },
+    { name: 'trainee', label: words.trainee, type: 'select', options: [['', t.trainees.unset], ...data.trainees.map(one => [one.id, one.name])], value: item?.trainee?.id ?? item?.trainee },
+    ...(!item && data.groups.length ? [{ name: 'groups', label: words.groups, type: 'checks', options: data.groups.map(group => [group.id, group.name]) }] : []),
+  ];
+  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: words.removeTitle, fields, save: (item, values) => saveChanges(api.people, item && { ...item, trainee: item.trainee?.id ?? item.trainee }, values), remove: item => api.people.remove(item.id), onChange: reload });
+  return html`
+    <${PageHead} title=${words.title} lead=${words.lead}>${data && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
+    <${ProblemNotice} problem=${problem} onRetry=${reload} />
+    ${!data && !problem && html`<${Loading} />`}
+    ${data && html`
+      <div class="stack">
+        <section class="card">
+          ${data.people.length === 0 ? html`<${Empty} title=${words.none} body=${words.noneBody} />` : html`
+            <div class="scroll">
+              <table class="table">
+                <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.login}</th><th scope="col">${words.role}</th><td></td></tr></thead>
+                <tbody>
+                  ${data.people.map(one => html`
+                    <tr key=${one.id}>
+                      <th scope="row">${one.name}</th><td class="code">${one.login}</td><td>${t.roles[one.role] ?? one.role}</td>
+                      <td><${RowButtons} item=${one} onEdit=${edit.change} onRemove=${edit.remove} /></td>
+                    </tr>`)}
+                </tbody>
+              </table>
+            </div>`}
+        </section>
+        <div class="columns">
+          <${Groups} data=${data} onChange=${reload} />
+          <${Tokens} data=${data} onChange=${reload} />
+        </div>
+      </div>`}
+    ${edit.dialogs}`;
+}

@@ -1,0 +1,102 @@
+// Today: the queue moving, what needs a person, and what is new.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData, useThrottled } from '../data.js';
+import { dateTime } from '../format.js';
+import { useLive, useLiveState } from '../live.js';
+import { may } from '../roles.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { icons } from '../parts/icons.js';
+import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
+
+const words = t.today;
+const DAY_MS = 86_400_000;
+const SHOWN = 8;
+
+/** One request per state: a busy centre's newest page alone would hide what still waits below it. */
+async function load(signal) {
+  const ask = status => api.sessions.page({ status, limit: 50 }, signal).then(page => page.items);
+  const [receiving, queued, tracking, failed, done] = await Promise.all(
+    ['receiving', 'queued', 'tracking', 'failed', 'done'].map(ask),
+  );
+  return { moving: [...tracking, ...queued, ...receiving], failed, done };
+}
+
+export default function Today({ person }) {
+  const { data, problem, reload } = useData(load, []);
+  const [progress, setProgress] = useState({});
+  const [said, setSaid] = useState('');
+  const soon = useThrottled(reload, 700);
+
+  useLive('resync', reload);
+  useLive('queue', soon);
+  useLive('session', event => {
+    setProgress(before => ({ ...before, [event.id]: event }));
+    const known = data?.moving.find(session => session.id === event.id);
+    if (known?.status === event.status) return; // Only progress: the bar alone moves.
+    if (known) setSaid(words.announce(known.filename, t.status[event.status] ?? event.status));
+    soon();
+  });
+
+  if (!data) return html`<${PageHead} title=${words.title} lead=${words.lead} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
+  const recent = data.done.filter(session => Date.now() - Date.parse(session.created_at) < DAY_MS).length;
+  const mayUpload = may(person, 'upload') || may(person, 'upload_own');
+  return html`
+    <${PageHead} title=${words.title} lead=${words.lead}>
+      <${LiveState} />
+      ${mayUpload && html`<a class="button main" href=${href(['upload'])}><${icons.upload} />${words.upload}</a>`}
+    <//>
+    <${ProblemNotice} problem=${problem} onRetry=${reload} />
+    <${Announce}>${said}<//>
+    <dl class="figures">
+      <${Figure} name=${words.queued} value=${moving.filter(s => s.status === 'queued').length} />
+      <${Figure} name=${words.running} value=${moving.filter(s => s.status === 'tracking').length} />
+      <${Figure} name=${words.finished} value=${recent} />
+      <${Figure} name=${words.attention} value=${data.failed.length} />
+    </dl>
+    <div class="columns">
+      <${List} title=${words.moving} items=${moving} row=${Moving} empty=${words.emptyQueue} emptyBody=${words.emptyQueueBody} />
+      <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention} emptyBody=${words.emptyAttentionBody} />
+      <${List} title=${words.recent} items=${data.done.slice(0, SHOWN)} row=${Done} empty=${words.emptyRecent} emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} wide />
+    </div>`;
+}
+
+const TONES = { open: 'good', connecting: '', polling: 'warn', closed: 'warn' };
+
+function LiveState() {
+  const state = useLiveState();
+  return html`<span class=${`pill ${TONES[state]}`} role="status">${t.live[state]}</span>`;
+}
+
+const Figure = ({ name, value }) => html`<div class="card figure"><dt>${name}</dt><dd>${value}</dd></div>`;
+
+const List = ({ title, items, row: Row, empty, emptyBody, more, wide }) => html`
+  <section class=${`card ${wide ? 'wide' : ''}`}>
+    <header><h2>${title}</h2>${more && html`<a href=${more}>${words.all}</a>`}</header>
+    ${items.length ? html`<ul class="queue">${items.map(session => html`<${Row} key=${session.id} session=${session} />`)}</ul>` : html`<${Empty} title=${empty} body=${emptyBody} />`}
+  </section>`;
+
+const Name = ({ session }) => html`
+  <div>
+    <a href=${href(['sessions', session.id])}>${session.trainee?.name} · ${session.task?.name}</a>
+    <span class="small muted">${session.filename} · ${dateTime(session.recorded_at ?? session.created_at)}</span>
+  </div>`;
+
+const Moving = ({ session }) => html`
+  <li>
+    <${Name} session=${session} />
+    <${StatusPill} state=${session.status} />
+    ${session.status === 'queued' ? session.queue_position !== undefined && session.queue_position !== null && html`<p class="why">${words.position(session.queue_position)}</p>` : html`<${ProgressBar} value=${session.progress} name=${session.filename} />`}
+  </li>`;
+
+const Failed = ({ session }) => html`
+  <li>
+    <${Name} session=${session} />
+    <${StatusPill} state=${stateOf(session)} />
+    ${session.error && html`<p class="why">${session.error.title}. ${session.error.detail}</p>`}
+  </li>`;
+
+const Done = ({ session }) => html`<li><${Name} session=${session} /><${StatusPill} state="done" /></li>`;

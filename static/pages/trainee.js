@@ -1,0 +1,81 @@
+// One trainee: each feature over the sessions of a task, and the sessions.
+import { html } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData, useThrottled } from '../data.js';
+import { dateTime } from '../format.js';
+import { useLive } from '../live.js';
+import { href, replace } from '../router.js';
+import { t } from '../texts.js';
+import { featureRows } from '../parts/features.js';
+import { Field } from '../parts/form.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Spark } from '../parts/spark.js';
+import { StatusPill } from '../parts/status.js';
+
+const words = t.trainee;
+const SHARED = '*'; // Features of both tools together, in the address.
+
+export default function Trainee({ route }) {
+  const id = route.path[1];
+  const { data: base, problem, reload } = useData(async signal => {
+    const [trainee, tasks] = await Promise.all([api.trainees.get(id, signal), api.tasks.all()]);
+    return { trainee, tasks };
+  }, [id]);
+  if (!base) return html`<${PageHead} title=${t.nav.trainees} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const { trainee, tasks } = base;
+  const level = t.trainees.levels[trainee.level];
+  return html`
+    <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')} />
+    ${tasks.length ? html`<${Progress} id=${id} tasks=${tasks} route=${route} />` : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
+}
+
+function Progress({ id, tasks, route }) {
+  const task = tasks.find(one => one.id === route.query.get('task') || one.code === route.query.get('task')) ?? tasks[0];
+  const { data, problem, reload } = useData(signal => api.trainees.progress(id, task.id, signal), [id, task.id]);
+  const soon = useThrottled(reload, 2000);
+  useLive('session', event => event.status === 'done' && soon());
+
+  const done = (data?.sessions ?? []).filter(session => session.status === 'done' && session.features?.length).sort((a, b) => Date.parse(a.recorded_at) - Date.parse(b.recorded_at));
+  const tools = [...new Set(done.flatMap(session => session.features.map(feature => feature.tool)))].sort();
+  const wanted = route.query.get('tool');
+  const tool = wanted === SHARED ? null : tools.includes(wanted) ? wanted : tools[0];
+  const set = (key, value) => replace(['trainees', id], { task: task.id, tool: wanted, [key]: value });
+  return html`
+    <section class="card">
+      <header><h2>${words.progress}</h2></header>
+      <div class="filters">
+        <${Field} type="select" label=${words.task} value=${task.id} options=${tasks.map(one => [one.id, one.name])} onInput=${event => set('task', event.target.value)} />
+        ${tools.length > 0 && html`<${Field} type="select" label=${words.tool} value=${tool ?? SHARED} options=${tools.map(name => [name ?? SHARED, name ?? t.session.both])} onInput=${event => set('tool', event.target.value)} />`}
+      </div>
+      <div class="body">
+        <${ProblemNotice} problem=${problem} onRetry=${reload} />
+        ${!data && !problem && html`<${Loading} />`}
+        ${data && done.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}><a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
+        ${done.length > 0 && html`<div class="sparks">${sparks(done, tool).map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>`}
+      </div>
+    </section>
+    ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
+}
+
+/** One small plot per feature of that tool, with a point per session. */
+function sparks(sessions, tool) {
+  const names = new Map();
+  for (const session of sessions) for (const row of featureRows(session.features, '3d')) if (row.byTool.has(tool)) names.set(row.name, row);
+  return [...names.values()].map(({ name, title, unit }) => ({
+    name,
+    title,
+    unit,
+    points: sessions.map(session => {
+      const feature = session.features.find(one => one.name === name && one.tool === tool && one.space === '3d');
+      return { id: session.id, recorded_at: session.recorded_at, value: feature?.value ?? null };
+    }),
+  }));
+}
+
+const Sessions = ({ sessions }) => html`
+  <section class="card list">
+    <header><h2>${words.table}</h2></header>
+    <ul class="queue">
+      ${[...sessions].reverse().map(session => html`<li key=${session.id}><div><a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a></div><${StatusPill} state=${session.status} /></li>`)}
+    </ul>
+  </section>`;

@@ -1,0 +1,62 @@
+// A box's tape colours: what was learned, and learning from annotations with the clip or the frames that they mark.
+import { html, useState } from './preact.js';
+import { api, Problem } from '../api.js';
+import { number } from '../format.js';
+import { t } from '../texts.js';
+import { readJson } from './box_camera.js';
+import { Form } from './form.js';
+import { jobIdOf, JobProgress } from './job.js';
+
+const words = t.box;
+const FIELDS = [
+  { name: 'annotations', label: words.annotations, hint: words.annotationsHint, type: 'file', accept: '.json,application/json', required: true },
+  { name: 'clip', label: words.clip, hint: words.clipHint, type: 'file', accept: 'video/*,.mkv,.ts' },
+  { name: 'frames', label: words.frames, hint: words.framesHint, type: 'file', multiple: true, accept: 'image/*' },
+];
+
+export function PaletteSummary({ palette }) {
+  if (!palette) return html`<p class="muted">${words.noPalette}</p>`;
+  return html`
+    <div class="columns">
+      ${palette.tools?.length > 0 && html`
+        <table class="table dense">
+          <thead><tr><th scope="col">${t.session.tool}</th><th scope="col" class="number">${words.diameter}</th><th scope="col" class="number">${words.band}</th></tr></thead>
+          <tbody>${palette.tools.map(tool => html`<tr key=${tool.name ?? tool.tool}><th scope="row">${tool.name ?? tool.tool}</th><td class="number">${number(tool.diameter_mm)} mm</td><td class="number">${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td></tr>`)}</tbody>
+        </table>`}
+      <table class="table dense">
+        <thead><tr><th scope="col">${words.label}</th><th scope="col" class="number">${words.samples}</th></tr></thead>
+        <tbody>${counts(palette).map(([label, samples]) => html`<tr key=${label}><th scope="row">${label}</th><td class="number">${samples}</td></tr>`)}</tbody>
+      </table>
+    </div>`;
+}
+
+/** Sample counts come as a list or as an object, by label. */
+function counts({ samples, counts: list }) {
+  const given = list ?? samples ?? {};
+  return Array.isArray(given) ? given.map(({ label, samples: count }) => [label, count]) : Object.entries(given);
+}
+
+export function PaletteForm({ box, onChange }) {
+  const [job, setJob] = useState(null);
+  const learn = async ({ annotations: [file], clip: [clip], frames }) => {
+    await readJson(file);
+    const form = new FormData();
+    form.append('annotations', file, 'annotations.json');
+    if (clip) form.append('video', clip, clip.name);
+    else for (const frame of frames) form.append(`frame_${frameNumber(frame.name)}`, frame, frame.name);
+    setJob(jobIdOf(await api.boxes.putPalette(box.id, form)));
+  };
+  return html`
+    <section class="stack">
+      <h3>${words.learn}</h3>
+      <${Form} fields=${FIELDS} onSave=${learn} submit=${words.learn} busyWords=${words.sending} />
+      ${job && html`<${JobProgress} key=${job} id=${job} done=${words.learned} onDone=${onChange} />`}
+    </section>`;
+}
+
+/** `clip_frame_012.png` → 12: the annotations count frames by number. */
+function frameNumber(name) {
+  const numbers = name.replace(/\.[^.]*$/, '').match(/\d+/g);
+  if (!numbers) throw new Problem({ title: words.noNumber(name), status: 0 });
+  return Number(numbers[numbers.length - 1]);
+}

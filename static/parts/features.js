@@ -1,0 +1,64 @@
+// The features of a session: one row per feature, one column per tool, "not enough" in words instead of a number.
+import { html, useState } from './preact.js';
+import { number, unit } from '../format.js';
+import { t } from '../texts.js';
+import { Empty } from './notice.js';
+
+const words = t.session;
+
+/** `[name, title, unit, {tool → feature}]`, in the order in which the service tells them. */
+export function featureRows(features, space) {
+  const rows = new Map();
+  for (const feature of features.filter(feature => feature.space === space)) {
+    if (!rows.has(feature.name)) rows.set(feature.name, { name: feature.name, title: feature.title, unit: feature.unit, byTool: new Map() });
+    rows.get(feature.name).byTool.set(feature.tool, feature);
+  }
+  return [...rows.values()];
+}
+
+export function Features({ features, tools }) {
+  const [space, setSpace] = useState('3d');
+  if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
+  const rows = featureRows(features, space);
+  const shared = rows.some(row => row.byTool.has(null));
+  const columns = [...tools, ...(shared ? [null] : [])];
+  const spaces = ['3d', 'image'].filter(name => features.some(feature => feature.space === name));
+  return html`
+    ${spaces.length > 1 && html`
+      <div class="row chooser" role="group" aria-label=${words.plane}>
+        ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name} onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
+      </div>`}
+    <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
+      <table class="table dense">
+        <thead>
+          <tr>
+            <th scope="col">${words.feature}</th>
+            ${columns.map(tool => html`<th key=${tool} scope="col" class="number">${tool ?? words.both}</th>`)}
+            <th scope="col"><span class="unseen">${words.unit}</span></th>
+          </tr>
+        </thead>
+        <tbody>
+          ${rows.map(
+            row => html`
+              <tr key=${row.name}>
+                <th scope="row">${row.title}${whyNot(row).map(why => html`<small key=${why}>${why}</small>`)}</th>
+                ${columns.map(tool => html`<td key=${tool} class="number"><${Value} feature=${row.byTool.get(tool)} /></td>`)}
+                <td class="unit">${unit(row.unit)}</td>
+              </tr>`,
+          )}
+        </tbody>
+      </table>
+    </div>`;
+}
+
+/** The reasons stand under the title, where there is room; the cell only says that there is no number. */
+function whyNot(row) {
+  return [...row.byTool.values()].filter(isMissing).map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
+}
+
+const isMissing = feature => feature.value === null || feature.value === undefined;
+
+function Value({ feature }) {
+  if (!feature) return '';
+  return isMissing(feature) ? html`<span class="not-enough">${words.notEnough}</span>` : number(feature.value);
+}

@@ -1,0 +1,93 @@
+// A small view into space: turn, zoom, project. The camera frame's x goes right, its depth z goes down, y comes towards us,
+// so that the box stands on the table as the trainee sees it and "as the camera" looks straight down into it.
+export const VIEWS = { camera: [0, Math.PI / 2], front: [0, 0.35], side: [Math.PI / 2, 0.35] };
+const START = [0.6, 0.5];
+const DISTANCE = 3.2;
+
+export class Orbit {
+  constructor() {
+    this.reset();
+  }
+
+  reset() {
+    [this.yaw, this.pitch] = START;
+    this.zoom = 1;
+  }
+
+  look([yaw, pitch]) {
+    [this.yaw, this.pitch] = [yaw, pitch];
+  }
+
+  turn(yaw, pitch) {
+    this.yaw += yaw;
+    this.pitch = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.pitch + pitch));
+  }
+
+  scale(factor) {
+    this.zoom = Math.min(12, Math.max(0.4, this.zoom * factor));
+  }
+
+  /** A function from a point in mm to `[x, y, nearness]` on a canvas of that size. */
+  projection(bounds, width, height) {
+    const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
+    const size = (Math.min(width, height) * 1.25 * this.zoom) / bounds.radius / 2;
+    return (x, y, z) => {
+      const [right, near, up] = [x - bounds.centre[0], y - bounds.centre[1], bounds.centre[2] - z];
+      const across = right * cy - near * sy;
+      const away = -(right * sy + near * cy);
+      const above = up * cp + away * sp;
+      const depth = away * cp - up * sp;
+      const bigger = DISTANCE / (DISTANCE + depth / bounds.radius);
+      return [width / 2 + across * size * bigger, height / 2 - above * size * bigger, -depth];
+    };
+  }
+}
+
+/** Mouse, pen, one or two fingers, wheel and keys. Returns what disconnects them. */
+export function connectOrbit(canvas, orbit, changed) {
+  const fingers = new Map();
+  let spread = 0;
+  const apart = () => {
+    const [a, b] = [...fingers.values()];
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+  };
+  const handlers = {
+    pointerdown(event) {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      if (fingers.size === 2) spread = apart();
+    },
+    pointermove(event) {
+      const before = fingers.get(event.pointerId);
+      if (!before) return;
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      if (fingers.size === 1) orbit.turn((event.clientX - before[0]) * 0.01, (event.clientY - before[1]) * 0.01);
+      if (fingers.size === 2) {
+        orbit.scale(apart() / (spread || 1));
+        spread = apart();
+      }
+      changed();
+    },
+    pointerup: event => fingers.delete(event.pointerId),
+    pointercancel: event => fingers.delete(event.pointerId),
+    wheel(event) {
+      event.preventDefault();
+      orbit.scale(Math.exp(-event.deltaY * 0.001));
+      changed();
+    },
+    keydown(event) {
+      const keys = {
+        ArrowLeft: () => orbit.turn(-0.1, 0), ArrowRight: () => orbit.turn(0.1, 0),
+        ArrowUp: () => orbit.turn(0, -0.1), ArrowDown: () => orbit.turn(0, 0.1),
+        '+': () => orbit.scale(1.15), '=': () => orbit.scale(1.15), '-': () => orbit.scale(1 / 1.15), 0: () => orbit.reset(),
+      };
+      if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
+      event.preventDefault();
+      event.stopPropagation(); // Here the arrows turn the path; elsewhere on the page they move in time.
+      keys[event.key]();
+      changed();
+    },
+  };
+  for (const [name, handler] of Object.entries(handlers)) canvas.addEventListener(name, handler, { passive: false });
+  return () => Object.entries(handlers).forEach(([name, handler]) => canvas.removeEventListener(name, handler));
+}

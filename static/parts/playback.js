@@ -1,0 +1,139 @@
+// The one clock of a session page. The video drives it, or, where the browser cannot play the recording, it runs by
+// itself. Overlay, curves and path draw when it ticks; nothing of that goes through component state.
+import { frameAt } from './track.js';
+
+/** Seeking lands inside a frame, not on its edge, where rounding would show the frame before. */
+const INSIDE = 0.3;
+
+export class Playback {
+  constructor() {
+    this.time = 0;
+    this.playing = false;
+    this.rate = 1;
+    this.video = null;
+    this.times = null;
+    this.fallbackDuration = 0;
+    this.watchers = new Set();
+  }
+
+  /** Calls `watch(this)` on every new picture and change; returns what ends it. */
+  onTick(watch) {
+    this.watchers.add(watch);
+    watch(this);
+    return () => this.watchers.delete(watch);
+  }
+
+  get frame() {
+    return this.times ? frameAt(this.times, this.time) : 0;
+  }
+
+  get duration() {
+    const tracked = this.times?.[this.times.length - 1] ?? 0;
+    const video = this.video?.duration;
+    return Math.max(Number.isFinite(video) ? video : 0, tracked, this.fallbackDuration);
+  }
+
+  attach(video) {
+    this.video = video;
+    const follow = () => this.#moved(video.currentTime);
+    const state = () => {
+      this.playing = !video.paused;
+      this.#tell();
+    };
+    const handlers = { play: state, pause: state, seeked: follow, loadedmetadata: follow, timeupdate: () => video.paused && follow() };
+    for (const [name, handler] of Object.entries(handlers)) video.addEventListener(name, handler);
+    const stop = this.#followFrames(video);
+    return () => {
+      stop();
+      for (const [name, handler] of Object.entries(handlers)) video.removeEventListener(name, handler);
+      if (this.video === video) this.video = null;
+    };
+  }
+
+  /** The exact time of each picture as it is shown; where the browser has no such call, the video's clock on each repaint. */
+  #followFrames(video) {
+    let handle;
+    if (video.requestVideoFrameCallback) {
+      const shown = (_, picture) => {
+        this.#moved(picture.mediaTime);
+        handle = video.requestVideoFrameCallback(shown);
+      };
+      handle = video.requestVideoFrameCallback(shown);
+      return () => video.cancelVideoFrameCallback(handle);
+    }
+    const repaint = () => {
+      if (!video.paused) this.#moved(video.currentTime);
+      handle = requestAnimationFrame(repaint);
+    };
+    handle = requestAnimationFrame(repaint);
+    return () => cancelAnimationFrame(handle);
+  }
+
+  /** The recording cannot be played here: go on without it. */
+  withoutVideo(duration) {
+    this.video = null;
+    this.fallbackDuration = duration;
+    this.#tell();
+  }
+
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  play() {
+    if (this.time >= this.duration - 0.01) this.seek(0);
+    if (this.video) return void this.video.play().catch(() => {}); // Refused or replaced by a pause: the state stays "paused".
+    this.playing = true;
+    let before = performance.now();
+    const run = now => {
+      if (!this.playing) return;
+      this.#moved(Math.min(this.duration, this.time + ((now - before) / 1000) * this.rate));
+      before = now;
+      if (this.time >= this.duration) this.pause();
+      else requestAnimationFrame(run);
+    };
+    requestAnimationFrame(run);
+  }
+
+  pause() {
+    if (this.video) return this.video.pause();
+    this.playing = false;
+    this.#tell();
+  }
+
+  setRate(rate) {
+    this.rate = rate;
+    if (this.video) this.video.playbackRate = rate;
+    this.#tell();
+  }
+
+  seek(time) {
+    const wanted = Math.min(Math.max(0, time), this.duration);
+    if (this.video) this.video.currentTime = wanted;
+    this.#moved(wanted);
+  }
+
+  seekFrame(frame) {
+    if (!this.times) return;
+    const last = this.times.length - 1;
+    const index = Math.min(Math.max(0, frame), last);
+    const step = (this.times[last] - this.times[0]) / Math.max(1, last);
+    this.seek(this.times[index] + step * INSIDE);
+    this.#moved(this.times[index]);
+  }
+
+  step(frames) {
+    this.pause();
+    this.seekFrame(this.frame + frames);
+  }
+
+  #moved(time) {
+    this.time = time;
+    this.#tell();
+  }
+
+  #tell() {
+    for (const watch of this.watchers) watch(this);
+  }
+}

@@ -1,0 +1,97 @@
+// The review of a recording: video, curves, path in space, features and quality, all on one clock.
+import { html, useEffect, useMemo, useState } from './preact.js';
+import { api } from '../api.js';
+import { bytes, clock } from '../format.js';
+import { t } from '../texts.js';
+import { Features } from './features.js';
+import { Path3d } from './path3d.js';
+import { Playback } from './playback.js';
+import { pageKeys, Player } from './player.js';
+import { Plots } from './plots.js';
+import { Quality } from './quality.js';
+import { Readouts, ToolSwitches } from './readouts.js';
+import { buildTrack } from './track.js';
+
+const words = t.session;
+const SPANS = ['all', '20', '5'];
+const FORMATS = ['csv', 'json', 'parquet'];
+
+export function Review({ session, trajectory, diagnostics, start }) {
+  const track = useMemo(() => (trajectory?.columns.frame.length ? buildTrack(trajectory, diagnostics, session.video?.frames ?? session.quality?.frames) : null), [trajectory, diagnostics]);
+  const playback = useMemo(() => new Playback(), []);
+  const [hidden, setHidden] = useState(new Set());
+  const [span, setSpan] = useState('all');
+
+  useEffect(() => {
+    playback.times = track?.times ?? null;
+    playback.seek(playback.time);
+  }, [track]);
+  useEffect(() => {
+    const keys = pageKeys(playback);
+    document.addEventListener('keydown', keys);
+    return () => (document.removeEventListener('keydown', keys), playback.pause());
+  }, []);
+  useEffect(() => startAt(playback, start), [start]);
+
+  const toggle = name => setHidden(before => new Set(before.has(name) ? [...before].filter(other => other !== name) : [...before, name]));
+  return html`
+    <div class="review">
+      <div class="stack">
+        <section class="card">
+          <${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track} playback=${playback} hidden=${hidden} />
+          ${track && html`<${Readouts} track=${track} playback=${playback} />`}
+          <p class="small muted keys">${words.keys}</p>
+        </section>
+        ${track && html`
+          <section class="card">
+            <header>
+              <h2>${words.curves}</h2>
+              <div class="row">
+                <${ToolSwitches} track=${track} hidden=${hidden} onToggle=${toggle} />
+                <select class="select" aria-label=${words.span} value=${span} onChange=${event => setSpan(event.target.value)}>
+                  ${SPANS.map(key => html`<option key=${key} value=${key} selected=${key === span}>${words.spans[key]}</option>`)}
+                </select>
+              </div>
+            </header>
+            <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)} />
+            <p class="small muted keys">${words.curvesHint}</p>
+          </section>`}
+      </div>
+      <div class="stack">
+        ${track && html`<${Card} title=${words.space}><${Path3d} track=${track} playback=${playback} hidden=${hidden} /><//>`}
+        ${session.status === 'done' && html`<section class="card"><header><h2>${words.features}</h2></header><${Features} features=${session.features} tools=${session.tools} /></section>`}
+        ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality} quality=${session.quality} /><//>`}
+        <${Card} title=${words.versions}><${Made} session=${session} /><//>
+      </div>
+    </div>`;
+}
+
+const Card = ({ title, children }) => html`<section class="card"><header><h2>${title}</h2></header><div class="body">${children}</div></section>`;
+
+/** A deep link's `?t=`: go there as soon as the recording can. */
+function startAt(playback, seconds) {
+  if (!seconds) return undefined;
+  const end = playback.onTick(({ duration }) => {
+    if (duration < seconds) return;
+    queueMicrotask(() => (end?.(), playback.seek(seconds)));
+  });
+  return end;
+}
+
+function Made({ session }) {
+  const { video, versions } = session;
+  return html`
+    <div class="stack">
+      <dl class="facts">
+        ${video && html`<dt>${words.size}</dt><dd>${video.width} × ${video.height}, ${words.frames(video.frames)}</dd>
+          <dt>${words.length}</dt><dd>${clock(video.duration_s)}</dd>
+          <dt>${words.file}</dt><dd>${bytes(video.bytes)}</dd>`}
+        ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt><dd class="code">${versions?.[key] ?? words.noneYet}</dd>`)}
+      </dl>
+      ${session.status === 'done' && html`
+        <div class="row">
+          <span class="label">${words.download}</span>
+          ${FORMATS.map(format => html`<a key=${format} class="button" download href=${api.sessions.trajectoryAddress(session.id, format)}>${words.formats[format]}</a>`)}
+        </div>`}
+    </div>`;
+}

@@ -1,0 +1,64 @@
+// The list of uploads: what runs, what stopped and why, and which file to choose again after a reload.
+import { html, useRef, useState } from './preact.js';
+import { bytes, clock, percent } from '../format.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { Announce, ProblemNotice } from './notice.js';
+import { ProgressBar } from './status.js';
+import { cancel, forget, pause, resume, resumeWith } from './uploads.js';
+
+const words = t.upload;
+const TONES = { sending: 'busy', done: 'good', failed: 'bad', lost: 'warn', paused: 'warn', waiting: '' };
+
+export const Sending = ({ items }) => html`
+  <${Announce}>${items.map(item => words.announce(item.name, words.states[item.state])).join('. ')}<//>
+  <ul class="sending">${items.map(item => html`<${Item} key=${item.key} item=${item} />`)}</ul>`;
+
+const Item = ({ item }) => html`
+  <li>
+    <div>
+      <div class="name">${item.name}</div>
+      <div class="small muted">${item.words}</div>
+    </div>
+    <span class=${`pill ${TONES[item.state]}`}>${words.states[item.state]}</span>
+    ${item.state !== 'done' && html`
+      <div class="wide stack tight">
+        <${ProgressBar} value=${item.size ? item.sent / item.size : 0} name=${words.progress(item.name)} />
+        <span class="small muted">${percent(item.size ? item.sent / item.size : 0)} · ${words.sent(bytes(item.sent), bytes(item.size))}${left(item)}</span>
+      </div>`}
+    ${item.problem && html`<div class="wide"><${ProblemNotice} problem=${item.problem} /></div>`}
+    ${item.state === 'lost' ? html`<${Again} item=${item} />` : html`<${Buttons} item=${item} />`}
+  </li>`;
+
+const left = ({ state, rate, size, sent }) => (state === 'sending' && rate > 0 ? ` · ${words.left(clock((size - sent) / rate, 0))}` : '');
+
+function Buttons({ item: { key, state, session } }) {
+  const button = (label, act, kind = '') => html`<button class=${`button ${kind}`} type="button" onClick=${() => act(key)}>${label}</button>`;
+  return html`
+    <div class="wide row">
+      ${(state === 'sending' || state === 'waiting') && button(words.pause, pause)}
+      ${state === 'paused' && button(words.resume, resume, 'main')}
+      ${state === 'failed' && button(words.retry, resume, 'main')}
+      ${state === 'done' && session && html`<a class="button main" href=${href(['sessions', session])}>${words.open}</a>`}
+      ${state === 'done' ? button(words.clear, forget) : button(words.cancel, cancel)}
+    </div>`;
+}
+
+function Again({ item }) {
+  const input = useRef(null);
+  const [other, setOther] = useState(false);
+  const chosen = () => {
+    const [file] = input.current.files;
+    if (file) setOther(!resumeWith(item.key, file));
+    input.current.value = '';
+  };
+  return html`
+    <div class="wide stack tight">
+      <p>${words.lost(item.name)}</p>
+      ${other && html`<${ProblemNotice} problem=${{ title: words.wrongFile(item.name) }} />`}
+      <div class="row drop-again">
+        <label class="button main"><input ref=${input} class="unseen" type="file" onChange=${chosen} />${words.again}</label>
+        <button class="button" type="button" onClick=${() => cancel(item.key)}>${words.cancel}</button>
+      </div>
+    </div>`;
+}

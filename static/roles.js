@@ -1,0 +1,10 @@
+// What each role is offered. The server decides; hiding only spares people buttons that would be refused.
+const ALLOWED = {
+  administrator: ['upload', 'retry', 'delete', 'see_trainees', 'edit_trainees', 'edit_tasks', 'see_boxes', 'edit_boxes', 'people'],
+  instructor: ['upload', 'retry', 'delete', 'see_trainees', 'edit_trainees', 'edit_tasks', 'see_boxes', 'edit_boxes'],
+  trainee: ['upload_own'],
+};
+
+export function may(person, action) {
+  return ALLOWED[person?.role]?.includes(action) ?? false;
+}

@@ -1,0 +1,60 @@
+// Addresses as pages: `/sessions/7?t=3.2`. The server answers them with the dashboard, and this file says which page it is.
+import { useEffect, useState } from './parts/preact.js';
+
+const CHANGED = 'trocar:route';
+
+/** The address as data: `/sessions/7?t=3.2` → `{ path: ['sessions', '7'], query }`. */
+export function currentRoute() {
+  return { path: location.pathname.split('/').filter(Boolean).map(decode), query: new URLSearchParams(location.search) };
+}
+
+/** The address of a page; empty query values are left out. */
+export function href(path, query = {}) {
+  const kept = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== '');
+  const search = new URLSearchParams(kept).toString();
+  return `/${path.map(encodeURIComponent).join('/')}${search ? `?${search}` : ''}`;
+}
+
+export function go(path, query) {
+  visit(href(path, query));
+}
+
+/** Changes the address without a step in the browser's history: filters, the moment in a video. */
+export function replace(path, query) {
+  history.replaceState(null, '', href(path, query));
+  dispatchEvent(new Event(CHANGED));
+}
+
+function visit(address) {
+  history.pushState(null, '', address);
+  dispatchEvent(new Event(CHANGED));
+}
+
+/** A plain click on one of our own links changes the page without loading everything anew. */
+addEventListener('click', event => {
+  const link = event.target.closest?.('a[href]');
+  const plain = event.button === 0 && !event.metaKey && !event.ctrlKey && !event.shiftKey && !event.altKey;
+  if (!link || !plain || event.defaultPrevented || link.target || link.hasAttribute('download')) return;
+  const address = link.getAttribute('href');
+  if (!address.startsWith('/') || address.startsWith('//') || /^\/(api|docs)\b/.test(address)) return;
+  event.preventDefault();
+  if (address !== location.pathname + location.search) visit(address);
+});
+
+export function useRoute() {
+  const [route, setRoute] = useState(currentRoute);
+  useEffect(() => {
+    const change = () => setRoute(currentRoute());
+    for (const name of ['popstate', CHANGED]) addEventListener(name, change);
+    return () => ['popstate', CHANGED].forEach(name => removeEventListener(name, change));
+  }, []);
+  return route;
+}
+
+function decode(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part; // A hand-typed stray % is no reason to show nothing.
+  }
+}
