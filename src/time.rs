@@ -1,1 +1,123 @@
-//! Under construction.
+//! What time it is, asked of a [`Clock`] so that tests can turn the hands.
+//!
+//! Times are `i64` milliseconds since 1970-01-01 UTC, named `…_ms`; outside the process they are RFC 3339 text.
+
+use std::fmt;
+use std::future::Future;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use jiff::Timestamp;
+use tokio::sync::watch;
+
+/// A clock that the whole process shares.
+pub type SharedClock = Arc<dyn Clock>;
+
+/// A wait for a point in time.
+pub type Sleep = Pin<Box<dyn Future<Output = ()> + Send>>;
+
+/// Tells the time and waits.
+pub trait Clock: fmt::Debug + Send + Sync {
+    /// Now, epoch milliseconds.
+    fn now_ms(&self) -> i64;
+
+    /// Waits until this much time has passed on this clock.
+    fn sleep(&self, duration: Duration) -> Sleep;
+}
+
+/// The machine's own clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct System;
+
+impl Clock for System {
+    fn now_ms(&self) -> i64 {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+    }
+
+    fn sleep(&self, duration: Duration) -> Sleep {
+        Box::pin(tokio::time::sleep(duration))
+    }
+}
+
+/// A clock that stands still until it is told to move: for tests.
+#[derive(Debug)]
+pub struct Manual {
+    now_ms: watch::Sender<i64>,
+}
+
+impl Manual {
+    /// A clock that shows this time.
+    pub fn at(now_ms: i64) -> Arc<Self> {
+        Arc::new(Self { now_ms: watch::Sender::new(now_ms) })
+    }
+
+    /// Moves the hands forward and wakes whoever was waiting for it.
+    pub fn advance(&self, duration: Duration) {
+        self.now_ms.send_modify(|now_ms| *now_ms += millis(duration));
+    }
+}
+
+impl Clock for Manual {
+    fn now_ms(&self) -> i64 {
+        *self.now_ms.borrow()
+    }
+
+    fn sleep(&self, duration: Duration) -> Sleep {
+        let mut hands = self.now_ms.subscribe();
+        let until_ms = self.now_ms() + millis(duration);
+        Box::pin(async move {
+            if hands.wait_for(|now_ms| *now_ms >= until_ms).await.is_err() {
+                std::future::pending::<()>().await; // the clock is gone: that time never comes
+            }
+        })
+    }
+}
+
+/// A duration in whole milliseconds, as times are counted.
+pub fn millis(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
+}
+
+/// Epoch milliseconds as RFC 3339 text in UTC, such as `2026-11-21T20:14:00.123Z`; a time outside the years
+/// −9999 to 9999 becomes the nearest one inside.
+pub fn to_rfc3339(time_ms: i64) -> String {
+    let nearest = if time_ms < 0 { Timestamp::MIN } else { Timestamp::MAX };
+    Timestamp::from_millisecond(time_ms).unwrap_or(nearest).to_string()
+}
+
+/// RFC 3339 text with any offset, as epoch milliseconds.
+pub fn from_rfc3339(text: &str) -> Option<i64> {
+    text.parse::<Timestamp>().ok().map(|t| t.as_millisecond())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_survive_their_text() {
+        for time_ms in [0, 1, -1, 1_795_292_040_123] {
+            assert_eq!(from_rfc3339(&to_rfc3339(time_ms)), Some(time_ms));
+        }
+        assert_eq!(from_rfc3339("2026-11-21T21:14:00+01:00"), Some(1_795_292_040_000));
+        assert_eq!(from_rfc3339("yesterday"), None);
+    }
+
+    #[test]
+    fn no_time_is_too_far_to_be_written() {
+        assert!(!to_rfc3339(i64::MIN).is_empty() && !to_rfc3339(i64::MAX).is_empty());
+    }
+
+    #[tokio::test]
+    async fn a_sleeper_wakes_when_the_hands_pass_its_time_and_not_before() {
+        let clock = Manual::at(1_000);
+        let mut sleep = clock.sleep(Duration::from_millis(10));
+        clock.advance(Duration::from_millis(9));
+        assert!(futures_util::poll!(&mut sleep).is_pending());
+        clock.advance(Duration::from_millis(1));
+        sleep.await;
+        assert_eq!(clock.now_ms(), 1_010);
+    }
+}

@@ -1,6 +1,70 @@
 //! What the centre's people talk about, parsed once at the rim: a value of these types is valid.
 //!
-//! [`files`] holds the exchange formats (camera.json, annotations.json, trajectories, truth).
+//! | file | holds |
+//! |---|---|
+//! | [`text`] | names, codes, keys, file names: text with limits |
+//! | [`role`] | what somebody is |
+//! | [`scope`] | what somebody may see and change |
+//! | [`secret`] | tokens, cookies and passwords, and what is kept of them |
+//! | [`boxes`] | a box trainer: from where its camera looks |
+//! | [`trainee`] | level and handedness |
+//! | [`task`] | an exercise's description |
+//! | [`calibration`] | a version of a box's camera |
+//! | [`palette`] | a version of a box's colour samples |
+//! | [`blob`] | files by their content |
+//! | [`job`] | kinds and states of work, and what it is about |
+//! | [`session`] | states of a recording, versions and features of its result |
+//! | [`problem`] | why something did not work, for people |
+//! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, truth |
 
+pub mod blob;
+pub mod boxes;
+pub mod calibration;
 pub mod files;
+pub mod job;
+pub mod palette;
 pub mod problem;
+pub mod role;
+pub mod scope;
+pub mod secret;
+pub mod session;
+pub mod task;
+pub mod text;
+pub mod trainee;
+
+/// An enumeration whose values have one name each, in files, API and database alike.
+macro_rules! named {
+    ($(#[$doc:meta])* $name:ident: $what:literal { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+        pub enum $name { $($(#[$variant_doc])* #[serde(rename = $text)] $variant,)* }
+
+        impl $name {
+            /// All values.
+            pub const ALL: &[$name] = &[$($name::$variant),*];
+
+            /// The value's one name.
+            pub fn name(self) -> &'static str {
+                match self { $($name::$variant => $text,)* }
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl std::str::FromStr for $name {
+            type Err = crate::domain::text::Invalid;
+
+            fn from_str(text: &str) -> Result<Self, Self::Err> {
+                match text {
+                    $($text => Ok($name::$variant),)*
+                    _ => Err(crate::domain::text::Invalid::new($what, concat!("expected one of" $(, " ", $text)*))),
+                }
+            }
+        }
+    };
+}
+pub(crate) use named;

@@ -1,1 +1,205 @@
-//! Under construction.
+//! SQL, and nothing but SQL: what the centre knows, behind functions named for their meaning.
+//!
+//! One writer thread ([`writer`](self)) owns the connection that writes and answers after the commit; reads come from a
+//! pool that cannot write. Functions that touch people's data take a [`Scope`]: what it does not reach is not found.
+//! A list is a [`Page`]. Times are epoch milliseconds. Every function either did what it says, durably, or nothing.
+//!
+//! | room | functions |
+//! |---|---|
+//! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |
+//! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
+//! | [`Store::cookies`] | `create` `person_of` `delete` `delete_all_of` `forget_expired` |
+//! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
+//! | [`Store::trainees`] | `create` `list` `get` `change` `erase` |
+//! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
+//! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
+//! | [`Store::calibrations`] | `add` `latest` `get` `list` |
+//! | [`Store::palettes`] | `add` `latest` `get` `list` |
+//! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
+//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `progress` |
+//! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `give_back` `sweep` |
+//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `all` |
+//! | [`Store::audit`] | `list` |
+
+mod audit;
+mod ballast;
+mod blobs;
+mod boxes;
+mod calibrations;
+mod codes;
+mod columns;
+mod cookies;
+mod error;
+mod groups;
+mod jobs;
+mod open;
+mod page;
+mod palettes;
+mod people;
+mod sessions;
+mod tasks;
+mod tokens;
+mod trainees;
+mod uploads;
+mod visibility;
+mod writer;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use sqlx::SqlitePool;
+use sqlx::sqlite::SqliteConnection;
+
+pub use audit::{Audit, AuditEntry};
+pub use blobs::Blobs;
+pub use boxes::{Boxes, TrainingBox};
+pub use calibrations::{Calibration, Calibrations};
+pub use cookies::{Cookie, Cookies};
+pub use error::{StoreError, StoreResult};
+pub use groups::{Group, Groups, Members};
+pub use jobs::{Job, Jobs, Lease, QueueCounts, Swept};
+pub use page::{Page, PageRequest};
+pub use palettes::{Palette, Palettes};
+pub use people::{NewPerson, People, Person, PersonChange};
+pub use sessions::{Session, SessionFilter, SessionResult, Sessions};
+pub use tasks::{Task, Tasks};
+pub use tokens::{ActsAs, NewToken, Token, Tokens};
+pub use trainees::{Trainee, Trainees};
+pub use uploads::{NewUpload, Upload, Uploads};
+
+use crate::domain::scope::Scope;
+use crate::time::SharedClock;
+use ballast::Ballast;
+use writer::Writer;
+
+/// How the store uses its database.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StoreSettings {
+    /// Connections that read at the same time. More serve more simultaneous pages; each costs about 2 MiB. Usually 4.
+    pub readers: u32,
+    /// Writes that may wait for the writer before further ones are held back. Usually 256.
+    pub waiting_writes: usize,
+    /// Writes that may share one commit. More: fewer fsyncs under load, later answers. Usually 64.
+    pub writes_per_commit: usize,
+    /// How long to wait for a lock or a free connection before giving up as busy, ms. Usually 5000.
+    pub busy_timeout_ms: u64,
+    /// Times that a job may crash or fall silent before it is quarantined. Usually 3.
+    pub max_attempts: u32,
+}
+
+impl Default for StoreSettings {
+    fn default() -> Self {
+        Self { readers: 4, waiting_writes: 256, writes_per_commit: 64, busy_timeout_ms: 5_000, max_attempts: 3 }
+    }
+}
+
+/// The centre's database. Clones are the same store.
+#[derive(Clone, Debug)]
+pub struct Store {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    readers: SqlitePool,
+    writer: Writer,
+    clock: SharedClock,
+    settings: StoreSettings,
+    ballast: Ballast,
+}
+
+impl Store {
+    /// Opens the database at this path, made if it is missing, its schema brought up to date.
+    pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
+        let connection = open::writer(path, settings).await?;
+        let readers = open::readers(path, settings).await?;
+        let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
+            .map_err(|error| StoreError::Unusable(format!("its writer cannot start: {error}")))?;
+        let ballast = Ballast::beside(path);
+        ballast.restore().await;
+        Ok(Self { inner: Arc::new(Inner { readers, writer, clock, settings: settings.clone(), ballast }) })
+    }
+
+    /// The connections that read.
+    fn readers(&self) -> &SqlitePool {
+        &self.inner.readers
+    }
+
+    /// Runs `work` in a transaction of the writer and answers once it is durable.
+    async fn write<T, F>(&self, work: F) -> StoreResult<T>
+    where
+        F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
+        T: Send + 'static,
+    {
+        self.inner.writer.run(work).await
+    }
+
+    /// Like [`Store::write`], for work that makes room: when the disk is full the ballast is freed and the work done
+    /// again, since SQLite needs space even to delete.
+    async fn erase<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
+    where
+        F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
+        T: Send + 'static,
+    {
+        match self.write(work()).await {
+            Err(StoreError::DiskFull) if self.inner.ballast.release().await => self.write(work()).await,
+            result => result,
+        }
+    }
+
+    fn now_ms(&self) -> i64 {
+        self.inner.clock.now_ms()
+    }
+
+    fn max_attempts(&self) -> u32 {
+        self.inner.settings.max_attempts
+    }
+}
+
+/// Each room is a borrowed store under a name of its own.
+macro_rules! rooms {
+    ($($(#[$doc:meta])* $function:ident: $room:ident;)*) => {
+        impl Store { $(
+            $(#[$doc])*
+            pub fn $function(&self) -> $room<'_> {
+                $room(self)
+            }
+        )* }
+    };
+}
+
+rooms! {
+    /// Who can sign in.
+    people: People;
+    /// Which instructors teach which trainees.
+    groups: Groups;
+    /// Browsers that are signed in.
+    cookies: Cookies;
+    /// Programs' ways in.
+    tokens: Tokens;
+    /// Who trains.
+    trainees: Trainees;
+    /// What they do.
+    tasks: Tasks;
+    /// Where they do it.
+    boxes: Boxes;
+    /// Versions of boxes' cameras.
+    calibrations: Calibrations;
+    /// Versions of boxes' colours.
+    palettes: Palettes;
+    /// Recordings that are arriving.
+    uploads: Uploads;
+    /// Recordings that are here, and what came of them.
+    sessions: Sessions;
+    /// Work that waits, runs or has ended.
+    jobs: Jobs;
+    /// Which files the database refers to.
+    blobs: Blobs;
+    /// Who changed what.
+    audit: Audit;
+}

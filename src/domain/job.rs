@@ -1,0 +1,153 @@
+//! Pieces of work: what they are about and how they stand.
+//!
+//! ```text
+//!            claim                finish
+//! queued ───────────▶ running ───────────▶ done
+//!   ▲ ▲                │ │ │    fail
+//!   │ └── give back ───┘ │ └─────────────▶ failed ──────────┐
+//!   ├──── crash, 1st 2nd ┤                                  │
+//!   │                    └─ crash, 3rd ──▶ quarantined ─────┤
+//!   └───────────────────── retry by a person ───────────────┘
+//! ```
+//! `failed` means that the work itself says why it cannot be done (not a video, no marker colour); `quarantined` that
+//! whoever worked on it died or fell silent, three times.
+
+use serde::{Deserialize, Serialize};
+
+use super::blob::Blob;
+use super::calibration::BoardSize;
+use super::files::annotations::AnnotationsFile;
+use super::named;
+use crate::ids::{BoxId, CalibrationId, PaletteId, SessionId};
+
+named! {
+    /// What kind of work.
+    JobKind: "job kind" {
+        /// Track a session's recording and score it.
+        Track = "track",
+        /// Make a box's next calibration from pictures of a checkerboard.
+        Calibrate = "calibrate",
+        /// Collect a box's next colour samples from marked frames.
+        Palette = "palette",
+    }
+}
+
+named! {
+    /// How a job stands.
+    JobState: "job state" {
+        /// Waits for a worker.
+        Queued = "queued",
+        /// A worker holds its lease.
+        Running = "running",
+        /// Its result is stored.
+        Done = "done",
+        /// The work cannot be done; the problem says why.
+        Failed = "failed",
+        /// Whoever worked on it died or fell silent too often.
+        Quarantined = "quarantined",
+    }
+}
+
+/// What a job works on, as it is stored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum JobInput {
+    /// Track a session.
+    Track(TrackInput),
+    /// Calibrate a box's camera.
+    Calibrate(CalibrateInput),
+    /// Collect a box's colour samples.
+    Palette(PaletteInput),
+}
+
+/// A recording, and the versions it is tracked with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrackInput {
+    /// Whose recording.
+    pub session: SessionId,
+    /// The recording.
+    pub video: Blob,
+    /// With which camera.
+    pub calibration: CalibrationId,
+    /// With which colour samples.
+    pub palette: PaletteId,
+}
+
+/// Pictures of a checkerboard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CalibrateInput {
+    /// Whose camera.
+    #[serde(rename = "box")]
+    pub of: BoxId,
+    /// The board.
+    pub board: BoardSize,
+    /// Side of a square, mm.
+    pub square_mm: f64,
+    /// Photos, or one video.
+    pub files: Vec<NamedBlob>,
+    /// Is the one file a video?
+    pub is_video: bool,
+}
+
+/// Marked frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PaletteInput {
+    /// Whose colours.
+    #[serde(rename = "box")]
+    pub of: BoxId,
+    /// What is marked, and the tools' sizes.
+    pub annotations: AnnotationsFile,
+    /// The clip in which `frame` counts, or one picture per frame.
+    pub files: Vec<NamedBlob>,
+    /// Is the one file a video? Otherwise file `n` shows frame [`PaletteInput::frames`]`[n]`.
+    pub is_video: bool,
+    /// Which frame each picture shows; empty for a video.
+    pub frames: Vec<u64>,
+}
+
+/// A file that came with a request, under the name that it had there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NamedBlob {
+    /// Its name, for reports.
+    pub name: String,
+    /// Its content.
+    pub blob: Blob,
+}
+
+impl JobInput {
+    /// Its kind.
+    pub fn kind(&self) -> JobKind {
+        match self {
+            JobInput::Track(_) => JobKind::Track,
+            JobInput::Calibrate(_) => JobKind::Calibrate,
+            JobInput::Palette(_) => JobKind::Palette,
+        }
+    }
+
+    /// The session it is about, if it is about one.
+    pub fn session(&self) -> Option<SessionId> {
+        match self {
+            JobInput::Track(track) => Some(track.session),
+            JobInput::Calibrate(_) | JobInput::Palette(_) => None,
+        }
+    }
+
+    /// The box it is about, if it is about one.
+    pub fn of_box(&self) -> Option<BoxId> {
+        match self {
+            JobInput::Track(_) => None,
+            JobInput::Calibrate(calibrate) => Some(calibrate.of),
+            JobInput::Palette(palette) => Some(palette.of),
+        }
+    }
+
+    /// The files it reads.
+    pub fn blobs(&self) -> Vec<Blob> {
+        match self {
+            JobInput::Track(track) => vec![track.video],
+            JobInput::Calibrate(CalibrateInput { files, .. }) | JobInput::Palette(PaletteInput { files, .. }) => {
+                files.iter().map(|file| file.blob).collect()
+            }
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Secrets: what a program or browser shows to be let in, and the little that is kept of it.
+//!
+//! A token or cookie is 32 random bytes; only its SHA-256 is stored (it has too much entropy to be guessed, so a slow
+//! hash would protect nothing). A password is guessable, so it is stored as argon2id with a salt of its own.
+
+use std::fmt;
+
+use argon2::password_hash::{PasswordHasher, PasswordVerifier, phc};
+use argon2::{Algorithm, Argon2, Params, Version};
+use base64::Engine;
+use base64::engine::general_purpose::URL_SAFE_NO_PAD;
+use sha2::{Digest, Sha256};
+
+use super::text::Invalid;
+
+/// What a token of a program begins with, so that people and scanners recognise one that leaked.
+pub const TOKEN_PREFIX: &str = "trc_";
+
+/// A random secret. Shown once to whom it is given, never stored, never printed by accident.
+pub struct Secret([u8; 32]);
+
+/// What is stored of a [`Secret`].
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct SecretHash(pub [u8; 32]);
+
+impl Secret {
+    /// A new one, from the operating system's generator by way of the thread's.
+    pub fn random() -> Self {
+        Self(rand::random())
+    }
+
+    /// As a cookie's value.
+    pub fn as_cookie(&self) -> String {
+        URL_SAFE_NO_PAD.encode(self.0)
+    }
+
+    /// As a program's token: `trc_…`.
+    pub fn as_token(&self) -> String {
+        format!("{TOKEN_PREFIX}{}", self.as_cookie())
+    }
+
+    /// Reads a cookie's value; `None` if it cannot be one of ours.
+    pub fn from_cookie(text: &str) -> Option<Self> {
+        let bytes = URL_SAFE_NO_PAD.decode(text).ok()?;
+        bytes.try_into().ok().map(Self)
+    }
+
+    /// Reads a program's token; `None` if it cannot be one of ours.
+    pub fn from_token(text: &str) -> Option<Self> {
+        Self::from_cookie(text.strip_prefix(TOKEN_PREFIX)?)
+    }
+
+    /// What to store, and what to look up. The database's index compares hashes, which tells an attacker nothing
+    /// about the secret.
+    pub fn hash(&self) -> SecretHash {
+        SecretHash(Sha256::digest(self.0).into())
+    }
+}
+
+impl fmt::Debug for Secret {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Secret(…)")
+    }
+}
+
+impl fmt::Debug for SecretHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("SecretHash(…)")
+    }
+}
+
+/// A password as a person typed it: 10 to 256 bytes of anything.
+pub struct Password(String);
+
+impl Password {
+    /// Fewest bytes.
+    pub const LEAST: usize = 10;
+    /// Most bytes, so that nobody makes us hash a book.
+    pub const MOST: usize = 256;
+
+    /// A password to set.
+    pub fn new(text: impl Into<String>) -> Result<Self, Invalid> {
+        let text = text.into();
+        if (Self::LEAST..=Self::MOST).contains(&text.len()) {
+            return Ok(Self(text));
+        }
+        let (least, most) = (Self::LEAST, Self::MOST);
+        Err(Invalid::new("password", format!("has {} bytes; expected {least} to {most}", text.len())))
+    }
+
+    /// A password to try: any text up to the longest, since an old password may break today's rules.
+    pub fn tried(text: impl Into<String>) -> Option<Self> {
+        Some(text.into()).filter(|text: &String| text.len() <= Self::MOST).map(Self)
+    }
+
+    /// A new one that a person can type: four groups of five letters and digits (98 bits).
+    pub fn random() -> Self {
+        const ALPHABET: &[u8; 31] = b"abcdefghjkmnpqrstuvwxyz23456789"; // without i l o 0 1
+        let letter = || char::from(ALPHABET[rand::random_range(0..ALPHABET.len())]);
+        let group = || (0..5).map(|_| letter()).collect::<String>();
+        Self([group(), group(), group(), group()].join("-"))
+    }
+
+    /// The text, for showing a random password once.
+    pub fn reveal(&self) -> &str {
+        &self.0
+    }
+
+    /// Hashes it: about 30 ms and 19 MiB, so not on an async thread.
+    pub fn hash(&self) -> PasswordHash {
+        let hash = hasher().hash_password(self.0.as_bytes());
+        // Fails only for a salt or length outside argon2's limits: ours are fixed or checked above.
+        PasswordHash(hash.map(|hash| hash.to_string()).unwrap_or_default())
+    }
+}
+
+impl fmt::Debug for Password {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Password(…)")
+    }
+}
+
+/// What is stored of a password: an argon2id string in PHC form, with its salt and costs.
+#[derive(Clone, PartialEq, Eq)]
+pub struct PasswordHash(pub String);
+
+impl PasswordHash {
+    /// Is this the password? About 30 ms, so not on an async thread.
+    pub fn matches(&self, password: &Password) -> bool {
+        phc::PasswordHash::new(&self.0).is_ok_and(|hash| hasher().verify_password(password.0.as_bytes(), &hash).is_ok())
+    }
+
+    /// A hash that no password matches, to spend the same time on a login that does not exist.
+    pub fn of_nobody() -> Self {
+        Password::random().hash()
+    }
+}
+
+impl fmt::Debug for PasswordHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("PasswordHash(…)")
+    }
+}
+
+/// argon2id, 19 MiB, two passes, one lane: the OWASP minimum. Weaker while unit tests run, which hash often.
+fn hasher() -> Argon2<'static> {
+    let memory_kib = if cfg!(test) { 64 } else { 19 * 1024 };
+    let params = Params::new(memory_kib, 2, 1, None).unwrap_or_default(); // constants inside the limits
+    Argon2::new(Algorithm::Argon2id, Version::V0x13, params)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_secret_is_recognised_by_its_hash_in_either_spelling() {
+        let secret = Secret::random();
+        assert_eq!(Secret::from_cookie(&secret.as_cookie()).unwrap().hash(), secret.hash());
+        assert_eq!(Secret::from_token(&secret.as_token()).unwrap().hash(), secret.hash());
+        assert!(Secret::from_token(&secret.as_cookie()).is_none());
+        assert!(Secret::from_cookie("short").is_none());
+    }
+
+    #[test]
+    fn only_the_password_itself_matches_its_hash() {
+        let password = Password::new("correct horse").unwrap();
+        let hash = password.hash();
+        assert!(hash.0.starts_with("$argon2id$v=19$"));
+        assert!(hash.matches(&password));
+        assert!(!hash.matches(&Password::tried("correct horsf").unwrap()));
+        assert!(!PasswordHash(String::new()).matches(&Password::tried("").unwrap()));
+    }
+
+    #[test]
+    fn two_hashes_of_one_password_differ() {
+        let password = Password::random();
+        assert_ne!(password.hash(), password.hash());
+    }
+
+    #[test]
+    fn nothing_secret_is_printed() {
+        let (secret, password) = (Secret::random(), Password::random());
+        let printed = format!("{secret:?} {:?} {password:?} {:?}", secret.hash(), password.hash());
+        assert_eq!(printed, "Secret(…) SecretHash(…) Password(…) PasswordHash(…)");
+    }
+
+    #[test]
+    fn passwords_out_of_bounds_are_refused_with_the_bounds() {
+        assert!(Password::new("short").unwrap_err().to_string().contains("expected 10 to 256"));
+        assert!(Password::new("x".repeat(257)).is_err());
+    }
+}

@@ -1,0 +1,133 @@
+//! One recording of one trainee doing one task in one box, and what the program made of it.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::blob::Blob;
+use super::job::JobState;
+use super::named;
+use super::text::FileName;
+use crate::ids::{BoxId, CalibrationId, PaletteId, TaskId, TraineeId};
+
+named! {
+    /// How a session stands, for people.
+    SessionStatus: "status" {
+        /// Its recording is still arriving.
+        Receiving = "receiving",
+        /// Waits for a worker, or for its box's calibration or colours.
+        Queued = "queued",
+        /// Being tracked.
+        Tracking = "tracking",
+        /// Tracked and scored.
+        Done = "done",
+        /// Could not be tracked; the problem says why.
+        Failed = "failed",
+    }
+}
+
+impl From<Option<JobState>> for SessionStatus {
+    /// A session stands as the latest job on it; without one it waits for its box to be ready.
+    fn from(latest_job: Option<JobState>) -> Self {
+        match latest_job {
+            None | Some(JobState::Queued) => SessionStatus::Queued,
+            Some(JobState::Running) => SessionStatus::Tracking,
+            Some(JobState::Done) => SessionStatus::Done,
+            Some(JobState::Failed | JobState::Quarantined) => SessionStatus::Failed,
+        }
+    }
+}
+
+/// A session to be stored. Its recording lies in the vault already.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewSession {
+    /// Who trained.
+    pub trainee: TraineeId,
+    /// What they did.
+    pub task: TaskId,
+    /// Where.
+    pub in_box: BoxId,
+    /// Name of the file as it was sent.
+    pub filename: FileName,
+    /// When it was recorded, epoch ms; unknown: when it came.
+    pub recorded_at_ms: Option<i64>,
+    /// The recording.
+    pub video: Blob,
+    /// The recording's media type, such as `video/mp4`.
+    pub media_type: String,
+}
+
+/// Everything that a result depends on besides the recording.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Versions {
+    /// [`crate::pipeline::PIPELINE_VERSION`] of the program that made it.
+    pub pipeline: String,
+    /// The box's camera.
+    pub calibration: CalibrationId,
+    /// The box's colours.
+    pub palette: PaletteId,
+    /// The model that scored it, if one did.
+    pub model: Option<String>,
+}
+
+/// What decoding a recording showed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VideoFacts {
+    /// Width as displayed, pixels.
+    pub width: u32,
+    /// Height as displayed, pixels.
+    pub height: u32,
+    /// Decoded frames.
+    pub frames: u64,
+    /// Presentation time from the first frame to the last, s.
+    pub duration_s: f64,
+}
+
+/// One feature of one session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FeatureRow {
+    /// Stable name, such as `path_length`.
+    pub name: String,
+    /// Title for people.
+    pub title: String,
+    /// Unit, such as `mm`; empty for a pure number.
+    pub unit: String,
+    /// The tool's marker; `None` for a feature of the whole session.
+    pub tool: Option<String>,
+    /// In which space it was measured: `3d` or `image`.
+    pub space: FeatureSpace,
+    /// The value, or why there is none: too few observations is an answer, not a zero.
+    pub value: Result<f64, String>,
+}
+
+named! {
+    /// Where a feature was measured.
+    FeatureSpace: "space" {
+        /// In millimetres, in the camera frame.
+        Space3d = "3d",
+        /// In pixels of the recorded frame.
+        Image = "image",
+    }
+}
+
+/// What tracking a session gave, to be stored in one transaction. Its files lie in the vault already.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewResult {
+    /// What it was made with.
+    pub versions: Versions,
+    /// What decoding showed.
+    pub video: VideoFacts,
+    /// Names of the tools, in the trajectory's order.
+    pub tools: Vec<String>,
+    /// Features, in the order in which people read them.
+    pub features: Vec<FeatureRow>,
+    /// Counts and reasons per tool; an object.
+    pub quality: Value,
+    /// Place in a reference cohort, if a model scored it; an object.
+    pub score: Option<Value>,
+    /// Raw, filtered and smoothed paths, in the analysis' own form.
+    pub trajectory: Blob,
+    /// What the tracker saw on every frame.
+    pub diagnostics: Blob,
+    /// A JPEG of one frame.
+    pub preview: Option<Blob>,
+}

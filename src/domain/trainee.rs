@@ -1,0 +1,61 @@
+//! Somebody who trains.
+
+use serde::{Deserialize, Serialize};
+
+use super::named;
+use super::text::{Code, Name};
+use crate::ids::GroupId;
+
+named! {
+    /// How experienced a trainee is said to be.
+    Level: "level" {
+        /// First steps.
+        Novice = "novice",
+        /// Some operations.
+        Intermediate = "intermediate",
+        /// Operates regularly.
+        Expert = "expert",
+    }
+}
+
+named! {
+    /// The hand that a trainee prefers.
+    Handedness: "handedness" {
+        /// Left.
+        Left = "left",
+        /// Right.
+        Right = "right",
+        /// Either.
+        Both = "both",
+    }
+}
+
+/// A trainee to be registered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NewTrainee {
+    /// Their name.
+    pub name: Name,
+    /// Their short unique name; made from `name` if absent.
+    pub code: Option<Code>,
+    /// Experience.
+    pub level: Option<Level>,
+    /// Preferred hand.
+    pub handedness: Option<Handedness>,
+    /// The group they join. An instructor with one group may leave it out.
+    pub group: Option<GroupId>,
+}
+
+/// Changes to a trainee; what is absent stays.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TraineeChange {
+    /// New name.
+    pub name: Option<Name>,
+    /// New code.
+    pub code: Option<Code>,
+    /// New level.
+    pub level: Option<Level>,
+    /// New preferred hand.
+    pub handedness: Option<Handedness>,
+}

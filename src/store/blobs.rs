@@ -1,0 +1,53 @@
+//! Which files of the vault the database refers to. A row comes with its first reference, in the same transaction, and
+//! goes after its last one; the file is there before the row and is deleted after it.
+
+use sqlx::sqlite::SqliteConnection;
+
+use super::Store;
+use super::columns::integer;
+use super::error::StoreResult;
+use crate::domain::blob::{Blob, BlobHash};
+
+/// The files that are referred to.
+pub struct Blobs<'s>(pub(super) &'s Store);
+
+impl Blobs<'_> {
+    /// Files that nothing refers to any more, at most `most`.
+    pub async fn unreferenced(&self, most: u32) -> StoreResult<Vec<BlobHash>> {
+        let sql = "SELECT hash FROM blob WHERE hash NOT IN (SELECT hash FROM blob_reference) LIMIT $1";
+        Ok(sqlx::query_scalar(sql).bind(most).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Forgets a file unless something refers to it; `true` if nothing does, so that the file may be deleted.
+    pub async fn forget_if_unreferenced(&self, hash: BlobHash) -> StoreResult<bool> {
+        self.0
+            .erase(|| {
+                async move |tx| {
+                    let sql = "DELETE FROM blob WHERE hash = $1 AND hash NOT IN (SELECT hash FROM blob_reference)";
+                    sqlx::query(sql).bind(hash).execute(&mut *tx).await?;
+                    let left: Option<i64> =
+                        sqlx::query_scalar("SELECT 1 FROM blob WHERE hash = $1").bind(hash).fetch_optional(tx).await?;
+                    Ok(left.is_none())
+                }
+            })
+            .await
+    }
+
+    /// Every file that should be in the vault, by hash; `after` continues.
+    pub async fn all(&self, after: Option<BlobHash>, most: u32) -> StoreResult<Vec<Blob>> {
+        let sql = "SELECT hash, bytes FROM blob WHERE $1 IS NULL OR hash > $1 ORDER BY hash LIMIT $2";
+        let rows: Vec<(BlobHash, i64)> = sqlx::query_as(sql).bind(after).bind(most).fetch_all(self.0.readers()).await?;
+        Ok(rows.into_iter().map(|(hash, bytes)| Blob { hash, bytes: bytes.unsigned_abs() }).collect())
+    }
+}
+
+/// Makes sure of a file's row, in the transaction that refers to it.
+pub(super) async fn record(tx: &mut SqliteConnection, blob: Blob, now_ms: i64) -> StoreResult<()> {
+    sqlx::query("INSERT INTO blob (hash, bytes, created_at_ms) VALUES ($1, $2, $3) ON CONFLICT DO NOTHING")
+        .bind(blob.hash)
+        .bind(integer(blob.bytes))
+        .bind(now_ms)
+        .execute(tx)
+        .await?;
+    Ok(())
+}

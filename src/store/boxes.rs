@@ -1,0 +1,109 @@
+//! Where trainees train. Staff change boxes; people see all of them, an agent its own.
+
+use super::audit::note;
+use super::error::{StoreResult, in_use, not_found, taken};
+use super::page::{Page, PageRequest};
+use super::visibility::{AskedBy, require_staff, sees_box};
+use super::{Scope, Store, codes};
+use crate::domain::boxes::{BoxChange, NewBox};
+use crate::domain::files::annotations::View;
+use crate::domain::text::{Code, Key, Name, Paragraphs};
+use crate::ids::BoxId;
+
+/// The boxes.
+pub struct Boxes<'s>(pub(super) &'s Store);
+
+/// A box trainer with its camera.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct TrainingBox {
+    /// Its id.
+    pub id: BoxId,
+    /// Its short unique name.
+    pub code: Code,
+    /// What people call it.
+    pub name: Name,
+    /// From where its camera looks, if said.
+    pub view: Option<View>,
+    /// Anything worth knowing; may be empty.
+    pub notes: Paragraphs,
+    /// When it was registered, epoch ms.
+    pub created_at_ms: i64,
+}
+
+impl Boxes<'_> {
+    /// Registers a box.
+    pub async fn create(&self, scope: &Scope, new: NewBox) -> StoreResult<TrainingBox> {
+        require_staff(scope, "registering boxes")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let taken_sql = "SELECT 1 FROM training_box WHERE code = $1";
+                let code = codes::choose(tx, taken_sql, new.code, &new.name, "box").await?;
+                let insert = sqlx::query_as(
+                    "INSERT INTO training_box (id, code, name, view, notes, created_at_ms)
+                     VALUES ($1, $2, $3, $4, coalesce($5, ''), $6)
+                     RETURNING id, code, name, view, notes, created_at_ms",
+                );
+                let insert = insert.bind(BoxId::at(now_ms)).bind(code).bind(new.name).bind(new.view).bind(new.notes);
+                let made: TrainingBox = insert.bind(now_ms).fetch_one(&mut *tx).await.map_err(taken("code"))?;
+                note(tx, &scope, now_ms, ("create", "box"), made.id).await?;
+                Ok(made)
+            })
+            .await
+    }
+
+    /// The boxes that the scope sees, by code.
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<TrainingBox>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT id, code, name, view, notes, created_at_ms FROM training_box WHERE ",
+            sees_box!("training_box.id"),
+            " AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"
+        ));
+        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |found: &TrainingBox| found.code.to_string()))
+    }
+
+    /// One box, by id or code.
+    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<TrainingBox> {
+        let row = sqlx::query_as(concat!(
+            "SELECT id, code, name, view, notes, created_at_ms FROM training_box WHERE $3 IN (id, code) AND ",
+            sees_box!("training_box.id")
+        ));
+        let row = row.asked_by(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("box"))
+    }
+
+    /// Changes a box.
+    pub async fn change(&self, scope: &Scope, key: &Key, change: BoxChange) -> StoreResult<TrainingBox> {
+        let id = self.get(scope, key).await?.id;
+        require_staff(scope, "changing boxes")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let row = sqlx::query_as(
+                    "UPDATE training_box SET code = coalesce($2, code), name = coalesce($3, name),
+                            view = coalesce($4, view), notes = coalesce($5, notes)
+                     WHERE id = $1 RETURNING id, code, name, view, notes, created_at_ms",
+                );
+                let row = row.bind(id).bind(change.code).bind(change.name).bind(change.view).bind(change.notes);
+                let row = row.fetch_optional(&mut *tx).await.map_err(taken("code"))?;
+                note(tx, &scope, now_ms, ("change", "box"), id).await?;
+                row.ok_or(not_found("box"))
+            })
+            .await
+    }
+
+    /// Deletes a box in which no session was recorded, with its calibrations, colours and jobs.
+    pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
+        let id = self.get(scope, key).await?.id;
+        require_staff(scope, "deleting boxes")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let delete = sqlx::query("DELETE FROM training_box WHERE id = $1").bind(id);
+                delete.execute(&mut *tx).await.map_err(in_use("box", "sessions"))?;
+                note(tx, &scope, now_ms, ("delete", "box"), id).await
+            })
+            .await
+    }
+}

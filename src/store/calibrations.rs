@@ -1,0 +1,103 @@
+//! Versions of boxes' cameras: added, never changed. The latest is the one in use.
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::error::{StoreResult, missing, not_found};
+use super::jobs::enqueue_waiting_sessions;
+use super::visibility::{AskedBy, require_staff, sees_box};
+use super::{Scope, Store};
+use crate::domain::calibration::{CalibrationSource, NewCalibration};
+use crate::domain::files::camera::CameraFile;
+use crate::ids::{BoxId, CalibrationId};
+
+/// The boxes' cameras.
+pub struct Calibrations<'s>(pub(super) &'s Store);
+
+/// A version of a box's camera.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Calibration {
+    /// Its id.
+    pub id: CalibrationId,
+    /// Whose camera.
+    pub box_id: BoxId,
+    /// 1, 2, … within the box.
+    pub version: i64,
+    /// Where it came from.
+    pub source: CalibrationSource,
+    /// The camera, with what the calibration says of itself.
+    #[sqlx(json)]
+    pub camera: CameraFile,
+    /// Reprojection error, pixels, if said.
+    pub rms_px: Option<f64>,
+    /// When it was stored, epoch ms.
+    pub created_at_ms: i64,
+}
+
+impl Calibrations<'_> {
+    /// Stores a camera that somebody sent as the box's next version. Sessions that waited for one are queued.
+    pub async fn add(&self, scope: &Scope, of: BoxId, new: NewCalibration) -> StoreResult<Calibration> {
+        require_staff(scope, "changing a box's camera")?;
+        let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        self.0
+            .write(async move |tx| {
+                let calibration = insert(tx, of, new, now_ms).await?;
+                enqueue_waiting_sessions(tx, of, now_ms, attempts).await?;
+                note(tx, &scope, now_ms, ("calibrate", "box"), of).await?;
+                Ok(calibration)
+            })
+            .await
+    }
+
+    /// The version in use, if the box has one.
+    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<Calibration>> {
+        let row = sqlx::query_as(concat!(
+            "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
+             WHERE box_id = $3 AND ",
+            sees_box!("box_id"),
+            " ORDER BY version DESC LIMIT 1"
+        ));
+        Ok(row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?)
+    }
+
+    /// One version.
+    pub async fn get(&self, scope: &Scope, id: CalibrationId) -> StoreResult<Calibration> {
+        let row = sqlx::query_as(concat!(
+            "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration WHERE id = $3 AND ",
+            sees_box!("box_id")
+        ));
+        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("calibration"))
+    }
+
+    /// The last hundred versions, newest first.
+    pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<Calibration>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
+             WHERE box_id = $3 AND ",
+            sees_box!("box_id"),
+            " ORDER BY version DESC LIMIT 100"
+        ));
+        Ok(rows.asked_by(scope).bind(of).fetch_all(self.0.readers()).await?)
+    }
+}
+
+/// Inserts the box's next version.
+pub(super) async fn insert(
+    tx: &mut SqliteConnection,
+    of: BoxId,
+    new: NewCalibration,
+    now_ms: i64,
+) -> StoreResult<Calibration> {
+    let row = sqlx::query_as(
+        "INSERT INTO calibration (id, box_id, version, source, camera, width, height, rms_px, created_at_ms)
+         SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM calibration WHERE box_id = $2
+         RETURNING id, box_id, version, source, camera, rms_px, created_at_ms",
+    );
+    let rms_px = new.camera.more.get("rms_px").and_then(|rms| rms.as_f64()).filter(|rms| *rms >= 0.0);
+    let (width, height) = (new.camera.width, new.camera.height);
+    let row = row.bind(CalibrationId::at(now_ms)).bind(of).bind(new.source).bind(Json(new.camera));
+    let row = row.bind(width).bind(height).bind(rms_px).bind(now_ms);
+    row.fetch_one(tx).await.map_err(missing("box"))
+}

@@ -1,0 +1,90 @@
+//! How our types lie in columns: ids, names and enumerations as their text, secrets' hashes as bytes.
+
+use sqlx::encode::IsNull;
+use sqlx::error::BoxDynError;
+use sqlx::sqlite::{SqliteArgumentsBuffer, SqliteTypeInfo, SqliteValueRef};
+use sqlx::{Decode, Encode, Sqlite, Type};
+
+use crate::domain::blob::BlobHash;
+use crate::domain::calibration::CalibrationSource;
+use crate::domain::files::annotations::View;
+use crate::domain::job::{JobKind, JobState};
+use crate::domain::role::Role;
+use crate::domain::secret::{PasswordHash, SecretHash};
+use crate::domain::session::FeatureSpace;
+use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs};
+use crate::domain::trainee::{Handedness, Level};
+use crate::ids::{
+    BoxId, CalibrationId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SessionId, TaskId, TokenId,
+    TraineeId, UploadId,
+};
+
+/// A type that is stored as text, by these two functions.
+macro_rules! as_text {
+    ($($type:ty: $write:expr, $read:expr;)*) => { $(
+        impl Type<Sqlite> for $type {
+            fn type_info() -> SqliteTypeInfo {
+                <str as Type<Sqlite>>::type_info()
+            }
+        }
+
+        impl Encode<'_, Sqlite> for $type {
+            fn encode_by_ref(&self, arguments: &mut SqliteArgumentsBuffer) -> Result<IsNull, BoxDynError> {
+                let write: fn(&$type) -> String = $write;
+                Encode::<Sqlite>::encode(write(self), arguments)
+            }
+        }
+
+        impl<'r> Decode<'r, Sqlite> for $type {
+            fn decode(value: SqliteValueRef<'r>) -> Result<Self, BoxDynError> {
+                let read: fn(&str) -> Result<$type, BoxDynError> = $read;
+                read(<&str as Decode<'r, Sqlite>>::decode(value)?)
+            }
+        }
+    )* };
+}
+
+/// A type that is stored as the text that it is shown as.
+macro_rules! as_shown {
+    ($($type:ty)*) => { as_text! { $($type: |value| value.to_string(), |text| Ok(text.parse()?);)* } };
+}
+
+as_shown! {
+    PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId JobId LeaseToken
+    Name Login Code FileName Paragraphs BlobHash
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace
+}
+
+as_text! {
+    Key: |key| key.as_str().to_owned(), |text| Ok(Key::from(text));
+    PasswordHash: |hash| hash.0.clone(), |text| Ok(PasswordHash(text.to_owned()));
+    View: |view| view_name(*view).to_owned(), view_named;
+}
+
+fn view_name(view: View) -> &'static str {
+    match view {
+        View::Top => "top",
+        View::Side => "side",
+    }
+}
+
+fn view_named(name: &str) -> Result<View, BoxDynError> {
+    [View::Top, View::Side].into_iter().find(|view| view_name(*view) == name).ok_or_else(|| "not a view".into())
+}
+
+impl Type<Sqlite> for SecretHash {
+    fn type_info() -> SqliteTypeInfo {
+        <[u8] as Type<Sqlite>>::type_info()
+    }
+}
+
+impl Encode<'_, Sqlite> for SecretHash {
+    fn encode_by_ref(&self, arguments: &mut SqliteArgumentsBuffer) -> Result<IsNull, BoxDynError> {
+        Encode::<Sqlite>::encode(self.0.to_vec(), arguments)
+    }
+}
+
+/// A length or count as SQLite keeps it. Ours are far below 2⁶³; larger is a mistake that the CHECKs then refuse.
+pub(super) fn integer(count: u64) -> i64 {
+    i64::try_from(count).unwrap_or(-1)
+}

@@ -1,0 +1,110 @@
+//! Browsers that are signed in: a cookie's hash, and until when it counts.
+
+use std::time::Duration;
+
+use super::error::StoreResult;
+use super::people::Person;
+use super::{Scope, Store};
+use crate::domain::secret::SecretHash;
+use crate::ids::PersonId;
+use crate::time::millis;
+
+/// The signed-in browsers.
+pub struct Cookies<'s>(pub(super) &'s Store);
+
+/// How long a sign-in lasts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cookie {
+    /// Without a request for so long it ends.
+    pub idle: Duration,
+    /// After so long it ends even for the busy.
+    pub most: Duration,
+}
+
+/// `last_seen_at_ms` is written only when it is older than this: not every request is worth an fsync.
+const SEEN_TO_MS: i64 = 60_000;
+
+#[derive(sqlx::FromRow)]
+struct Row {
+    #[sqlx(flatten)]
+    person: Person,
+    last_seen_at_ms: i64,
+}
+
+impl Cookies<'_> {
+    /// Signs a browser of this person in.
+    pub async fn create(&self, secret: SecretHash, person: PersonId, lasts: Cookie) -> StoreResult<()> {
+        let now_ms = self.0.now_ms();
+        self.0
+            .write(async move |tx| {
+                let sql =
+                    "INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
+                           VALUES ($1, $2, $3, $3, $4)";
+                let expires_at_ms = now_ms + millis(lasts.most).max(1);
+                sqlx::query(sql).bind(secret).bind(person).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// Who shows this cookie, if it still counts; and notes that they were here.
+    pub async fn person_of(&self, secret: SecretHash, lasts: Cookie) -> StoreResult<Option<Person>> {
+        let now_ms = self.0.now_ms();
+        let row = sqlx::query_as::<_, Row>(
+            "SELECT person.id, login, name, role, trainee_id, person.created_at_ms, last_seen_at_ms
+             FROM cookie_session JOIN person ON person.id = person_id
+             WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3",
+        );
+        let row = row.bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
+        let Some(row) = row.fetch_optional(self.0.readers()).await? else { return Ok(None) };
+        if now_ms - row.last_seen_at_ms > SEEN_TO_MS.min(millis(lasts.idle) / 2) {
+            self.seen(secret, now_ms).await?;
+        }
+        Ok(Some(row.person))
+    }
+
+    /// Signs one browser out; unknown cookies are as good as signed out.
+    pub async fn delete(&self, secret: SecretHash) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                sqlx::query("DELETE FROM cookie_session WHERE secret_hash = $1").bind(secret).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// Signs all browsers of a person out.
+    pub async fn delete_all_of(&self, scope: &Scope, person: PersonId) -> StoreResult<()> {
+        if !scope.is_administrator() && scope.person() != Some(person) {
+            return Err(super::error::not_found("person"));
+        }
+        self.0
+            .write(async move |tx| {
+                sqlx::query("DELETE FROM cookie_session WHERE person_id = $1").bind(person).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// Forgets cookies that no longer count.
+    pub async fn forget_expired(&self, lasts: Cookie) -> StoreResult<u64> {
+        let now_ms = self.0.now_ms();
+        self.0
+            .write(async move |tx| {
+                let sql = "DELETE FROM cookie_session WHERE expires_at_ms <= $1 OR last_seen_at_ms <= $2";
+                let deleted = sqlx::query(sql).bind(now_ms).bind(now_ms - millis(lasts.idle)).execute(tx).await?;
+                Ok(deleted.rows_affected())
+            })
+            .await
+    }
+
+    async fn seen(&self, secret: SecretHash, now_ms: i64) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                let sql = "UPDATE cookie_session SET last_seen_at_ms = max($2, last_seen_at_ms) WHERE secret_hash = $1";
+                sqlx::query(sql).bind(secret).bind(now_ms).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+}

@@ -1,0 +1,139 @@
+//! Which instructors teach which trainees. Administrators change groups; instructors see their own.
+
+use serde::{Deserialize, Serialize};
+
+use super::audit::note;
+use super::error::{StoreResult, missing, not_found, taken};
+use super::visibility::{AskedBy, require_administrator, require_staff};
+use super::{Scope, Store};
+use crate::domain::text::Name;
+use crate::ids::{GroupId, PersonId, TraineeId};
+
+/// The training groups.
+pub struct Groups<'s>(pub(super) &'s Store);
+
+/// A training group.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// Its id.
+    pub id: GroupId,
+    /// What people call it.
+    pub name: Name,
+    /// When it was made, epoch ms.
+    pub created_at_ms: i64,
+    /// Who is in it.
+    pub members: Members,
+}
+
+/// Who is in a group.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Members {
+    /// The instructors who teach it.
+    pub instructors: Vec<PersonId>,
+    /// The trainees in it.
+    pub trainees: Vec<TraineeId>,
+}
+
+#[derive(sqlx::FromRow)]
+struct Row {
+    id: GroupId,
+    name: Name,
+    created_at_ms: i64,
+}
+
+impl Groups<'_> {
+    /// Makes an empty group.
+    pub async fn create(&self, scope: &Scope, name: Name) -> StoreResult<Group> {
+        require_administrator(scope, "making groups")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let group = Group { id: GroupId::at(now_ms), name, created_at_ms: now_ms, members: Members::default() };
+        self.0
+            .write(async move |tx| {
+                let sql = "INSERT INTO training_group (id, name, created_at_ms) VALUES ($1, $2, $3)";
+                let insert = sqlx::query(sql).bind(group.id).bind(&group.name).bind(now_ms);
+                insert.execute(&mut *tx).await.map_err(taken("group name"))?;
+                note(tx, &scope, now_ms, ("create", "group"), group.id).await?;
+                Ok(group)
+            })
+            .await
+    }
+
+    /// All groups that the scope sees, by name: an administrator all, an instructor their own.
+    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Group>> {
+        require_staff(scope, "the list of groups")?;
+        let rows = sqlx::query_as::<_, Row>(
+            "SELECT id, name, created_at_ms FROM training_group
+             WHERE $1 = 'administrator'
+                OR EXISTS (SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)
+             ORDER BY name",
+        );
+        let mut groups = Vec::new();
+        for row in rows.asked_by(scope).fetch_all(self.0.readers()).await? {
+            groups.push(self.with_members(row).await?);
+        }
+        Ok(groups)
+    }
+
+    /// One group that the scope sees.
+    pub async fn get(&self, scope: &Scope, id: GroupId) -> StoreResult<Group> {
+        let row = sqlx::query_as::<_, Row>(
+            "SELECT id, name, created_at_ms FROM training_group
+             WHERE id = $3 AND ($1 = 'administrator' OR ($1 = 'instructor' AND EXISTS (
+                SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)))",
+        );
+        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        self.with_members(row.ok_or(not_found("group"))?).await
+    }
+
+    /// Sets who is in a group, all at once.
+    pub async fn set_members(&self, scope: &Scope, id: GroupId, members: Members) -> StoreResult<Group> {
+        require_administrator(scope, "changing groups")?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                sqlx::query("DELETE FROM group_instructor WHERE group_id = $1").bind(id).execute(&mut *tx).await?;
+                sqlx::query("DELETE FROM group_trainee WHERE group_id = $1").bind(id).execute(&mut *tx).await?;
+                for person in members.instructors {
+                    let sql = "INSERT INTO group_instructor (group_id, person_id)
+                               SELECT $1, id FROM person WHERE id = $2 AND role <> 'trainee' ON CONFLICT DO NOTHING";
+                    let insert = sqlx::query(sql).bind(id).bind(person);
+                    insert.execute(&mut *tx).await.map_err(missing("group"))?;
+                }
+                for trainee in members.trainees {
+                    let sql = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2) ON CONFLICT DO NOTHING";
+                    let insert = sqlx::query(sql).bind(id).bind(trainee);
+                    insert.execute(&mut *tx).await.map_err(missing("group or trainee"))?;
+                }
+                note(tx, &by, now_ms, ("set members", "group"), id).await
+            })
+            .await?;
+        self.get(scope, id).await
+    }
+
+    /// Dissolves a group; its people stay.
+    pub async fn delete(&self, scope: &Scope, id: GroupId) -> StoreResult<()> {
+        require_administrator(scope, "deleting groups")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let deleted =
+                    sqlx::query("DELETE FROM training_group WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                if deleted.rows_affected() == 0 {
+                    return Err(not_found("group"));
+                }
+                note(tx, &scope, now_ms, ("delete", "group"), id).await
+            })
+            .await
+    }
+
+    async fn with_members(&self, Row { id, name, created_at_ms }: Row) -> StoreResult<Group> {
+        let instructors = sqlx::query_scalar("SELECT person_id FROM group_instructor WHERE group_id = $1");
+        let trainees = sqlx::query_scalar("SELECT trainee_id FROM group_trainee WHERE group_id = $1");
+        let members = Members {
+            instructors: instructors.bind(id).fetch_all(self.0.readers()).await?,
+            trainees: trainees.bind(id).fetch_all(self.0.readers()).await?,
+        };
+        Ok(Group { id, name, created_at_ms, members })
+    }
+}

@@ -1,0 +1,115 @@
+//! Into the queue, in the transaction that makes the work necessary.
+
+use sqlx::sqlite::SqliteConnection;
+
+use super::super::blobs;
+use super::super::error::{StoreResult, missing};
+use crate::domain::blob::{Blob, BlobHash};
+use crate::domain::job::{JobInput, JobKind, TrackInput};
+use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, SessionId};
+use crate::pipeline::PIPELINE_VERSION;
+
+/// Inserts a job, or finds the one with the same natural key (kind, input, versions); a failed or quarantined one is
+/// queued again.
+pub(super) async fn insert(
+    tx: &mut SqliteConnection,
+    input: &JobInput,
+    versions: &str,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<JobId> {
+    let text = serde_json::to_string(input).unwrap_or_default(); // plain data; the schema refuses an empty text
+    let key = (input.kind(), Blob::of(text.as_bytes()).hash, versions);
+    if let Some(id) = find(tx, key).await? {
+        requeue(tx, id, now_ms).await?;
+        return Ok(id);
+    }
+    let id = JobId::at(now_ms);
+    let insert = sqlx::query(
+        "INSERT INTO job (id, kind, input, input_hash, versions, session_id, box_id, state, max_attempts,
+                          created_at_ms, queued_at_ms)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, 'queued', $8, $9, $9)",
+    );
+    let insert = insert.bind(id).bind(key.0).bind(text).bind(key.1).bind(versions);
+    let insert = insert.bind(input.session()).bind(input.of_box()).bind(max_attempts).bind(now_ms);
+    insert.execute(&mut *tx).await.map_err(missing("box"))?;
+    for blob in input.blobs() {
+        blobs::record(tx, blob, now_ms).await?;
+        let link = sqlx::query("INSERT INTO job_file (job_id, blob) VALUES ($1, $2) ON CONFLICT DO NOTHING");
+        link.bind(id).bind(blob.hash).execute(&mut *tx).await?;
+    }
+    Ok(id)
+}
+
+/// Queues a job again that has failed or was quarantined, with all its attempts; `false` if it has not.
+pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -> StoreResult<bool> {
+    let update = sqlx::query(
+        "UPDATE job SET state = 'queued', attempt = 0, progress = 0, problem = NULL, queued_at_ms = max($2, queued_at_ms),
+                        started_at_ms = NULL, ended_at_ms = NULL
+         WHERE id = $1 AND state IN ('failed', 'quarantined')",
+    );
+    Ok(update.bind(id).bind(now_ms).execute(tx).await?.rows_affected() > 0)
+}
+
+/// Queues the tracking of a session with its box's latest camera and colours; `None` if the box lacks one of them.
+pub(in crate::store) async fn enqueue_track(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<Option<JobId>> {
+    #[derive(sqlx::FromRow)]
+    struct Row {
+        hash: BlobHash,
+        bytes: i64,
+        calibration: Option<CalibrationId>,
+        palette: Option<PaletteId>,
+    }
+    let row = sqlx::query_as(
+        "SELECT blob.hash, blob.bytes,
+                (SELECT id FROM calibration WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS calibration,
+                (SELECT id FROM palette WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS palette
+         FROM session JOIN blob ON blob.hash = session.video WHERE session.id = $1",
+    );
+    let row: Row = row.bind(session).fetch_one(&mut *tx).await?;
+    let (Some(calibration), Some(palette)) = (row.calibration, row.palette) else { return Ok(None) };
+    let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
+    let input = JobInput::Track(TrackInput { session, video, calibration, palette });
+    insert(tx, &input, &format!("pipeline {PIPELINE_VERSION}"), now_ms, max_attempts).await.map(Some)
+}
+
+/// Queues the sessions of a box that have waited for its camera or colours.
+pub(in crate::store) async fn enqueue_waiting_sessions(
+    tx: &mut SqliteConnection,
+    of: BoxId,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<()> {
+    let waiting: Vec<SessionId> = sqlx::query_scalar(
+        "SELECT id FROM session
+         WHERE box_id = $1 AND NOT EXISTS (SELECT 1 FROM job WHERE session_id = session.id) ORDER BY id",
+    )
+    .bind(of)
+    .fetch_all(&mut *tx)
+    .await?;
+    for session in waiting {
+        enqueue_track(tx, session, now_ms, max_attempts).await?;
+    }
+    Ok(())
+}
+
+/// What else the result of work about a box depends on: which versions came before. The same photos sent twice in a row
+/// are one job; sent again after another calibration they are a new one.
+pub(super) async fn versions_so_far(tx: &mut SqliteConnection, kind: JobKind, of: BoxId) -> StoreResult<String> {
+    let sql = match kind {
+        JobKind::Palette => "SELECT coalesce(max(version), 0) FROM palette WHERE box_id = $1",
+        JobKind::Calibrate | JobKind::Track => "SELECT coalesce(max(version), 0) FROM calibration WHERE box_id = $1",
+    };
+    let version: i64 = sqlx::query_scalar(sql).bind(of).fetch_one(tx).await?;
+    Ok(format!("after {version}"))
+}
+
+async fn find(tx: &mut SqliteConnection, key: (JobKind, BlobHash, &str)) -> StoreResult<Option<JobId>> {
+    let found = sqlx::query_scalar("SELECT id FROM job WHERE kind = $1 AND input_hash = $2 AND versions = $3");
+    Ok(found.bind(key.0).bind(key.1).bind(key.2.to_owned()).fetch_optional(tx).await?)
+}

@@ -1,0 +1,107 @@
+//! Results: stored in the transaction that ends the job, under the lease that they were computed under. A late finisher
+//! stores nothing.
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::super::calibrations::{self, Calibration};
+use super::super::columns::integer;
+use super::super::error::StoreResult;
+use super::super::palettes::{self, Palette};
+use super::super::{StoreError, blobs};
+use super::enqueue::enqueue_waiting_sessions;
+use super::lease::end_as_done;
+use super::{Jobs, Lease};
+use crate::domain::calibration::NewCalibration;
+use crate::domain::palette::NewPalette;
+use crate::domain::session::{FeatureRow, NewResult};
+use crate::ids::{BoxId, ResultId, SessionId};
+
+impl Jobs<'_> {
+    /// Stores what tracking a session gave. If this session has a result of the same versions already, that one stays:
+    /// the same input gives the same numbers.
+    pub async fn finish_track(&self, held: &Lease, result: NewResult) -> StoreResult<()> {
+        let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
+        let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                end_as_done(tx, id, token, now_ms).await?;
+                insert_result(tx, session, result, now_ms).await
+            })
+            .await
+    }
+
+    /// Stores a box's next camera. Sessions that waited for one are queued.
+    pub async fn finish_calibration(&self, held: &Lease, new: NewCalibration) -> StoreResult<Calibration> {
+        let of = box_of(held)?;
+        let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
+        self.0
+            .write(async move |tx| {
+                end_as_done(tx, id, token, now_ms).await?;
+                let calibration = calibrations::insert(tx, of, new, now_ms).await?;
+                enqueue_waiting_sessions(tx, of, now_ms, attempts).await?;
+                Ok(calibration)
+            })
+            .await
+    }
+
+    /// Stores a box's next colours. Sessions that waited for them are queued.
+    pub async fn finish_palette(&self, held: &Lease, new: NewPalette) -> StoreResult<Palette> {
+        let of = box_of(held)?;
+        let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
+        self.0
+            .write(async move |tx| {
+                end_as_done(tx, id, token, now_ms).await?;
+                let palette = palettes::insert(tx, of, new, now_ms).await?;
+                enqueue_waiting_sessions(tx, of, now_ms, attempts).await?;
+                Ok(palette)
+            })
+            .await
+    }
+}
+
+fn box_of(held: &Lease) -> StoreResult<BoxId> {
+    held.job.box_id.ok_or_else(|| wrong_kind("a box"))
+}
+
+fn wrong_kind(expected: &str) -> StoreError {
+    StoreError::refused(format!("this result is of work about {expected}, which the job is not"))
+}
+
+async fn insert_result(tx: &mut SqliteConnection, session: SessionId, new: NewResult, now_ms: i64) -> StoreResult<()> {
+    for blob in [Some(new.trajectory), Some(new.diagnostics), new.preview].into_iter().flatten() {
+        blobs::record(tx, blob, now_ms).await?;
+    }
+    let insert = sqlx::query_scalar(
+        "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
+                             duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17)
+         ON CONFLICT DO NOTHING RETURNING id",
+    );
+    let insert = insert.bind(ResultId::at(now_ms)).bind(session);
+    let versions = new.versions;
+    let insert = insert.bind(versions.pipeline).bind(versions.calibration).bind(versions.palette).bind(versions.model);
+    let insert = insert.bind(new.video.width).bind(new.video.height).bind(integer(new.video.frames));
+    let insert = insert.bind(new.video.duration_s).bind(Json(new.tools)).bind(Json(new.quality));
+    let insert = insert.bind(new.score.map(Json)).bind(new.trajectory.hash).bind(new.diagnostics.hash);
+    let insert = insert.bind(new.preview.map(|blob| blob.hash)).bind(now_ms);
+    let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
+    if let Some(result) = inserted {
+        insert_features(tx, result, new.features).await?;
+    }
+    Ok(())
+}
+
+async fn insert_features(tx: &mut SqliteConnection, result: ResultId, features: Vec<FeatureRow>) -> StoreResult<()> {
+    for (position, feature) in features.into_iter().enumerate() {
+        let insert = sqlx::query(
+            "INSERT INTO feature (result_id, position, name, title, unit, tool, space, value, not_enough)
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
+        );
+        let insert = insert.bind(result).bind(integer(position as u64)).bind(feature.name).bind(feature.title);
+        let insert = insert.bind(feature.unit).bind(feature.tool).bind(feature.space);
+        let insert = insert.bind(feature.value.as_ref().ok().copied()).bind(feature.value.err());
+        insert.execute(&mut *tx).await?;
+    }
+    Ok(())
+}

@@ -1,0 +1,170 @@
+//! Who may work on a job, and until when: claim, heartbeat, hand back, rescue.
+//!
+//! Each claim makes a new token, and every later write carries it (`AND lease_token = $token`). A worker that was
+//! paused, presumed dead and replaced can thus compute as long as it likes: its writes change nothing.
+
+use std::time::Duration;
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::super::error::{StoreError, StoreResult, not_found};
+use super::{Job, Jobs, job_columns};
+use crate::domain::job::JobState;
+use crate::domain::problem::Problem;
+use crate::ids::{JobId, LeaseToken};
+use crate::time::millis;
+
+/// The right to work on a job, until it is lost.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lease {
+    /// The job as it was claimed.
+    pub job: Job,
+    /// What every write about it must show.
+    pub token: LeaseToken,
+}
+
+/// What a sweep found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Swept {
+    /// Jobs whose worker fell silent: queued again, or quarantined.
+    pub rescued: Vec<Job>,
+}
+
+impl Jobs<'_> {
+    /// Gives the job that has waited longest to this worker; work about boxes goes first, since sessions wait for it.
+    pub async fn claim(&self, worker: &str, lease: Duration) -> StoreResult<Option<Lease>> {
+        let (worker, now_ms) = (worker.to_owned(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let token = LeaseToken::at(now_ms);
+                let row = sqlx::query_as(concat!(
+                    "UPDATE job SET state = 'running', attempt = attempt + 1, lease_token = $1, lease_until_ms = $2,
+                                    worker = $3, progress = 0, started_at_ms = $4
+                     WHERE id = (SELECT id FROM job WHERE state = 'queued'
+                                 ORDER BY kind = 'track', queued_at_ms, id LIMIT 1)
+                     RETURNING ",
+                    job_columns!()
+                ));
+                let row = row.bind(token).bind(now_ms + millis(lease)).bind(worker).bind(now_ms);
+                Ok(row.fetch_optional(tx).await?.map(|job| Lease { job, token }))
+            })
+            .await
+    }
+
+    /// Says that the work goes on and how far it is; the lease lasts so long from now.
+    pub async fn heartbeat(&self, held: &Lease, progress: f64, lease: Duration) -> StoreResult<()> {
+        let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
+        let progress = if progress.is_finite() { progress.clamp(0.0, 1.0) } else { 0.0 };
+        self.0
+            .write(async move |tx| {
+                let beat = sqlx::query(
+                    "UPDATE job SET lease_until_ms = $3, progress = max(progress, $4)
+                     WHERE id = $1 AND lease_token = $2",
+                );
+                let beat = beat.bind(id).bind(token).bind(now_ms + millis(lease)).bind(progress);
+                held_or_lost(beat.execute(tx).await?.rows_affected())
+            })
+            .await
+    }
+
+    /// Hands a job back untouched, because the service ends: it waits again at its old place and no attempt is counted.
+    pub async fn give_back(&self, held: &Lease) -> StoreResult<()> {
+        let (id, token) = (held.job.id, held.token);
+        self.0
+            .write(async move |tx| {
+                let back = sqlx::query(
+                    "UPDATE job SET state = 'queued', attempt = attempt - 1, progress = 0, lease_token = NULL,
+                                    lease_until_ms = NULL, worker = NULL, started_at_ms = NULL
+                     WHERE id = $1 AND lease_token = $2",
+                );
+                held_or_lost(back.bind(id).bind(token).execute(tx).await?.rows_affected())
+            })
+            .await
+    }
+
+    /// The work cannot be done, and says why: no further attempt would change that.
+    pub async fn fail(&self, held: &Lease, problem: Problem) -> StoreResult<Job> {
+        let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let failed = sqlx::query(
+                    "UPDATE job SET state = 'failed', problem = $3, ended_at_ms = $4, lease_token = NULL,
+                                    lease_until_ms = NULL, worker = NULL
+                     WHERE id = $1 AND lease_token = $2",
+                );
+                let failed = failed.bind(id).bind(token).bind(Json(problem)).bind(now_ms);
+                held_or_lost(failed.execute(&mut *tx).await?.rows_affected())?;
+                read(tx, id).await
+            })
+            .await
+    }
+
+    /// Whoever did the work died or ran out of time: another attempt, or quarantine after the last.
+    pub async fn crashed(&self, held: &Lease, problem: Problem) -> StoreResult<Job> {
+        let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let sql = "SELECT 1 FROM job WHERE id = $1 AND lease_token = $2";
+                let held: Option<i64> = sqlx::query_scalar(sql).bind(id).bind(token).fetch_optional(&mut *tx).await?;
+                held.ok_or(StoreError::LeaseLost)?;
+                rescue(tx, id, problem, now_ms).await
+            })
+            .await
+    }
+
+    /// Rescues the jobs whose lease has run out. `all`: every running job, for the start after a crash, when no worker
+    /// of this service can be alive.
+    pub async fn sweep(&self, all: bool, problem: Problem) -> StoreResult<Swept> {
+        let now_ms = self.0.now_ms();
+        self.0
+            .write(async move |tx| {
+                let sql = "SELECT id FROM job WHERE state = 'running' AND ($2 OR lease_until_ms <= $1) ORDER BY id";
+                let silent: Vec<JobId> = sqlx::query_scalar(sql).bind(now_ms).bind(all).fetch_all(&mut *tx).await?;
+                let mut rescued = Vec::with_capacity(silent.len());
+                for id in silent {
+                    rescued.push(rescue(tx, id, problem.clone(), now_ms).await?);
+                }
+                Ok(Swept { rescued })
+            })
+            .await
+    }
+}
+
+/// Takes the lease away: queued at its old place while attempts are left, else quarantined.
+async fn rescue(tx: &mut SqliteConnection, id: JobId, problem: Problem, now_ms: i64) -> StoreResult<Job> {
+    let row = sqlx::query_as(concat!(
+        "UPDATE job SET state = CASE WHEN attempt < max_attempts THEN 'queued' ELSE 'quarantined' END,
+                        ended_at_ms = CASE WHEN attempt < max_attempts THEN NULL ELSE $3 END,
+                        problem = $2, progress = 0, lease_token = NULL, lease_until_ms = NULL, worker = NULL
+         WHERE id = $1 AND state = 'running' RETURNING ",
+        job_columns!()
+    ));
+    let row = row.bind(id).bind(Json(problem)).bind(now_ms).fetch_optional(&mut *tx).await?;
+    row.ok_or(StoreError::LeaseLost)
+}
+
+/// Ends a job as done, if the lease is still held.
+pub(super) async fn end_as_done(
+    tx: &mut SqliteConnection,
+    id: JobId,
+    token: LeaseToken,
+    now_ms: i64,
+) -> StoreResult<()> {
+    let done = sqlx::query(
+        "UPDATE job SET state = $4, progress = 1, problem = NULL, ended_at_ms = $3, lease_token = NULL,
+                        lease_until_ms = NULL, worker = NULL
+         WHERE id = $1 AND lease_token = $2",
+    );
+    let done = done.bind(id).bind(token).bind(now_ms).bind(JobState::Done);
+    held_or_lost(done.execute(tx).await?.rows_affected())
+}
+
+pub(super) async fn read(tx: &mut SqliteConnection, id: JobId) -> StoreResult<Job> {
+    let row = sqlx::query_as(concat!("SELECT ", job_columns!(), " FROM job WHERE id = $1"));
+    row.bind(id).fetch_optional(tx).await?.ok_or(not_found("job"))
+}
+
+fn held_or_lost(rows: u64) -> StoreResult<()> {
+    if rows == 1 { Ok(()) } else { Err(StoreError::LeaseLost) }
+}

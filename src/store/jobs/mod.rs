@@ -1,0 +1,162 @@
+//! Work that waits, runs or has ended. The diagram of states stands in [`crate::domain::job`].
+//!
+//! | file | holds |
+//! |---|---|
+//! | `mod.rs` | what people see |
+//! | `enqueue.rs` | into the queue, in the transaction that makes the work necessary |
+//! | `lease.rs` | claim, heartbeat, hand back, rescue: for [`crate::queue`] |
+//! | `finish.rs` | results, stored under the lease that they were computed under |
+
+mod enqueue;
+mod finish;
+mod lease;
+
+pub(super) use enqueue::{enqueue_track, enqueue_waiting_sessions};
+pub use lease::{Lease, Swept};
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, not_found};
+use super::page::{Page, PageRequest};
+use super::visibility::{AskedBy, require_staff, sees_trainee};
+use super::{Scope, Store};
+use crate::domain::job::{JobInput, JobKind, JobState};
+use crate::domain::problem::Problem;
+use crate::ids::{BoxId, JobId, SessionId};
+
+/// The queue.
+pub struct Jobs<'s>(pub(super) &'s Store);
+
+/// A piece of work.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Job {
+    /// Its id.
+    pub id: JobId,
+    /// What kind of work.
+    pub kind: JobKind,
+    /// What it works on.
+    #[sqlx(json)]
+    pub input: JobInput,
+    /// The session it is about, if it is about one.
+    pub session_id: Option<SessionId>,
+    /// The box it is about, if it is about one.
+    pub box_id: Option<BoxId>,
+    /// How it stands.
+    pub state: JobState,
+    /// Claims that ended in a crash or silence, and the present one.
+    pub attempt: i64,
+    /// Crashes after which it is quarantined.
+    pub max_attempts: i64,
+    /// Share done, 0 to 1.
+    pub progress: f64,
+    /// Why it failed, or what happened when it last crashed.
+    #[sqlx(json(nullable))]
+    pub problem: Option<Problem>,
+    /// Who works on it.
+    pub worker: Option<String>,
+    /// When it was queued first, epoch ms.
+    pub created_at_ms: i64,
+    /// When it was queued last, epoch ms.
+    pub queued_at_ms: i64,
+    /// When it was claimed last, epoch ms.
+    pub started_at_ms: Option<i64>,
+    /// When it ended, epoch ms.
+    pub ended_at_ms: Option<i64>,
+}
+
+/// How much work there is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, sqlx::FromRow)]
+pub struct QueueCounts {
+    /// Jobs that wait.
+    pub queued: i64,
+    /// Jobs that run.
+    pub running: i64,
+    /// Jobs that crashed too often.
+    pub quarantined: i64,
+}
+
+/// The columns of a [`Job`].
+macro_rules! job_columns {
+    () => {
+        "job.id, job.kind, job.input, job.session_id, job.box_id, job.state, job.attempt, job.max_attempts, \
+         job.progress, job.problem, job.worker, job.created_at_ms, job.queued_at_ms, job.started_at_ms, \
+         job.ended_at_ms"
+    };
+}
+pub(super) use job_columns;
+
+/// The job in this row is within the scope: one about a box for staff, one about a session for who sees its trainee.
+macro_rules! sees_job {
+    () => {
+        concat!(
+            "($1 = 'administrator' OR ($1 = 'instructor' AND job.box_id IS NOT NULL) OR EXISTS (",
+            "SELECT 1 FROM session WHERE session.id = job.session_id AND ",
+            sees_trainee!("session.trainee_id"),
+            "))"
+        )
+    };
+}
+
+impl Jobs<'_> {
+    /// Queues work about a box. The same work twice is one job: one that has failed is queued again.
+    pub async fn enqueue(&self, scope: &Scope, input: JobInput) -> StoreResult<Job> {
+        require_staff(scope, "giving a box new colours or a new camera")?;
+        let of = input.of_box().ok_or_else(|| StoreError::refused("a session's job is made with the session"))?;
+        let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        self.0
+            .write(async move |tx| {
+                let versions = enqueue::versions_so_far(tx, input.kind(), of).await?;
+                let id = enqueue::insert(tx, &input, &versions, now_ms, attempts).await?;
+                note(tx, &scope, now_ms, ("enqueue", "job"), id).await?;
+                lease::read(tx, id).await
+            })
+            .await
+    }
+
+    /// The jobs that the scope sees, newest first; with `open`, only those that wait or run.
+    pub async fn list(&self, scope: &Scope, open: bool, page: &PageRequest) -> StoreResult<Page<Job>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT ",
+            job_columns!(),
+            " FROM job WHERE ",
+            sees_job!(),
+            " AND ($3 IS NULL OR job.id < $3) AND (NOT $4 OR job.state IN ('queued', 'running'))
+             ORDER BY job.id DESC LIMIT $5"
+        ));
+        let rows = rows.asked_by(scope).bind(page.after()).bind(open).bind(page.rows());
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |job: &Job| job.id.to_string()))
+    }
+
+    /// One job.
+    pub async fn get(&self, scope: &Scope, id: JobId) -> StoreResult<Job> {
+        let row = sqlx::query_as(concat!("SELECT ", job_columns!(), " FROM job WHERE job.id = $3 AND ", sees_job!()));
+        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("job"))
+    }
+
+    /// Queues a job again that has failed or was quarantined; any other stays as it is.
+    pub async fn retry(&self, scope: &Scope, id: JobId) -> StoreResult<Job> {
+        self.get(scope, id).await?;
+        require_staff(scope, "trying a job again")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                if enqueue::requeue(tx, id, now_ms).await? {
+                    note(tx, &scope, now_ms, ("retry", "job"), id).await?;
+                }
+                lease::read(tx, id).await
+            })
+            .await
+    }
+
+    /// How much work there is, whoever it is of: numbers without names.
+    pub async fn counts(&self) -> StoreResult<QueueCounts> {
+        let row = sqlx::query_as(
+            "SELECT count(*) FILTER (WHERE state = 'queued') AS queued,
+                    count(*) FILTER (WHERE state = 'running') AS running,
+                    count(*) FILTER (WHERE state = 'quarantined') AS quarantined
+             FROM job WHERE state IN ('queued', 'running', 'quarantined')",
+        );
+        Ok(row.fetch_one(self.0.readers()).await?)
+    }
+}

@@ -1,0 +1,92 @@
+//! Opening the database: the settings that durability rests on, asserted; then the schema.
+
+use std::path::Path;
+use std::time::Duration;
+
+use sqlx::migrate::Migrator;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{ConnectOptions, SqlitePool};
+
+use super::StoreSettings;
+use super::error::{StoreError, StoreResult};
+
+static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
+
+/// Before 3.51.3 a checkpoint that races with a reset of the write-ahead log can corrupt the file.
+const LEAST_SQLITE: (u32, u32, u32) = (3, 51, 3);
+
+/// The connection that writes, with the schema brought up to date.
+pub(super) async fn writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
+    let options = options(path, settings).create_if_missing(true).journal_mode(SqliteJournalMode::Wal);
+    let mut connection = options.connect().await?;
+    check_version(&mut connection).await?;
+    check_settings(&mut connection, settings).await?;
+    MIGRATIONS.run(&mut connection).await.map_err(|error| {
+        StoreError::Unusable(format!("its schema does not fit this program ({error}); was it made by a newer one?"))
+    })?;
+    Ok(connection)
+}
+
+/// The connections that read. They cannot write, whatever a statement says.
+pub(super) async fn readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
+    let checked = settings.clone();
+    let pool = SqlitePoolOptions::new()
+        .max_connections(settings.readers)
+        .acquire_timeout(Duration::from_millis(settings.busy_timeout_ms))
+        .after_connect(move |connection, _| {
+            let settings = checked.clone();
+            Box::pin(async move { check_settings(connection, &settings).await.map_err(sqlx::Error::config) })
+        })
+        .connect_with(options(path, settings).read_only(true).pragma("query_only", "ON"))
+        .await?;
+    Ok(pool)
+}
+
+fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(path)
+        .synchronous(SqliteSynchronous::Full)
+        .foreign_keys(true)
+        .busy_timeout(Duration::from_millis(settings.busy_timeout_ms))
+        .pragma("secure_delete", "ON")
+        .pragma("trusted_schema", "OFF")
+        .pragma("temp_store", "MEMORY") // no copy of people's data in a temporary file
+        .disable_statement_logging()
+}
+
+async fn check_version(connection: &mut SqliteConnection) -> StoreResult<()> {
+    let version: String = sqlx::query_scalar("SELECT sqlite_version()").fetch_one(connection).await?;
+    let mut parts = version.split('.').map(|part| part.parse().unwrap_or(0));
+    let mut next = || parts.next().unwrap_or(0);
+    if (next(), next(), next()) >= LEAST_SQLITE {
+        return Ok(());
+    }
+    Err(StoreError::Unusable(format!("SQLite {version} can corrupt its write-ahead log; 3.51.3 or newer is needed")))
+}
+
+/// A setting that does not take (read-only folder, odd file system, old library) must not go unnoticed.
+async fn check_settings(connection: &mut SqliteConnection, settings: &StoreSettings) -> StoreResult<()> {
+    let journal: String = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut *connection).await?;
+    expect("journal_mode", &journal, "wal")?;
+    for (pragma, wanted) in [
+        ("PRAGMA synchronous", 2), // FULL
+        ("PRAGMA foreign_keys", 1),
+        ("PRAGMA secure_delete", 1),
+        ("PRAGMA trusted_schema", 0),
+        ("PRAGMA temp_store", 2), // MEMORY
+        ("PRAGMA busy_timeout", i64::try_from(settings.busy_timeout_ms).unwrap_or(i64::MAX)),
+    ] {
+        let found: i64 = sqlx::query_scalar(pragma).fetch_one(&mut *connection).await?;
+        expect(pragma, &found.to_string(), &wanted.to_string())?;
+    }
+    Ok(())
+}
+
+fn expect(what: &str, found: &str, wanted: &str) -> StoreResult<()> {
+    if found == wanted {
+        return Ok(());
+    }
+    Err(StoreError::Unusable(format!(
+        "{what} is {found} where {wanted} is needed; is the data folder on a local disk?"
+    )))
+}

@@ -1,0 +1,91 @@
+//! Versions of boxes' colour samples: added, never changed. The latest is the one in use.
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::error::{StoreResult, missing, not_found};
+use super::visibility::{AskedBy, sees_box};
+use super::{Scope, Store};
+use crate::domain::boxes::BoxTool;
+use crate::domain::files::annotations::AnnotationsFile;
+use crate::domain::palette::{LabelCount, NewPalette};
+use crate::ids::{BoxId, PaletteId};
+
+/// The boxes' colours. New ones come from a palette job ([`super::Jobs::finish_palette`]).
+pub struct Palettes<'s>(pub(super) &'s Store);
+
+/// A version of a box's colour samples.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Palette {
+    /// Its id.
+    pub id: PaletteId,
+    /// Whose colours.
+    pub box_id: BoxId,
+    /// 1, 2, … within the box.
+    pub version: i64,
+    /// What the instructor marked.
+    #[sqlx(json)]
+    pub annotations: AnnotationsFile,
+    /// The tools, with their sizes.
+    #[sqlx(json)]
+    pub tools: Vec<BoxTool>,
+    /// How many samples each label gave.
+    #[sqlx(json)]
+    pub counts: Vec<LabelCount>,
+    /// The samples, in the tracker's own form.
+    pub samples: Vec<u8>,
+    /// When it was stored, epoch ms.
+    pub created_at_ms: i64,
+}
+
+impl Palettes<'_> {
+    /// The version in use, if the box has one.
+    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<Palette>> {
+        let row = sqlx::query_as(concat!(
+            "SELECT id, box_id, version, annotations, tools, counts, samples, created_at_ms FROM palette
+             WHERE box_id = $3 AND ",
+            sees_box!("box_id"),
+            " ORDER BY version DESC LIMIT 1"
+        ));
+        Ok(row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?)
+    }
+
+    /// One version.
+    pub async fn get(&self, scope: &Scope, id: PaletteId) -> StoreResult<Palette> {
+        let row = sqlx::query_as(concat!(
+            "SELECT id, box_id, version, annotations, tools, counts, samples, created_at_ms FROM palette
+             WHERE id = $3 AND ",
+            sees_box!("box_id")
+        ));
+        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("palette"))
+    }
+
+    /// The last hundred versions, newest first.
+    pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<Palette>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT id, box_id, version, annotations, tools, counts, samples, created_at_ms FROM palette
+             WHERE box_id = $3 AND ",
+            sees_box!("box_id"),
+            " ORDER BY version DESC LIMIT 100"
+        ));
+        Ok(rows.asked_by(scope).bind(of).fetch_all(self.0.readers()).await?)
+    }
+}
+
+/// Inserts the box's next version. A view that the annotations name becomes the box's.
+pub(super) async fn insert(tx: &mut SqliteConnection, of: BoxId, new: NewPalette, now_ms: i64) -> StoreResult<Palette> {
+    sqlx::query("UPDATE training_box SET view = coalesce($2, view) WHERE id = $1")
+        .bind(of)
+        .bind(new.annotations.view)
+        .execute(&mut *tx)
+        .await?;
+    let row = sqlx::query_as(
+        "INSERT INTO palette (id, box_id, version, annotations, tools, counts, samples, created_at_ms)
+         SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7 FROM palette WHERE box_id = $2
+         RETURNING id, box_id, version, annotations, tools, counts, samples, created_at_ms",
+    );
+    let row = row.bind(PaletteId::at(now_ms)).bind(of).bind(Json(new.annotations)).bind(Json(new.tools));
+    let row = row.bind(Json(new.counts)).bind(new.samples).bind(now_ms);
+    row.fetch_one(tx).await.map_err(missing("box"))
+}

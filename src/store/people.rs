@@ -1,0 +1,226 @@
+//! Who can sign in. Administrators only, but for the functions that sign-in itself needs.
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found, taken};
+use super::page::{Page, PageRequest};
+use super::visibility::require_administrator;
+use super::{Scope, Store};
+use crate::domain::role::Role;
+use crate::domain::secret::PasswordHash;
+use crate::domain::text::{Login, Name};
+use crate::ids::{PersonId, TraineeId};
+
+/// The people who can sign in.
+pub struct People<'s>(pub(super) &'s Store);
+
+/// Somebody who can sign in.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct Person {
+    /// Their id.
+    pub id: PersonId,
+    /// What they type to sign in.
+    pub login: Login,
+    /// What people call them.
+    pub name: Name,
+    /// What they are; never [`Role::Agent`].
+    pub role: Role,
+    /// The trainee that they are, for [`Role::Trainee`] and only then.
+    pub trainee_id: Option<TraineeId>,
+    /// When the account was made, epoch ms.
+    pub created_at_ms: i64,
+}
+
+/// Somebody to let in.
+#[derive(Clone, Debug)]
+pub struct NewPerson {
+    /// What they type to sign in.
+    pub login: Login,
+    /// What people call them.
+    pub name: Name,
+    /// What they are.
+    pub role: Role,
+    /// Their password's hash.
+    pub password: PasswordHash,
+    /// The trainee that they are: required for [`Role::Trainee`], refused otherwise.
+    pub trainee: Option<TraineeId>,
+}
+
+/// Changes to an account; what is absent stays.
+#[derive(Clone, Debug, Default)]
+pub struct PersonChange {
+    /// New login.
+    pub login: Option<Login>,
+    /// New name.
+    pub name: Option<Name>,
+    /// New role: administrator or instructor. A trainee's account stays a trainee's.
+    pub role: Option<Role>,
+}
+
+impl Person {
+    /// What they may see. To be called by the code that has just proved that it is them.
+    pub fn scope(&self) -> Scope {
+        match (self.role, self.trainee_id) {
+            (Role::Administrator, _) => Scope::administrator(self.id),
+            (_, Some(trainee)) => Scope::trainee(self.id, trainee),
+            // Without groups an instructor sees no trainee. The schema lets nobody be an agent.
+            (Role::Instructor | Role::Trainee | Role::Agent, None) => Scope::instructor(self.id),
+        }
+    }
+}
+
+impl People<'_> {
+    /// Lets somebody in.
+    pub async fn create(&self, scope: &Scope, new: NewPerson) -> StoreResult<Person> {
+        require_administrator(scope, "making accounts")?;
+        if new.role == Role::Agent {
+            return Err(StoreError::refused("an agent is a program: make a token for it"));
+        }
+        if (new.role == Role::Trainee) != new.trainee.is_some() {
+            return Err(StoreError::refused("a trainee's account, and only that, names the trainee that it is of"));
+        }
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let person = Person {
+            id: PersonId::at(now_ms),
+            login: new.login,
+            name: new.name,
+            role: new.role,
+            trainee_id: new.trainee,
+            created_at_ms: now_ms,
+        };
+        self.0
+            .write(async move |tx| {
+                check_unaccounted(tx, person.trainee_id).await?;
+                let sql = "INSERT INTO person (id, login, name, role, password_hash, trainee_id, created_at_ms)
+                           VALUES ($1, $2, $3, $4, $5, $6, $7)";
+                sqlx::query(sql)
+                    .bind(person.id)
+                    .bind(&person.login)
+                    .bind(&person.name)
+                    .bind(person.role)
+                    .bind(new.password)
+                    .bind(person.trainee_id)
+                    .bind(now_ms)
+                    .execute(&mut *tx)
+                    .await
+                    .map_err(|e| taken_or_missing(e))?;
+                note(tx, &scope, now_ms, ("create", "person"), person.id).await?;
+                Ok(person)
+            })
+            .await
+    }
+
+    /// All accounts, by login.
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Person>> {
+        require_administrator(scope, "the list of accounts")?;
+        let rows = sqlx::query_as(
+            "SELECT id, login, name, role, trainee_id, created_at_ms FROM person
+             WHERE $1 IS NULL OR login > $1 ORDER BY login LIMIT $2",
+        );
+        let rows = rows.bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |person: &Person| person.login.to_string()))
+    }
+
+    /// One account: an administrator's to see, and everybody's own.
+    pub async fn get(&self, scope: &Scope, id: PersonId) -> StoreResult<Person> {
+        if !scope.is_administrator() && scope.person() != Some(id) {
+            return Err(not_found("person"));
+        }
+        let sql = "SELECT id, login, name, role, trainee_id, created_at_ms FROM person WHERE id = $1";
+        let person = sqlx::query_as(sql).bind(id).fetch_optional(self.0.readers()).await?;
+        person.ok_or(not_found("person"))
+    }
+
+    /// Changes an account. The last administrator stays one.
+    pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<Person> {
+        require_administrator(scope, "changing accounts")?;
+        if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
+            return Err(StoreError::refused("an account can become an administrator's or an instructor's only"));
+        }
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let sql = "UPDATE person SET login = coalesce($2, login), name = coalesce($3, name),
+                                  role = CASE WHEN trainee_id IS NULL THEN coalesce($4, role) ELSE role END
+                           WHERE id = $1 RETURNING id, login, name, role, trainee_id, created_at_ms";
+                let changed = sqlx::query_as(sql).bind(id).bind(change.login).bind(change.name).bind(change.role);
+                let person = changed.fetch_optional(&mut *tx).await.map_err(taken("login"))?;
+                require_an_administrator(tx).await?;
+                note(tx, &scope, now_ms, ("change", "person"), id).await?;
+                person.ok_or(not_found("person"))
+            })
+            .await
+    }
+
+    /// Shuts somebody out: account, cookies and tokens. The last administrator stays.
+    pub async fn delete(&self, scope: &Scope, id: PersonId) -> StoreResult<()> {
+        require_administrator(scope, "deleting accounts")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let deleted = sqlx::query("DELETE FROM person WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                if deleted.rows_affected() == 0 {
+                    return Err(not_found("person"));
+                }
+                require_an_administrator(tx).await?;
+                note(tx, &scope, now_ms, ("delete", "person"), id).await
+            })
+            .await
+    }
+
+    /// Sets a password and signs all browsers of the account out. The caller has checked the old one, or is an
+    /// administrator.
+    pub async fn set_password(&self, scope: &Scope, id: PersonId, password: PasswordHash) -> StoreResult<()> {
+        if !scope.is_administrator() && scope.person() != Some(id) {
+            return Err(not_found("person"));
+        }
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let set = sqlx::query("UPDATE person SET password_hash = $2 WHERE id = $1").bind(id).bind(password);
+                if set.execute(&mut *tx).await?.rows_affected() == 0 {
+                    return Err(not_found("person"));
+                }
+                sqlx::query("DELETE FROM cookie_session WHERE person_id = $1").bind(id).execute(&mut *tx).await?;
+                note(tx, &scope, now_ms, ("set password", "person"), id).await
+            })
+            .await
+    }
+
+    /// For sign-in: the account with this login and its password's hash.
+    pub async fn by_login(&self, login: &Login) -> StoreResult<Option<(Person, PasswordHash)>> {
+        #[derive(sqlx::FromRow)]
+        struct Row {
+            #[sqlx(flatten)]
+            person: Person,
+            password_hash: PasswordHash,
+        }
+        let sql = "SELECT id, login, name, role, trainee_id, created_at_ms, password_hash FROM person WHERE login = $1";
+        let row: Option<Row> = sqlx::query_as(sql).bind(login).fetch_optional(self.0.readers()).await?;
+        Ok(row.map(|row| (row.person, row.password_hash)))
+    }
+
+    /// How many accounts there are: none on a first start.
+    pub async fn count(&self) -> StoreResult<i64> {
+        Ok(sqlx::query_scalar("SELECT count(*) FROM person").fetch_one(self.0.readers()).await?)
+    }
+}
+
+/// A trainee has at most one account; asked before the insert, since SQLite does not say which key a row met.
+async fn check_unaccounted(tx: &mut sqlx::SqliteConnection, trainee: Option<TraineeId>) -> StoreResult<()> {
+    let sql = "SELECT id FROM person WHERE trainee_id = $1";
+    let existing: Option<String> = sqlx::query_scalar(sql).bind(trainee).fetch_optional(tx).await?;
+    existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "trainee's account", existing: Some(id) }))
+}
+
+fn taken_or_missing(error: sqlx::Error) -> StoreError {
+    match error.as_database_error() {
+        Some(e) if e.is_unique_violation() => taken("login")(error),
+        _ => missing("trainee")(error),
+    }
+}
+
+async fn require_an_administrator(tx: &mut sqlx::SqliteConnection) -> StoreResult<()> {
+    let sql = "SELECT count(*) FROM person WHERE role = 'administrator'";
+    let left: i64 = sqlx::query_scalar(sql).fetch_one(tx).await?;
+    if left > 0 { Ok(()) } else { Err(StoreError::refused("this is the last administrator: make another one first")) }
+}

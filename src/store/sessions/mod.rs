@@ -1,0 +1,183 @@
+//! Recordings that are here, and what came of them.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `mod.rs` | the session, its status, lists |
+//! | `write.rs` | made, tried again, erased |
+//! | `result.rs` | results and features; a trainee's progress |
+
+mod result;
+mod write;
+
+pub use result::SessionResult;
+pub(super) use write::insert;
+
+use super::error::{StoreResult, not_found};
+use super::page::{Page, PageRequest};
+use super::visibility::{AskedBy, sees_trainee};
+use super::{Scope, Store};
+use crate::domain::blob::{Blob, BlobHash};
+use crate::domain::job::JobState;
+use crate::domain::problem::Problem;
+use crate::domain::session::SessionStatus;
+use crate::domain::text::{Code, FileName, Key, Name};
+use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
+
+/// The sessions.
+pub struct Sessions<'s>(pub(super) &'s Store);
+
+/// One recording of one trainee doing one task in one box, and how it stands.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Session {
+    /// Its id.
+    pub id: SessionId,
+    /// Who trained.
+    pub trainee_id: TraineeId,
+    /// What they are called.
+    pub trainee_name: Name,
+    /// Their code.
+    pub trainee_code: Code,
+    /// What they did.
+    pub task_id: TaskId,
+    /// What it is called.
+    pub task_name: Name,
+    /// Its code.
+    pub task_code: Code,
+    /// Where.
+    pub box_id: BoxId,
+    /// What it is called.
+    pub box_name: Name,
+    /// Its code.
+    pub box_code: Code,
+    /// The recording's name as it was sent.
+    pub filename: FileName,
+    /// The recording's media type.
+    pub media_type: String,
+    /// The recording.
+    pub video: BlobHash,
+    /// Its length, bytes.
+    #[sqlx(try_from = "i64")]
+    pub video_bytes: u64,
+    /// When it was recorded, epoch ms.
+    pub recorded_at_ms: i64,
+    /// When it was whole here, epoch ms.
+    pub created_at_ms: i64,
+    /// The latest job on it; `None` while its box lacks a camera or colours.
+    pub job_id: Option<JobId>,
+    /// How that job stands.
+    pub job_state: Option<JobState>,
+    /// Share of it done, 0 to 1.
+    pub job_progress: Option<f64>,
+    /// Why it failed, or what happened when it last crashed.
+    #[sqlx(json(nullable))]
+    pub job_problem: Option<Problem>,
+    /// Has its box a camera?
+    pub box_has_camera: bool,
+    /// Has its box colours?
+    pub box_has_palette: bool,
+    /// Its place in the queue, from 1, while it waits there.
+    pub queue_position: Option<i64>,
+}
+
+/// Which sessions of a list.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SessionFilter {
+    /// Only of this trainee, by id or code.
+    pub trainee: Option<Key>,
+    /// Only of this task, by id or code.
+    pub task: Option<Key>,
+    /// Only in this box, by id or code.
+    pub in_box: Option<Key>,
+    /// Only those that stand so.
+    pub status: Option<SessionStatus>,
+}
+
+impl Session {
+    /// How it stands, for people.
+    pub fn status(&self) -> SessionStatus {
+        self.job_state.into()
+    }
+
+    /// The recording as a file in the vault.
+    pub fn video_blob(&self) -> Blob {
+        Blob { hash: self.video, bytes: self.video_bytes }
+    }
+
+    /// Why it does not go on: the job's problem, or what its box lacks.
+    pub fn problem(&self) -> Option<Problem> {
+        let lacking = match (self.job_id, self.box_has_camera, self.box_has_palette) {
+            (None, false, false) => "calibrated camera and no marked colours",
+            (None, false, true) => "calibrated camera",
+            (None, true, false) => "marked colours",
+            _ => return self.job_problem.clone(),
+        };
+        let detail = format!(
+            "the recording is safe, but box `{}` has no {lacking} yet: send its camera.json or checkerboard photos, \
+             and its annotations; tracking then starts by itself",
+            self.box_code
+        );
+        Some(Problem::new("box-not-ready", "The box is not ready", detail))
+    }
+
+    /// Did whoever worked on it die or fall silent too often?
+    pub fn is_quarantined(&self) -> bool {
+        self.job_state == Some(JobState::Quarantined)
+    }
+}
+
+/// Sessions with all that a [`Session`] says; conditions follow.
+macro_rules! select_sessions {
+    () => {
+        "SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+                session.task_id, task.name AS task_name, task.code AS task_code,
+                session.box_id, training_box.name AS box_name, training_box.code AS box_code,
+                session.filename, session.media_type, session.video, blob.bytes AS video_bytes,
+                session.recorded_at_ms, session.created_at_ms,
+                job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
+                EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
+                EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette,
+                CASE WHEN job.state = 'queued' THEN
+                    (SELECT count(*) FROM job AS ahead WHERE ahead.state = 'queued'
+                     AND (ahead.kind <> 'track' OR (ahead.queued_at_ms, ahead.id) <= (job.queued_at_ms, job.id)))
+                END AS queue_position
+         FROM session
+         JOIN trainee ON trainee.id = session.trainee_id
+         JOIN task ON task.id = session.task_id
+         JOIN training_box ON training_box.id = session.box_id
+         JOIN blob ON blob.hash = session.video
+         LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = session.id
+                                    ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)"
+    };
+}
+use select_sessions;
+
+impl Sessions<'_> {
+    /// The sessions that the scope sees, newest first.
+    pub async fn list(&self, scope: &Scope, which: &SessionFilter, page: &PageRequest) -> StoreResult<Page<Session>> {
+        let rows = sqlx::query_as(concat!(
+            select_sessions!(),
+            " WHERE ",
+            sees_trainee!("session.trainee_id"),
+            " AND ($3 IS NULL OR $3 IN (trainee.id, trainee.code))
+              AND ($4 IS NULL OR $4 IN (task.id, task.code))
+              AND ($5 IS NULL OR $5 IN (training_box.id, training_box.code))
+              AND ($6 IS NULL OR $6 = CASE job.state WHEN 'running' THEN 'tracking' WHEN 'done' THEN 'done'
+                                                     WHEN 'failed' THEN 'failed' WHEN 'quarantined' THEN 'failed'
+                                                     ELSE 'queued' END)
+              AND ($7 IS NULL OR session.id < $7)
+              ORDER BY session.id DESC LIMIT $8"
+        ));
+        let rows = rows.asked_by(scope).bind(&which.trainee).bind(&which.task).bind(&which.in_box);
+        let rows = rows.bind(which.status.map(SessionStatus::name)).bind(page.after()).bind(page.rows());
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |session: &Session| session.id.to_string()))
+    }
+
+    /// One session.
+    pub async fn get(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
+        let row =
+            sqlx::query_as(concat!(select_sessions!(), " WHERE session.id = $3 AND ", sees_trainee!("trainee.id")));
+        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("session"))
+    }
+}

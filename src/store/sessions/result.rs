@@ -1,0 +1,162 @@
+//! What came of sessions: results and features, one set per session and versions; the latest counts.
+
+use serde_json::Value;
+use sqlx::FromRow;
+use sqlx::sqlite::SqliteRow;
+
+use super::super::error::{StoreResult, not_found};
+use super::super::visibility::{AskedBy, sees_trainee};
+use super::{Session, Sessions, select_sessions};
+use crate::domain::blob::BlobHash;
+use crate::domain::session::{FeatureRow, FeatureSpace, Versions, VideoFacts};
+use crate::domain::text::Key;
+use crate::ids::{CalibrationId, PaletteId, ResultId, SessionId};
+use crate::store::Scope;
+
+/// What one version of the program made of a session.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SessionResult {
+    /// Its id.
+    pub id: ResultId,
+    /// What it was made with.
+    pub versions: Versions,
+    /// What decoding the recording showed.
+    pub video: VideoFacts,
+    /// Names of the tools, in the trajectory's order.
+    pub tools: Vec<String>,
+    /// Counts and reasons per tool; an object.
+    pub quality: Value,
+    /// Place in a reference cohort, if a model scored it; an object.
+    pub score: Option<Value>,
+    /// Raw, filtered and smoothed paths: a file in the vault.
+    pub trajectory: BlobHash,
+    /// What the tracker saw on every frame: a file in the vault.
+    pub diagnostics: BlobHash,
+    /// A JPEG of one frame: a file in the vault.
+    pub preview: Option<BlobHash>,
+    /// When it was stored, epoch ms.
+    pub created_at_ms: i64,
+    /// Features, in the order in which people read them.
+    pub features: Vec<FeatureRow>,
+}
+
+#[derive(FromRow)]
+struct Row {
+    id: ResultId,
+    pipeline: String,
+    calibration_id: CalibrationId,
+    palette_id: PaletteId,
+    model: Option<String>,
+    width: u32,
+    height: u32,
+    #[sqlx(try_from = "i64")]
+    frames: u64,
+    duration_s: f64,
+    #[sqlx(json)]
+    tools: Vec<String>,
+    #[sqlx(json)]
+    quality: Value,
+    #[sqlx(json(nullable))]
+    score: Option<Value>,
+    trajectory: BlobHash,
+    diagnostics: BlobHash,
+    preview: Option<BlobHash>,
+    created_at_ms: i64,
+}
+
+impl Sessions<'_> {
+    /// The latest result of a session; `None` while there is none.
+    pub async fn result(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<SessionResult>> {
+        let row = sqlx::query_as::<_, Row>(concat!(
+            "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
+            sees_trainee!("session.trainee_id"),
+            " ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1"
+        ));
+        match row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await? {
+            None => self.get(scope, id).await.map(|_| None),
+            Some(row) => {
+                let features = self.features(row.id).await?;
+                Ok(Some(row.with(features)))
+            }
+        }
+    }
+
+    /// A trainee's sessions over time, oldest first, with their latest results; of one task if named; the last `most`.
+    pub async fn progress(
+        &self,
+        scope: &Scope,
+        trainee: &Key,
+        task: Option<&Key>,
+        most: u32,
+    ) -> StoreResult<Vec<(Session, Option<SessionResult>)>> {
+        let rows = sqlx::query_as::<_, Session>(concat!(
+            select_sessions!(),
+            " WHERE ",
+            sees_trainee!("session.trainee_id"),
+            " AND $3 IN (trainee.id, trainee.code) AND ($4 IS NULL OR $4 IN (task.id, task.code))
+              ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5"
+        ));
+        let mut sessions = rows.asked_by(scope).bind(trainee).bind(task).bind(most).fetch_all(self.0.readers()).await?;
+        if sessions.is_empty() && self.0.trainees().get(scope, trainee).await.is_err() {
+            return Err(not_found("trainee"));
+        }
+        sessions.reverse();
+        let mut progress = Vec::with_capacity(sessions.len());
+        for session in sessions {
+            let result = self.result(scope, session.id).await?;
+            progress.push((session, result));
+        }
+        Ok(progress)
+    }
+
+    async fn features(&self, result: ResultId) -> StoreResult<Vec<FeatureRow>> {
+        let rows = sqlx::query_as(
+            "SELECT name, title, unit, tool, space, value, not_enough FROM feature WHERE result_id = $1 ORDER BY position",
+        );
+        Ok(rows.bind(result).fetch_all(self.0.readers()).await?)
+    }
+}
+
+impl Row {
+    fn with(self, features: Vec<FeatureRow>) -> SessionResult {
+        SessionResult {
+            id: self.id,
+            versions: Versions {
+                pipeline: self.pipeline,
+                calibration: self.calibration_id,
+                palette: self.palette_id,
+                model: self.model,
+            },
+            video: VideoFacts {
+                width: self.width,
+                height: self.height,
+                frames: self.frames,
+                duration_s: self.duration_s,
+            },
+            tools: self.tools,
+            quality: self.quality,
+            score: self.score,
+            trajectory: self.trajectory,
+            diagnostics: self.diagnostics,
+            preview: self.preview,
+            created_at_ms: self.created_at_ms,
+            features,
+        }
+    }
+}
+
+impl FromRow<'_, SqliteRow> for FeatureRow {
+    fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
+        use sqlx::Row;
+        let value: Option<f64> = row.try_get("value")?;
+        let not_enough: Option<String> = row.try_get("not_enough")?;
+        Ok(Self {
+            name: row.try_get("name")?,
+            title: row.try_get("title")?,
+            unit: row.try_get("unit")?,
+            tool: row.try_get("tool")?,
+            space: row.try_get::<FeatureSpace, _>("space")?,
+            value: value.ok_or_else(|| not_enough.unwrap_or_default()), // the schema has exactly one of them
+        })
+    }
+}

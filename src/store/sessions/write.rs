@@ -1,0 +1,101 @@
+//! Sessions are made, tried again, erased.
+
+use sqlx::sqlite::SqliteConnection;
+
+use super::super::audit::note;
+use super::super::error::{StoreError, StoreResult, missing, not_found};
+use super::super::jobs::enqueue_track;
+use super::super::visibility::{require_staff, require_trainee};
+use super::super::{Scope, blobs};
+use super::{Session, Sessions};
+use crate::domain::job::JobState;
+use crate::domain::session::NewSession;
+use crate::ids::{JobId, SessionId};
+
+impl Sessions<'_> {
+    /// Makes a session of a recording that lies in the vault, and queues its tracking, in one transaction. The same
+    /// recording of the same trainee, task and box is [`StoreError::Taken`] with the session that has it.
+    pub async fn create(&self, scope: &Scope, new: NewSession) -> StoreResult<Session> {
+        let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        let id = self.0.write(async move |tx| insert(tx, &by, new, now_ms, attempts).await).await?;
+        self.get(scope, id).await
+    }
+
+    /// Tracks a session again: after a failure, or because pipeline, camera or colours have a newer version. Nothing to
+    /// do while it waits or runs.
+    pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
+        self.get(scope, id).await?;
+        require_staff(scope, "tracking a session again")?;
+        let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        self.0
+            .write(async move |tx| {
+                let Some(job) = enqueue_track(tx, id, now_ms, attempts).await? else { return Ok(()) };
+                refuse_if_done(tx, job).await?;
+                note(tx, &by, now_ms, ("retry", "session"), id).await
+            })
+            .await?;
+        self.get(scope, id).await
+    }
+
+    /// Erases a session with recording and results. The files go with the next collection of blobs that nothing refers
+    /// to ([`crate::store::Blobs`]).
+    pub async fn erase(&self, scope: &Scope, id: SessionId) -> StoreResult<()> {
+        self.get(scope, id).await?;
+        require_staff(scope, "erasing sessions")?;
+        let now_ms = self.0.now_ms();
+        self.0
+            .erase(|| {
+                let scope = scope.clone();
+                async move |tx| {
+                    let deleted = sqlx::query("DELETE FROM session WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                    if deleted.rows_affected() == 0 {
+                        return Err(not_found("session"));
+                    }
+                    note(tx, &scope, now_ms, ("erase", "session"), id).await
+                }
+            })
+            .await
+    }
+}
+
+/// Inserts a session and queues its tracking, if its box is ready for it.
+pub(in crate::store) async fn insert(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    new: NewSession,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<SessionId> {
+    require_trainee(tx, scope, new.trainee).await?;
+    refuse_twice(tx, &new).await?;
+    blobs::record(tx, new.video, now_ms).await?;
+    let id = SessionId::at(now_ms);
+    let insert = sqlx::query(
+        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
+    );
+    let insert = insert.bind(id).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.filename);
+    let insert = insert.bind(new.media_type).bind(new.video.hash).bind(new.recorded_at_ms.unwrap_or(now_ms));
+    insert.bind(now_ms).execute(&mut *tx).await.map_err(missing("task or box"))?;
+    enqueue_track(tx, id, now_ms, max_attempts).await?;
+    note(tx, scope, now_ms, ("create", "session"), id).await?;
+    Ok(id)
+}
+
+/// Asked before the insert, so that the answer can name the session; the schema's UNIQUE stands behind it.
+async fn refuse_twice(tx: &mut SqliteConnection, new: &NewSession) -> StoreResult<()> {
+    let sql = "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
+    let found = sqlx::query_scalar(sql).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.video.hash);
+    let existing: Option<String> = found.fetch_optional(tx).await?;
+    existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "recording", existing: Some(id) }))
+}
+
+async fn refuse_if_done(tx: &mut SqliteConnection, job: JobId) -> StoreResult<()> {
+    let state: JobState = sqlx::query_scalar("SELECT state FROM job WHERE id = $1").bind(job).fetch_one(tx).await?;
+    if state == JobState::Done {
+        return Err(StoreError::refused(
+            "it is scored with the present versions of program, camera and colours already",
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,163 @@
+//! A small training centre to make claims about.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tempfile::TempDir;
+
+use crate::domain::blob::Blob;
+use crate::domain::calibration::{CalibrationSource, NewCalibration};
+use crate::domain::files::camera::CameraFile;
+use crate::domain::job::{JobInput, PaletteInput};
+use crate::domain::palette::NewPalette;
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::secret::Password;
+use crate::domain::session::{FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
+use crate::ids::{SessionId, TraineeId};
+use crate::store::{Lease, Members, NewPerson, Person, Session, Store, StoreSettings, Task, Trainee, TrainingBox};
+use crate::time::Manual;
+
+/// 2026-11-21 20:14 UTC.
+pub const NOW_MS: i64 = 1_795_292_040_000;
+pub const LEASE: Duration = Duration::from_secs(30);
+
+/// A store in a folder of its own, a clock to turn, one box and one task.
+pub struct Centre {
+    pub store: Store,
+    pub clock: Arc<Manual>,
+    pub the_box: TrainingBox,
+    pub task: Task,
+    pub folder: TempDir,
+}
+
+impl Centre {
+    pub async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let clock = Manual::at(NOW_MS);
+        let store = open(&folder, &clock).await;
+        let service = Scope::service();
+        let new_box = serde_json::from_str(r#"{"name":"Box 1"}"#).unwrap();
+        let the_box = store.boxes().create(&service, new_box).await.unwrap();
+        let new_task = serde_json::from_str(r#"{"name":"Peg transfer"}"#).unwrap();
+        let task = store.tasks().create(&service, new_task).await.unwrap();
+        Self { store, clock, the_box, task, folder }
+    }
+
+    /// With a camera and colours, so that sessions can be tracked.
+    pub async fn ready() -> Self {
+        let centre = Self::new().await;
+        centre.calibrate().await;
+        centre.give_colours().await;
+        centre
+    }
+
+    pub async fn calibrate(&self) {
+        let new = NewCalibration { camera: camera(), source: CalibrationSource::File };
+        self.store.calibrations().add(&Scope::service(), self.the_box.id, new).await.unwrap();
+    }
+
+    pub async fn give_colours(&self) {
+        let annotations: crate::domain::files::annotations::AnnotationsFile = serde_json::from_str(
+            r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"orange","x":1,"y":1,"w":2,"h":2}]}"#,
+        )
+        .unwrap();
+        let input = PaletteInput {
+            of: self.the_box.id,
+            annotations: annotations.clone(),
+            files: vec![],
+            is_video: true,
+            frames: vec![],
+        };
+        self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
+        let lease = self.claim().await.unwrap();
+        let tools = annotations.marked_tools().unwrap().into_iter().map(Into::into).collect();
+        let new = NewPalette { annotations, tools, counts: vec![], samples: vec![1, 2, 3] };
+        self.store.jobs().finish_palette(&lease, new).await.unwrap();
+    }
+
+    pub async fn trainee(&self, name: &str) -> Trainee {
+        let new = serde_json::from_value(serde_json::json!({ "name": name })).unwrap();
+        self.store.trainees().create(&Scope::service(), new).await.unwrap()
+    }
+
+    pub async fn person(&self, login: &str, role: Role, trainee: Option<TraineeId>) -> Person {
+        let new = NewPerson {
+            login: login.parse().unwrap(),
+            name: login.parse().unwrap(),
+            role,
+            password: Password::random().hash(),
+            trainee,
+        };
+        self.store.people().create(&Scope::service(), new).await.unwrap()
+    }
+
+    pub async fn group(&self, name: &str, instructors: &[&Person], trainees: &[&Trainee]) {
+        let service = Scope::service();
+        let group = self.store.groups().create(&service, name.parse().unwrap()).await.unwrap();
+        let members = Members {
+            instructors: instructors.iter().map(|p| p.id).collect(),
+            trainees: trainees.iter().map(|t| t.id).collect(),
+        };
+        self.store.groups().set_members(&service, group.id, members).await.unwrap();
+    }
+
+    pub fn new_session(&self, trainee: TraineeId, content: &str) -> NewSession {
+        NewSession {
+            trainee,
+            task: self.task.id,
+            in_box: self.the_box.id,
+            filename: "clip.mp4".parse().unwrap(),
+            recorded_at_ms: None,
+            video: Blob::of(content.as_bytes()),
+            media_type: "video/mp4".to_owned(),
+        }
+    }
+
+    pub async fn session(&self, trainee: TraineeId, content: &str) -> Session {
+        self.store.sessions().create(&Scope::service(), self.new_session(trainee, content)).await.unwrap()
+    }
+
+    pub async fn claim(&self) -> Option<Lease> {
+        self.store.jobs().claim("worker 1", LEASE).await.unwrap()
+    }
+
+    pub async fn result(&self, session: SessionId) -> NewResult {
+        let service = Scope::service();
+        let calibration = self.store.calibrations().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
+        let palette = self.store.palettes().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
+        NewResult {
+            versions: Versions { pipeline: "1".to_owned(), calibration, palette, model: None },
+            video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
+            tools: vec!["orange".to_owned()],
+            features: vec![
+                feature("path_length", Ok(123.456_789_012_345)),
+                feature("motion_smoothness", Err("fewer than 30 observations")),
+            ],
+            quality: serde_json::json!({ "frames": 300 }),
+            score: None,
+            trajectory: Blob::of(format!("trajectory of {session}").as_bytes()),
+            diagnostics: Blob::of(format!("diagnostics of {session}").as_bytes()),
+            preview: None,
+        }
+    }
+}
+
+pub async fn open(folder: &TempDir, clock: &Arc<Manual>) -> Store {
+    Store::open(&folder.path().join("trocar.sqlite"), &StoreSettings::default(), clock.clone()).await.unwrap()
+}
+
+pub fn camera() -> CameraFile {
+    CameraFile::parse(r#"{"width":640,"height":480,"fx":500.1,"fy":500.2,"cx":320,"cy":240,"rms_px":0.31}"#).unwrap()
+}
+
+fn feature(name: &str, value: Result<f64, &str>) -> FeatureRow {
+    FeatureRow {
+        name: name.to_owned(),
+        title: name.replace('_', " "),
+        unit: "mm".to_owned(),
+        tool: Some("orange".to_owned()),
+        space: FeatureSpace::Space3d,
+        value: value.map_err(str::to_owned),
+    }
+}

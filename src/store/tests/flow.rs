@@ -1,0 +1,76 @@
+//! A recording's way from the upload to the score.
+
+use super::centre::{Centre, NOW_MS};
+use crate::domain::blob::Blob;
+use crate::domain::scope::Scope;
+use crate::domain::session::SessionStatus;
+use crate::domain::text::Key;
+use crate::store::{NewUpload, StoreError};
+
+#[tokio::test]
+async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
+    let centre = Centre::ready().await;
+    let (store, service) = (&centre.store, Scope::service());
+    let trainee = centre.trainee("Ana").await;
+    let new = NewUpload {
+        trainee: trainee.id,
+        task: centre.task.id,
+        in_box: centre.the_box.id,
+        filename: "clip.mp4".parse().unwrap(),
+        media_type: "video/mp4".to_owned(),
+        metadata: "filename Y2xpcC5tcDQ=".to_owned(),
+        recorded_at_ms: Some(NOW_MS - 60_000),
+        length: 5,
+        expires_at_ms: NOW_MS + 1_000,
+    };
+    let upload = store.uploads().create(&service, new).await.unwrap();
+    let early = store.uploads().finish(&service, upload.id, Blob::of(b"video")).await;
+    assert!(matches!(early, Err(StoreError::Refused { .. })), "{early:?}");
+    store.uploads().advance(upload.id, 5, NOW_MS + 2_000).await.unwrap();
+    let id = store.uploads().finish(&service, upload.id, Blob::of(b"video")).await.unwrap();
+    assert_eq!(store.uploads().finish(&service, upload.id, Blob::of(b"video")).await.unwrap(), id);
+
+    let session = store.sessions().get(&service, id).await.unwrap();
+    assert_eq!((session.status(), session.queue_position), (SessionStatus::Queued, Some(1)));
+    assert_eq!((session.video_bytes, session.recorded_at_ms), (5, NOW_MS - 60_000));
+    let lease = centre.claim().await.unwrap();
+    store.jobs().heartbeat(&lease, 0.5, super::centre::LEASE).await.unwrap();
+    let session = store.sessions().get(&service, id).await.unwrap();
+    assert_eq!((session.status(), session.job_progress), (SessionStatus::Tracking, Some(0.5)));
+
+    let result = centre.result(id).await;
+    store.jobs().finish_track(&lease, result.clone()).await.unwrap();
+    let session = store.sessions().get(&service, id).await.unwrap();
+    assert_eq!(session.status(), SessionStatus::Done);
+    let stored = store.sessions().result(&service, id).await.unwrap().unwrap();
+    assert_eq!((&stored.features, &stored.versions), (&result.features, &result.versions));
+    assert_eq!((stored.video, &stored.quality), (result.video, &result.quality));
+    let progress = store.sessions().progress(&service, &Key::from("ana"), None, 10).await.unwrap();
+    assert_eq!(progress, [(session, Some(stored))]);
+}
+
+#[tokio::test]
+async fn a_recording_that_comes_before_camera_and_colours_waits_and_says_for_what() {
+    let centre = Centre::new().await;
+    let service = Scope::service();
+    let session = centre.session(centre.trainee("Ana").await.id, "video").await;
+    assert_eq!(session.status(), SessionStatus::Queued);
+    assert!(session.problem().unwrap().detail.contains("no calibrated camera and no marked colours yet"));
+    centre.calibrate().await;
+    let session = centre.store.sessions().get(&service, session.id).await.unwrap();
+    assert!(session.problem().unwrap().detail.contains("no marked colours"));
+    centre.give_colours().await;
+    let session = centre.store.sessions().get(&service, session.id).await.unwrap();
+    assert_eq!((session.queue_position, session.problem()), (Some(1), None));
+}
+
+#[tokio::test]
+async fn the_same_recording_twice_names_the_session_that_has_it() {
+    let centre = Centre::ready().await;
+    let (ana, ben) = (centre.trainee("Ana").await, centre.trainee("Ben").await);
+    let first = centre.session(ana.id, "video").await;
+    let twice = centre.store.sessions().create(&Scope::service(), centre.new_session(ana.id, "video")).await;
+    let Err(StoreError::Taken { what: "recording", existing }) = twice else { panic!("{twice:?}") };
+    assert_eq!(existing, Some(first.id.to_string()));
+    centre.session(ben.id, "video").await; // the same file is somebody else's too
+}

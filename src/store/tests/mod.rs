@@ -1,0 +1,4 @@
+//! Claims about the store, each on a database of its own.
+
+mod centre;
+mod flow;

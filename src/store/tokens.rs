@@ -1,0 +1,173 @@
+//! Programs' ways in. A token acts as the person who made it, with at most their rights, or as the agent of one box.
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found};
+use super::visibility::require_administrator;
+use super::{Scope, Store};
+use crate::domain::role::Role;
+use crate::domain::secret::SecretHash;
+use crate::domain::text::Name;
+use crate::ids::{BoxId, PersonId, TokenId, TraineeId};
+
+/// The tokens.
+pub struct Tokens<'s>(pub(super) &'s Store);
+
+/// A token, as far as it is known: its secret is not.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct Token {
+    /// Its id.
+    pub id: TokenId,
+    /// What it is for.
+    pub name: Name,
+    /// Its rights.
+    pub role: Role,
+    /// As whom it acts; `None` for an agent.
+    pub person_id: Option<PersonId>,
+    /// The agent's box.
+    pub box_id: Option<BoxId>,
+    /// When it was made, epoch ms.
+    pub created_at_ms: i64,
+    /// Its end, epoch ms.
+    pub expires_at_ms: Option<i64>,
+    /// Its last request, to a minute, epoch ms.
+    pub last_used_at_ms: Option<i64>,
+}
+
+/// A token to be made.
+#[derive(Clone, Debug)]
+pub struct NewToken {
+    /// What it is for.
+    pub name: Name,
+    /// As whom it acts.
+    pub acts_as: ActsAs,
+    /// Its end, epoch ms; `None`: it lasts until it is deleted.
+    pub expires_at_ms: Option<i64>,
+    /// Hash of its secret.
+    pub secret: SecretHash,
+}
+
+/// As whom a token acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ActsAs {
+    /// As a person, in a role that this person has or, for an administrator's token, in a lesser one.
+    Person(PersonId, Role),
+    /// As the agent of a box.
+    Agent(BoxId),
+}
+
+/// `last_used_at_ms` is written only when it is older than this.
+const USED_TO_MS: i64 = 60_000;
+
+#[derive(sqlx::FromRow)]
+struct Row {
+    #[sqlx(flatten)]
+    token: Token,
+    trainee_id: Option<TraineeId>,
+}
+
+impl Tokens<'_> {
+    /// Makes a token.
+    pub async fn create(&self, scope: &Scope, new: NewToken) -> StoreResult<Token> {
+        require_administrator(scope, "making tokens")?;
+        let (role, person_id, box_id) = match new.acts_as {
+            ActsAs::Person(_, Role::Agent) => return Err(StoreError::refused("an agent's token names its box")),
+            ActsAs::Person(person, role) => (role, Some(person), None),
+            ActsAs::Agent(of) => (Role::Agent, None, Some(of)),
+        };
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        if new.expires_at_ms.is_some_and(|end| end <= now_ms) {
+            return Err(StoreError::refused("the token would have expired already"));
+        }
+        let token = Token {
+            id: TokenId::at(now_ms),
+            name: new.name,
+            role,
+            person_id,
+            box_id,
+            created_at_ms: now_ms,
+            expires_at_ms: new.expires_at_ms,
+            last_used_at_ms: None,
+        };
+        self.0
+            .write(async move |tx| {
+                let sql =
+                    "INSERT INTO token (id, secret_hash, name, role, person_id, box_id, created_at_ms, expires_at_ms)
+                           VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
+                sqlx::query(sql)
+                    .bind(token.id)
+                    .bind(new.secret)
+                    .bind(&token.name)
+                    .bind(role)
+                    .bind(person_id)
+                    .bind(box_id)
+                    .bind(now_ms)
+                    .bind(token.expires_at_ms)
+                    .execute(&mut *tx)
+                    .await
+                    .map_err(missing("box or person"))?;
+                note(tx, &scope, now_ms, ("create", "token"), token.id).await?;
+                Ok(token)
+            })
+            .await
+    }
+
+    /// All tokens, newest first.
+    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Token>> {
+        require_administrator(scope, "the list of tokens")?;
+        let sql = "SELECT id, name, role, person_id, box_id, created_at_ms, expires_at_ms, last_used_at_ms
+                   FROM token ORDER BY id DESC";
+        Ok(sqlx::query_as(sql).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Withdraws a token.
+    pub async fn delete(&self, scope: &Scope, id: TokenId) -> StoreResult<()> {
+        require_administrator(scope, "deleting tokens")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let deleted = sqlx::query("DELETE FROM token WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                if deleted.rows_affected() == 0 {
+                    return Err(not_found("token"));
+                }
+                note(tx, &scope, now_ms, ("delete", "token"), id).await
+            })
+            .await
+    }
+
+    /// What whoever shows this token may see, if it still counts; and notes that it was used. A token never has more
+    /// rights than its person has today.
+    pub async fn scope_of(&self, secret: SecretHash) -> StoreResult<Option<Scope>> {
+        let now_ms = self.0.now_ms();
+        let row = sqlx::query_as::<_, Row>(
+            "SELECT token.id, token.name, token.role, person_id, box_id, token.created_at_ms, expires_at_ms,
+                    last_used_at_ms, person.trainee_id
+             FROM token LEFT JOIN person ON person.id = person_id
+             WHERE secret_hash = $1 AND (expires_at_ms IS NULL OR expires_at_ms > $2)
+               AND (token.role IN ('agent', person.role) OR person.role = 'administrator')",
+        );
+        let Some(row) = row.bind(secret).bind(now_ms).fetch_optional(self.0.readers()).await? else { return Ok(None) };
+        if row.token.last_used_at_ms.is_none_or(|used| now_ms - used > USED_TO_MS) {
+            self.used(row.token.id, now_ms).await?;
+        }
+        Ok(scope(&row))
+    }
+
+    async fn used(&self, id: TokenId, now_ms: i64) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                let sql = "UPDATE token SET last_used_at_ms = max($2, coalesce(last_used_at_ms, $2)) WHERE id = $1";
+                sqlx::query(sql).bind(id).bind(now_ms).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+}
+
+fn scope(Row { token, trainee_id }: &Row) -> Option<Scope> {
+    match token.role {
+        Role::Administrator => token.person_id.map(Scope::administrator),
+        Role::Instructor => token.person_id.map(Scope::instructor),
+        Role::Trainee => Some(Scope::trainee(token.person_id?, (*trainee_id)?)),
+        Role::Agent => token.box_id.map(Scope::agent),
+    }
+}

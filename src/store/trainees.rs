@@ -1,0 +1,159 @@
+//! Who trains. Staff register them; a scope sees its own.
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found, taken};
+use super::page::{Page, PageRequest};
+use super::visibility::{AskedBy, require_staff, sees_trainee};
+use super::{Scope, Store, codes};
+use crate::domain::role::Role;
+use crate::domain::text::{Code, Key, Name};
+use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
+use crate::ids::{GroupId, TraineeId};
+
+/// The trainees.
+pub struct Trainees<'s>(pub(super) &'s Store);
+
+/// Somebody who trains.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct Trainee {
+    /// Their id.
+    pub id: TraineeId,
+    /// Their short unique name.
+    pub code: Code,
+    /// What people call them.
+    pub name: Name,
+    /// Experience, if said.
+    pub level: Option<Level>,
+    /// Preferred hand, if said.
+    pub handedness: Option<Handedness>,
+    /// When they were registered, epoch ms.
+    pub created_at_ms: i64,
+}
+
+impl Trainees<'_> {
+    /// Registers a trainee. An instructor's trainee joins one of the instructor's groups, or nobody would see them.
+    pub async fn create(&self, scope: &Scope, new: NewTrainee) -> StoreResult<Trainee> {
+        require_staff(scope, "registering trainees")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let taken_sql = "SELECT 1 FROM trainee WHERE code = $1";
+                let group = joined_group(tx, &scope, new.group).await?;
+                let trainee = Trainee {
+                    id: TraineeId::at(now_ms),
+                    code: codes::choose(tx, taken_sql, new.code, &new.name, "trainee").await?,
+                    name: new.name,
+                    level: new.level,
+                    handedness: new.handedness,
+                    created_at_ms: now_ms,
+                };
+                insert(tx, &trainee).await?;
+                if let Some(group) = group {
+                    let sql = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2)";
+                    let join = sqlx::query(sql).bind(group).bind(trainee.id);
+                    join.execute(&mut *tx).await.map_err(missing("group"))?;
+                }
+                note(tx, &scope, now_ms, ("create", "trainee"), trainee.id).await?;
+                Ok(trainee)
+            })
+            .await
+    }
+
+    /// The trainees that the scope sees, by code.
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Trainee>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee WHERE ",
+            sees_trainee!("trainee.id"),
+            " AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"
+        ));
+        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |trainee: &Trainee| trainee.code.to_string()))
+    }
+
+    /// One trainee, by id or code.
+    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<Trainee> {
+        let row = sqlx::query_as(concat!(
+            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee WHERE $3 IN (id, code) AND ",
+            sees_trainee!("trainee.id")
+        ));
+        let row = row.asked_by(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("trainee"))
+    }
+
+    /// Changes a trainee.
+    pub async fn change(&self, scope: &Scope, key: &Key, change: TraineeChange) -> StoreResult<Trainee> {
+        let id = self.get(scope, key).await?.id;
+        require_staff(scope, "changing trainees")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let row = sqlx::query_as(
+                    "UPDATE trainee SET code = coalesce($2, code), name = coalesce($3, name),
+                            level = coalesce($4, level), handedness = coalesce($5, handedness)
+                     WHERE id = $1 RETURNING id, code, name, level, handedness, created_at_ms",
+                );
+                let row = row.bind(id).bind(change.code).bind(change.name).bind(change.level).bind(change.handedness);
+                let row = row.fetch_optional(&mut *tx).await.map_err(taken("code"))?;
+                note(tx, &scope, now_ms, ("change", "trainee"), id).await?;
+                row.ok_or(not_found("trainee"))
+            })
+            .await
+    }
+
+    /// Erases a trainee with account, sessions, results and uploads. Their files go with the next collection of blobs
+    /// that nothing refers to ([`crate::store::Blobs`]).
+    pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
+        let id = self.get(scope, key).await?.id;
+        require_staff(scope, "erasing trainees")?;
+        let now_ms = self.0.now_ms();
+        self.0
+            .erase(|| {
+                let scope = scope.clone();
+                async move |tx| {
+                    let deleted = sqlx::query("DELETE FROM trainee WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                    if deleted.rows_affected() == 0 {
+                        return Err(not_found("trainee"));
+                    }
+                    note(tx, &scope, now_ms, ("erase", "trainee"), id).await
+                }
+            })
+            .await
+    }
+}
+
+async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &Trainee) -> StoreResult<()> {
+    let sql = "INSERT INTO trainee (id, code, name, level, handedness, created_at_ms) VALUES ($1, $2, $3, $4, $5, $6)";
+    sqlx::query(sql)
+        .bind(trainee.id)
+        .bind(&trainee.code)
+        .bind(&trainee.name)
+        .bind(trainee.level)
+        .bind(trainee.handedness)
+        .bind(trainee.created_at_ms)
+        .execute(tx)
+        .await
+        .map_err(taken("code"))?;
+    Ok(())
+}
+
+/// The group that a new trainee joins: an administrator's choice; of an instructor's groups the named or the only one.
+async fn joined_group(
+    tx: &mut sqlx::SqliteConnection,
+    scope: &Scope,
+    wanted: Option<GroupId>,
+) -> StoreResult<Option<GroupId>> {
+    if scope.role() != Role::Instructor {
+        return Ok(wanted);
+    }
+    let own: Vec<GroupId> = sqlx::query_scalar("SELECT group_id FROM group_instructor WHERE person_id = $1")
+        .bind(scope.subject())
+        .fetch_all(tx)
+        .await?;
+    match (wanted, own.as_slice()) {
+        (Some(group), own) if own.contains(&group) => Ok(Some(group)),
+        (Some(_), _) => Err(not_found("group")),
+        (None, [only]) => Ok(Some(*only)),
+        (None, []) => Err(StoreError::refused("you teach no group yet: ask an administrator to put you into one")),
+        (None, _) => Err(StoreError::refused("you teach several groups: say which one the trainee joins")),
+    }
+}

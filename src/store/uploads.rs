@@ -1,0 +1,205 @@
+//! Recordings that are arriving. The bytes lie in a file of the vault; a row says how many of them are durable.
+
+use super::audit::note;
+use super::columns::integer;
+use super::error::{StoreError, StoreResult, missing, not_found};
+use super::sessions;
+use super::visibility::{AskedBy, require_trainee, sees_trainee};
+use super::{Scope, Store};
+use crate::domain::blob::Blob;
+use crate::domain::session::NewSession;
+use crate::domain::text::FileName;
+use crate::ids::{BoxId, PersonId, SessionId, TaskId, TraineeId, UploadId};
+
+/// The uploads.
+pub struct Uploads<'s>(pub(super) &'s Store);
+
+/// A recording that is arriving, or has just arrived.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct Upload {
+    /// Its id, and its file's name in the vault.
+    pub id: UploadId,
+    /// Who sends.
+    pub person_id: Option<PersonId>,
+    /// Who trained.
+    pub trainee_id: TraineeId,
+    /// What they did.
+    pub task_id: TaskId,
+    /// Where.
+    pub box_id: BoxId,
+    /// The recording's name at the sender's.
+    pub filename: FileName,
+    /// Its media type, such as `video/mp4`.
+    pub media_type: String,
+    /// `Upload-Metadata` as it was sent.
+    pub metadata: String,
+    /// When it was recorded, epoch ms, if said.
+    pub recorded_at_ms: Option<i64>,
+    /// Bytes to come in all.
+    #[sqlx(try_from = "i64")]
+    pub length: u64,
+    /// Bytes that are durable.
+    #[sqlx(try_from = "i64")]
+    pub received: u64,
+    /// The session that it became.
+    pub session_id: Option<SessionId>,
+    /// When it was begun, epoch ms.
+    pub created_at_ms: i64,
+    /// When it is forgotten unless it goes on, epoch ms.
+    pub expires_at_ms: i64,
+}
+
+/// A recording that is about to arrive.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NewUpload {
+    /// Who trained.
+    pub trainee: TraineeId,
+    /// What they did.
+    pub task: TaskId,
+    /// Where.
+    pub in_box: BoxId,
+    /// The recording's name at the sender's.
+    pub filename: FileName,
+    /// Its media type, such as `video/mp4`.
+    pub media_type: String,
+    /// `Upload-Metadata` as it was sent, at most 8 KiB.
+    pub metadata: String,
+    /// When it was recorded, epoch ms, if said.
+    pub recorded_at_ms: Option<i64>,
+    /// Bytes to come in all.
+    pub length: u64,
+    /// When it is forgotten unless it goes on, epoch ms.
+    pub expires_at_ms: i64,
+}
+
+macro_rules! upload_columns {
+    () => {
+        "upload.id, upload.person_id, upload.trainee_id, upload.task_id, upload.box_id, upload.filename, \
+         upload.media_type, upload.metadata, upload.recorded_at_ms, upload.length, upload.received, \
+         upload.session_id, upload.created_at_ms, upload.expires_at_ms"
+    };
+}
+
+/// The upload in this row is within the scope: of a trainee that it sees, or sent by the same person.
+macro_rules! sees_upload {
+    () => {
+        concat!("(", sees_trainee!("upload.trainee_id"), " OR ($1 = 'agent' AND $2 = upload.box_id))")
+    };
+}
+
+impl Uploads<'_> {
+    /// Begins an upload.
+    pub async fn create(&self, scope: &Scope, new: NewUpload) -> StoreResult<Upload> {
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                require_trainee(tx, &scope, new.trainee).await?;
+                let row = sqlx::query_as(concat!(
+                    "INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, media_type, metadata,
+                                         recorded_at_ms, length, created_at_ms, expires_at_ms)
+                     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12) RETURNING ",
+                    upload_columns!()
+                ));
+                let row = row.bind(UploadId::at(now_ms)).bind(scope.person());
+                let row = row.bind(new.trainee).bind(new.task).bind(new.in_box);
+                let row = row.bind(new.filename).bind(new.media_type).bind(new.metadata).bind(new.recorded_at_ms);
+                let row = row.bind(integer(new.length)).bind(now_ms).bind(new.expires_at_ms);
+                row.fetch_one(tx).await.map_err(missing("task or box"))
+            })
+            .await
+    }
+
+    /// One upload.
+    pub async fn get(&self, scope: &Scope, id: UploadId) -> StoreResult<Upload> {
+        let row = sqlx::query_as(concat!(
+            "SELECT ",
+            upload_columns!(),
+            " FROM upload WHERE upload.id = $3 AND ",
+            sees_upload!()
+        ));
+        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("upload"))
+    }
+
+    /// Notes that so many bytes are durable: call it after the file is synced, and before the sender hears of it. Never
+    /// goes back.
+    pub async fn advance(&self, id: UploadId, received: u64, expires_at_ms: i64) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                let sql = "UPDATE upload SET received = max(received, $2), expires_at_ms = max(expires_at_ms, $3)
+                           WHERE id = $1 AND session_id IS NULL";
+                let done = sqlx::query(sql).bind(id).bind(integer(received)).bind(expires_at_ms).execute(tx).await?;
+                if done.rows_affected() == 1 { Ok(()) } else { Err(not_found("upload")) }
+            })
+            .await
+    }
+
+    /// At start-up: so many bytes are really there, fewer than was noted.
+    pub async fn set_back(&self, id: UploadId, received: u64) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                let sql = "UPDATE upload SET received = min(received, $2) WHERE id = $1 AND session_id IS NULL";
+                sqlx::query(sql).bind(id).bind(integer(received)).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// Makes the session of a whole upload and queues its tracking, in one transaction. Again gives the same session.
+    /// The same recording of the same trainee, task and box is [`StoreError::Taken`] with the session that has it.
+    pub async fn finish(&self, scope: &Scope, id: UploadId, video: Blob) -> StoreResult<SessionId> {
+        let upload = self.get(scope, id).await?;
+        if let Some(session) = upload.session_id {
+            return Ok(session);
+        }
+        if upload.received != upload.length || video.bytes != upload.length {
+            let (received, length) = (upload.received, upload.length);
+            return Err(StoreError::refused(format!("{received} of {length} bytes have arrived: send the rest first")));
+        }
+        let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        let new = NewSession {
+            trainee: upload.trainee_id,
+            task: upload.task_id,
+            in_box: upload.box_id,
+            filename: upload.filename,
+            recorded_at_ms: upload.recorded_at_ms,
+            video,
+            media_type: upload.media_type,
+        };
+        self.0
+            .write(async move |tx| {
+                let session = sessions::insert(tx, &scope, new, now_ms, attempts).await?;
+                let sql = "UPDATE upload SET session_id = $2 WHERE id = $1 AND session_id IS NULL";
+                let linked = sqlx::query(sql).bind(id).bind(session).execute(&mut *tx).await?;
+                if linked.rows_affected() == 1 { Ok(session) } else { Err(not_found("upload")) }
+            })
+            .await
+    }
+
+    /// Forgets an upload; its file is the caller's to delete afterwards. The session that it became stays.
+    pub async fn delete(&self, scope: &Scope, id: UploadId) -> StoreResult<()> {
+        self.get(scope, id).await?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .erase(|| {
+                let scope = scope.clone();
+                async move |tx| {
+                    sqlx::query("DELETE FROM upload WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                    note(tx, &scope, now_ms, ("delete", "upload"), id).await
+                }
+            })
+            .await
+    }
+
+    /// Uploads whose time is over, at most `most`: forget row and file.
+    pub async fn expired(&self, most: u32) -> StoreResult<Vec<UploadId>> {
+        let sql = "SELECT id FROM upload WHERE expires_at_ms <= $1 LIMIT $2";
+        Ok(sqlx::query_scalar(sql).bind(self.0.now_ms()).bind(most).fetch_all(self.0.readers()).await?)
+    }
+
+    /// All uploads that have a file: those that have not become a session.
+    pub async fn unfinished(&self) -> StoreResult<Vec<Upload>> {
+        let rows = sqlx::query_as(concat!("SELECT ", upload_columns!(), " FROM upload WHERE session_id IS NULL"));
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+}

@@ -1,0 +1,162 @@
+//! The one writer: a thread that owns the one connection that writes.
+//!
+//! Requests wait in a bounded channel. The writer takes those that are there (up to a limit), runs each in a savepoint of
+//! one `BEGIN IMMEDIATE` transaction, commits once, and only then answers all of them: one fsync serves many, and who has
+//! an answer has it durably. A request that fails undoes itself alone. A commit that fails fails them all.
+//!
+//! A thread of its own, not a task: the requests are async closures whose futures are not `Send`, and a busy runtime
+//! must not hold a transaction open.
+
+use std::pin::Pin;
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::{Connection, Executor};
+use tokio::sync::{mpsc, oneshot};
+
+use super::error::{StoreError, StoreResult};
+use crate::shutdown;
+
+/// Sends requests to the writer thread.
+#[derive(Debug)]
+pub(super) struct Writer {
+    requests: mpsc::Sender<Box<dyn Request>>,
+}
+
+impl Writer {
+    /// Starts the thread, which ends with the last sender. At most `waiting` requests queue up; at most `batch` share a
+    /// commit.
+    pub fn start(connection: SqliteConnection, waiting: usize, batch: usize) -> std::io::Result<Self> {
+        let (requests, inbox) = mpsc::channel(waiting.max(1));
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
+        std::thread::Builder::new()
+            .name("store-writer".to_owned())
+            .spawn(move || runtime.block_on(serve(connection, inbox, batch.max(1))))?;
+        Ok(Self { requests })
+    }
+
+    /// Runs `work` in a transaction and answers once it is durable. Waits while the queue is full.
+    pub async fn run<T, F>(&self, work: F) -> StoreResult<T>
+    where
+        F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
+        T: Send + 'static,
+    {
+        let (reply, answer) = oneshot::channel();
+        self.requests.send(Box::new(Work { work, reply })).await.map_err(|_| StoreError::Closed)?;
+        answer.await.map_err(|_| StoreError::Closed)?
+    }
+}
+
+/// One request, whatever it returns.
+trait Request: Send {
+    /// Does its work in the open savepoint.
+    fn run<'c>(self: Box<Self>, tx: &'c mut SqliteConnection) -> Pin<Box<dyn Future<Output = Answer> + 'c>>;
+
+    /// Does nothing, because the transaction is lost already.
+    fn skip(self: Box<Self>) -> Answer;
+}
+
+/// A finished request that waits for the commit.
+struct Answer {
+    failure: Option<StoreError>,
+    /// Called once: with the commit's outcome.
+    send: Box<dyn FnOnce(StoreResult<()>)>,
+}
+
+struct Work<F, T> {
+    work: F,
+    reply: oneshot::Sender<StoreResult<T>>,
+}
+
+impl<F, T> Request for Work<F, T>
+where
+    F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
+    T: Send + 'static,
+{
+    fn run<'c>(self: Box<Self>, tx: &'c mut SqliteConnection) -> Pin<Box<dyn Future<Output = Answer> + 'c>> {
+        Box::pin(async move {
+            let Work { work, reply } = *self;
+            let result = work(tx).await;
+            let failure = result.as_ref().err().cloned();
+            // Whoever asked may have gone away: then nobody needs the answer.
+            let send = move |committed: StoreResult<()>| drop(reply.send(committed.and(result)));
+            Answer { failure, send: Box::new(send) }
+        })
+    }
+
+    fn skip(self: Box<Self>) -> Answer {
+        let send = move |lost: StoreResult<()>| drop(self.reply.send(lost.and(Err(StoreError::Closed))));
+        Answer { failure: None, send: Box::new(send) }
+    }
+}
+
+async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Box<dyn Request>>, batch: usize) {
+    let _guard = EndWithThePanic;
+    let mut requests = Vec::with_capacity(batch);
+    while inbox.recv_many(&mut requests, batch).await > 0 {
+        let mut answers = Vec::with_capacity(requests.len());
+        let outcome = transact(&mut connection, requests.drain(..), &mut answers).await;
+        if let Err(failure) = &outcome {
+            abandon(&mut connection, failure).await;
+        }
+        for answer in answers {
+            (answer.send)(outcome.clone());
+        }
+    }
+    if let Err(error) = connection.close().await {
+        tracing::warn!(%error, "closing the database");
+    }
+}
+
+/// Runs a batch in one transaction. Every request leaves an answer, also when the transaction is lost before its turn.
+async fn transact(
+    tx: &mut SqliteConnection,
+    batch: impl Iterator<Item = Box<dyn Request>>,
+    answers: &mut Vec<Answer>,
+) -> StoreResult<()> {
+    let mut outcome = tx.execute("BEGIN IMMEDIATE").await.map(drop).map_err(StoreError::from);
+    for request in batch {
+        match outcome {
+            Ok(()) => outcome = attempt(tx, request, answers).await,
+            Err(_) => answers.push(request.skip()),
+        }
+    }
+    outcome?;
+    Ok(tx.execute("COMMIT").await.map(drop)?)
+}
+
+/// Runs one request in a savepoint. An error of the savepoint itself is an error of the whole batch: SQLite rolls the
+/// whole transaction back when, for example, the disk is full.
+async fn attempt(tx: &mut SqliteConnection, request: Box<dyn Request>, answers: &mut Vec<Answer>) -> StoreResult<()> {
+    if let Err(error) = tx.execute("SAVEPOINT request").await {
+        answers.push(request.skip());
+        return Err(error.into());
+    }
+    let answer = request.run(tx).await;
+    let failure = answer.failure.clone();
+    answers.push(answer);
+    if let Some(failure) = failure {
+        let undone = tx.execute("ROLLBACK TO request").await;
+        undone.map_err(|_| failure)?; // no savepoint left: what broke the transaction is what the request met
+    }
+    Ok(tx.execute("RELEASE request").await.map(drop)?)
+}
+
+async fn abandon(tx: &mut SqliteConnection, failure: &StoreError) {
+    if failure.is_failed_sync() {
+        shutdown::abort("the database could not be synced to the disk");
+    }
+    tracing::warn!(%failure, "a write was not committed");
+    // Fails when SQLite has rolled back by itself, which is as good.
+    let _ = tx.execute("ROLLBACK").await;
+}
+
+/// A request that panics leaves a transaction open in an unknown state: the process ends and recovers at its next start.
+struct EndWithThePanic;
+
+impl Drop for EndWithThePanic {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            shutdown::abort("the store's writer panicked");
+        }
+    }
+}
