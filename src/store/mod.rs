@@ -1,6 +1,6 @@
 //! SQL, and nothing but SQL: what the centre knows, behind functions named for their meaning.
 //!
-//! One writer thread ([`writer`](self)) owns the connection that writes and answers after the commit; reads come from a
+//! One writer thread (`writer`) owns the connection that writes and answers after the commit; reads come from a
 //! pool that cannot write. Functions that touch people's data take a [`Scope`]: what it does not reach is not found.
 //! A list is a [`Page`]. Times are epoch milliseconds. Every function either did what it says, durably, or nothing.
 //!
@@ -43,9 +43,6 @@ mod trainees;
 mod uploads;
 mod visibility;
 mod writer;
-
-#[cfg(test)]
-mod tests;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -203,3 +200,6 @@ rooms! {
     /// Who changed what.
     audit: Audit;
 }
+
+#[cfg(test)]
+mod tests;
