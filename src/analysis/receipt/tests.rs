@@ -1,3 +1,5 @@
+//! Honest answers are kept as said; what no honest child says is refused.
+
 use proptest::prelude::*;
 
 use super::*;

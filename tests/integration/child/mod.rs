@@ -1,6 +1,7 @@
 //! The confined child from outside: what it says of healthy and of broken recordings, and that nothing gets past it.
 
 mod clips;
+mod confinement;
 mod recordings;
 
 use std::fs::File;
