@@ -15,6 +15,12 @@ use super::{Limits, MediaError};
 /// Containers that are accepted. FFmpeg would otherwise follow playlists to other files (TRUST, finding 1).
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
 
+/// Decoders that may run, while the file is probed too: a decoder that is not needed is one that cannot be attacked.
+const DECODERS: &str = "h264,hevc,vp8,vp9,libdav1d,av1,mjpeg,mpeg4,mpeg2video";
+
+/// Streams that are opened to be counted; more end as a lack of memory.
+const MOST_OPENED_STREAMS: &str = "64";
+
 /// Reads of a demuxer that may fail in a row; one that fails for ever must not hold us.
 const MOST_FAILED_READS: u32 = 1_000;
 
@@ -70,7 +76,8 @@ impl VideoFile {
         let mut options = Dictionary::new();
         options.set("format_whitelist", CONTAINERS);
         options.set("protocol_whitelist", "");
-        options.set("max_streams", &limits.streams.to_string());
+        options.set("codec_whitelist", DECODERS);
+        options.set("max_streams", MOST_OPENED_STREAMS);
         let input = format::input_from_stream(io, None, Some(options)).map_err(|source| match source {
             NO_MEMORY => MediaError::Memory,
             other => MediaError::Container(other.to_string()),
@@ -88,21 +95,21 @@ impl VideoFile {
         if !CODECS.contains(&id) {
             return Err(MediaError::Codec(id.name().to_owned()));
         }
-        let duration_s = (input.duration() > 0).then(|| input.duration() as f64 / f64::from(ff::ffi::AV_TIME_BASE));
+        let (width, height) = stated_size(&stream)?;
+        check_size(width, height, limits)?;
+        let rate = f64::from(stream.avg_frame_rate());
+        let clock = clock_of(&stream, rate)?;
+        let listed = u64::try_from(stream.frames()).ok().filter(|&n| n > 0);
+        let duration_s = credible_duration(input.duration(), listed);
         if let Some(duration_s) = duration_s.filter(|d| *d > limits.duration_s) {
             return Err(over("the duration in seconds", duration_s, limits.duration_s));
         }
-        let rate = f64::from(stream.avg_frame_rate());
-        let clock = clock_of(&stream, rate)?;
-        let frames_expected = match stream.frames() {
-            n if n > 0 => Some(n as u64),
-            _ => duration_s.filter(|_| rate.is_finite() && rate > 0.0).map(|d| (d * rate).round() as u64),
-        };
+        let has_rate = rate.is_finite() && rate > 0.0;
+        let frames_expected = listed.or(duration_s.filter(|_| has_rate).map(|d| (d * rate).round() as u64));
         let rotation = rotation_of(&stream);
         let index = stream.index();
         let decoder = open_decoder(&stream, limits)?;
-        check_size(decoder.width(), decoder.height(), limits)?;
-        let (width, height) = rotation.turned(decoder.width(), decoder.height());
+        let (width, height) = rotation.turned(width, height);
         Ok(Self {
             info: RecordingInfo { width, height, frames_expected, duration_s },
             input,
@@ -202,6 +209,24 @@ impl VideoFile {
 const NO_MEMORY: ff::Error = ff::Error::Other { errno: ff::error::ENOMEM };
 const AGAIN: ff::Error = ff::Error::Other { errno: ff::error::EAGAIN };
 
+/// The picture's size, as probing found it.
+fn stated_size(stream: &format::stream::Stream<'_>) -> Result<(u32, u32), MediaError> {
+    let parameters = stream.parameters();
+    // SAFETY: the parameters live as long as `parameters`, and FFmpeg does not write to them after probing.
+    let (width, height) = unsafe { ((*parameters.as_ptr()).width, (*parameters.as_ptr()).height) };
+    match (u32::try_from(width), u32::try_from(height)) {
+        (Ok(width @ 1..), Ok(height @ 1..)) => Ok((width, height)),
+        _ => Err(MediaError::NoFrames),
+    }
+}
+
+/// The container's duration, s, unless it lists fewer frames than one a second: then it is a placeholder.
+fn credible_duration(ticks: i64, frames_listed: Option<u64>) -> Option<f64> {
+    let duration_s = ticks as f64 / f64::from(ff::ffi::AV_TIME_BASE);
+    let credible = duration_s > 0.0 && frames_listed.is_none_or(|n| duration_s <= n as f64);
+    credible.then_some(duration_s)
+}
+
 fn clock_of(stream: &format::stream::Stream<'_>, rate_hz: f64) -> Result<FrameClock, MediaError> {
     let seconds_per_tick = f64::from(stream.time_base());
     if !(seconds_per_tick.is_finite() && seconds_per_tick > 0.0) {
@@ -219,7 +244,10 @@ fn open_decoder(stream: &format::stream::Stream<'_>, limits: Limits) -> Result<f
     options.set("max_pixels", &(u64::from(limits.width) * u64::from(limits.height)).to_string());
     let mut decoder = context.decoder();
     decoder.set_packet_time_base(stream.time_base());
-    decoder.open_as_with(stream.parameters().id(), options).and_then(|opened| opened.video()).map_err(failed("opening the decoder"))
+    decoder
+        .open_as_with(stream.parameters().id(), options)
+        .and_then(|opened| opened.video())
+        .map_err(failed("opening the decoder"))
 }
 
 fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {

@@ -49,7 +49,9 @@ pub enum MediaError {
     #[error("the video stream holds no frame that can be decoded; the file may be cut before its first picture")]
     NoFrames,
     /// Memory ran out under the process's limit.
-    #[error("decoding it needs more memory than one recording may use; record a smaller picture")]
+    #[error(
+        "reading it needs more memory than one recording may use: its picture or its tables are too large, or it is damaged"
+    )]
     Memory,
     /// A pixel format that cannot be brought to planar YUV.
     #[error("pixel format {0} cannot be converted")]

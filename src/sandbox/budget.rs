@@ -15,8 +15,9 @@ pub enum LandlockPolicy {
 /// Limits of one child. Beyond one it is killed, and [`super::Outcome`] names which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
-    /// Address space, bytes. The default lets 4096×2304 H.264 through with two decoder threads and refuses 16384×8704.
-    pub address_space_bytes: u64,
+    /// Memory it may map beyond what the program itself takes, bytes. The default lets 4096×2304 H.264 through with two
+    /// decoder threads, refuses 16384×8704, and keeps the whole process under 512 MiB.
+    pub memory_bytes: u64,
     /// Processor time of all its threads together.
     pub cpu: Duration,
     /// Time on the wall from start to end.
@@ -34,7 +35,7 @@ pub struct Budget {
 impl Default for Budget {
     fn default() -> Self {
         Self {
-            address_space_bytes: 1 << 30,
+            memory_bytes: 448 << 20,
             cpu: Duration::from_secs(4 * 3600),
             wall: Duration::from_secs(4 * 3600),
             silence: Duration::from_secs(60),

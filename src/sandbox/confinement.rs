@@ -9,6 +9,7 @@ use rustix::process::{Resource, Rlimit, Signal, getppid, set_parent_process_deat
 use rustix::thread::set_no_new_privs;
 
 use super::budget::LandlockPolicy;
+use super::footprint;
 use super::syscalls;
 
 /// Newest Landlock interface whose rights were read and understood; older kernels enforce the part they know.
@@ -19,8 +20,8 @@ const LANDLOCK: ABI = ABI::V6;
 pub(super) struct Confinement {
     /// Process that must outlive it.
     pub(super) parent: u32,
-    /// Address space, bytes.
-    pub(super) address_space_bytes: u64,
+    /// Memory beyond what the program takes, bytes.
+    pub(super) memory_bytes: u64,
     /// Processor time, s.
     pub(super) cpu_s: u64,
     /// What to do without Landlock.
@@ -96,7 +97,9 @@ impl Confinement {
     }
 
     fn limit_resources(&self) -> Result<(), ConfinementError> {
-        limit(Resource::As, self.address_space_bytes, self.address_space_bytes)?;
+        one_heap()?;
+        let own = footprint::bytes("self", "VmSize").map_err(system("reading the process's own size"))?;
+        limit(Resource::As, own + self.memory_bytes, own + self.memory_bytes)?;
         limit(Resource::Cpu, self.cpu_s, self.cpu_s + 5)?; // first SIGXCPU, which names the reason
         for resource in [Resource::Core, Resource::Fsize, Resource::Memlock, Resource::Msgqueue] {
             limit(resource, 0, 0)?;
@@ -124,6 +127,14 @@ impl Confinement {
         }
         Ok(enforced)
     }
+}
+
+/// The C library would reserve 64 MiB of address space for each thread, and the limit counts address space.
+fn one_heap() -> Result<(), ConfinementError> {
+    // SAFETY: a plain call with plain numbers, made while this process has one thread.
+    let accepted = unsafe { libc::mallopt(libc::M_ARENA_MAX, 1) } == 1;
+    let refused = || system("keeping to one heap")(io::Error::other("the C library refuses"));
+    if accepted { Ok(()) } else { Err(refused()) }
 }
 
 fn limit(resource: Resource, soft: u64, hard: u64) -> Result<(), ConfinementError> {

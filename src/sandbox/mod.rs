@@ -21,6 +21,7 @@
 mod admission;
 mod budget;
 mod confinement;
+mod footprint;
 mod outcome;
 mod parent;
 mod record;

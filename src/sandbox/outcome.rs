@@ -47,7 +47,7 @@ pub struct Cost {
     pub wall: Duration,
     /// Processor time, all threads, kernel included.
     pub cpu: Duration,
-    /// Most memory resident at a time, bytes.
+    /// Most memory resident at a time, bytes, as last seen while it ran.
     pub peak_rss_bytes: u64,
     /// Bytes of records.
     pub output_bytes: u64,

@@ -17,6 +17,7 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 use super::admission::{MOST_INPUTS, Preamble};
 use super::budget::Budget;
 use super::confinement::Confinement;
+use super::footprint;
 use super::outcome::{self, Cost, Ended, Limit, Outcome};
 use super::record::{RecordError, Splitter};
 use super::stop::Stop;
@@ -84,6 +85,7 @@ struct Running {
     splitter: Splitter,
     tail: Vec<u8>,
     output_bytes: u64,
+    peak_rss_bytes: u64,
     started: Instant,
     last_record: Instant,
 }
@@ -125,6 +127,7 @@ impl Running {
             splitter: Splitter::new(budget.record_bytes, budget.output_bytes),
             tail: Vec::new(),
             output_bytes: 0,
+            peak_rss_bytes: 0,
             started,
             last_record: started,
         })
@@ -140,7 +143,8 @@ impl Running {
             Ok((status, cost)) => (early.unwrap_or_else(|| self.outcome(status, &stderr_tail)), cost),
             Err(error) => (Outcome::NotRun(error), Cost::default()),
         };
-        let cost = Cost { wall: self.started.elapsed(), output_bytes: self.output_bytes, ..cost };
+        let (output_bytes, peak_rss_bytes) = (self.output_bytes, self.peak_rss_bytes);
+        let cost = Cost { wall: self.started.elapsed(), output_bytes, peak_rss_bytes, ..cost };
         Ended { outcome, stderr_tail, cost }
     }
 
@@ -156,6 +160,7 @@ impl Running {
     fn pump(&mut self, stop: &Stop, mut on_record: impl FnMut(&[u8]) -> Result<(), String>) -> Result<(), Outcome> {
         loop {
             let ready = self.wait(stop)?;
+            self.look_at_memory();
             if ready.stop {
                 return Err(Outcome::Stopped);
             }
@@ -199,6 +204,13 @@ impl Running {
             (_, None) => Err(Outcome::TimedOut(Limit::Silence(self.budget.silence))),
             (Some(wall), Some(silence)) => Ok(wall.min(silence)),
         }
+    }
+
+    /// The bill at the end names the *parent's* peak if that is higher (it is carried over `exec`), so the child's own is
+    /// read while it lives; at its last word it has not ended yet.
+    fn look_at_memory(&mut self) {
+        let seen = footprint::bytes(&self.pid.to_string(), "VmHWM").unwrap_or(0);
+        self.peak_rss_bytes = self.peak_rss_bytes.max(seen);
     }
 
     fn send_request(&mut self) {
@@ -260,8 +272,7 @@ impl Running {
         }
         self.reaped = true;
         let cpu = duration(usage.ru_utime) + duration(usage.ru_stime);
-        let peak_rss_bytes = usage.ru_maxrss.unsigned_abs() * 1024;
-        Ok((ExitStatus::from_raw(status), Cost { cpu, peak_rss_bytes, ..Cost::default() }))
+        Ok((ExitStatus::from_raw(status), Cost { cpu, ..Cost::default() }))
     }
 }
 
@@ -287,7 +298,7 @@ impl Outgoing {
     fn new(socket: UnixStream, request: Vec<u8>, inputs: Vec<File>, budget: &Budget) -> Self {
         let confinement = Confinement {
             parent: std::process::id(),
-            address_space_bytes: budget.address_space_bytes,
+            memory_bytes: budget.memory_bytes,
             cpu_s: budget.cpu.as_secs().max(1),
             landlock: budget.landlock,
         };

@@ -1,7 +1,9 @@
 //! The confined child from outside: what it says of healthy and of broken recordings, and that nothing gets past it.
 
+mod attack;
 mod clips;
 mod confinement;
+mod forge;
 mod recordings;
 
 use std::fs::File;
