@@ -9,6 +9,15 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.people;
 
+const isTrainee = chosen => chosen.role === 'trainee';
+
+/** A trainee's account stays one: it belongs to the trainee whose recordings it shows. */
+function rolesFor(item) {
+  const all = Object.entries(t.roles);
+  if (!item) return all;
+  return all.filter(([role]) => (item.role === 'trainee') === (role === 'trainee'));
+}
+
 export default function People() {
   const { data, problem, reload } = useData(async () => {
     const [people, groups, tokens, trainees, boxes] = await Promise.all([api.people.all(), api.groups.all(), api.tokens.all(), api.trainees.all(), api.boxes.all()]);
@@ -17,12 +26,12 @@ export default function People() {
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name, autocomplete: 'off' },
     ...(item ? [] : [{ name: 'login', label: words.login, required: true, autocapitalize: 'none', autocomplete: 'off', spellcheck: false }]),
-    { name: 'role', label: words.role, type: 'select', options: Object.entries(t.roles), value: item?.role ?? 'instructor' },
+    { name: 'role', label: words.role, type: 'select', options: rolesFor(item), value: item?.role ?? 'instructor' },
     { name: 'password', label: item ? words.newPassword : words.password, type: 'password', hint: item ? words.newPasswordHint : words.passwordHint, required: !item, minlength: 10, autocomplete: 'new-password' },
-    { name: 'trainee', label: words.trainee, type: 'select', options: [['', t.trainees.unset], ...data.trainees.map(one => [one.id, one.name])], value: item?.trainee?.id ?? item?.trainee },
-    ...(!item && data.groups.length ? [{ name: 'groups', label: words.groups, type: 'checks', options: data.groups.map(group => [group.id, group.name]) }] : []),
+    ...(item ? [] : [{ name: 'trainee', label: words.trainee, type: 'select', required: true, options: [['', t.upload.choose], ...data.trainees.map(one => [one.id, one.name])], when: isTrainee }]),
+    ...(!item && data.groups.length ? [{ name: 'groups', when: chosen => chosen.role === 'instructor', label: words.groups, type: 'checks', options: data.groups.map(group => [group.id, group.name]) }] : []),
   ];
-  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: words.removeTitle, fields, save: (item, values) => saveChanges(api.people, item && { ...item, trainee: item.trainee?.id ?? item.trainee }, values), remove: item => api.people.remove(item.id), onChange: reload });
+  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: words.removeTitle, fields, save: (item, values) => saveChanges(api.people, item, values), remove: item => api.people.remove(item.id), onChange: reload });
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>${data && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />

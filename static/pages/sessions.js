@@ -80,9 +80,9 @@ const Table = ({ items }) => html`
           <th scope="col">${words.recorded}</th>
           <th scope="col">${words.trainee}</th>
           <th scope="col">${words.task}</th>
-          <th scope="col">${words.box}</th>
-          <th scope="col">${words.file}</th>
-          <th scope="col" class="number">${words.length}</th>
+          <th scope="col" class="second">${words.box}</th>
+          <th scope="col" class="third">${words.file}</th>
+          <th scope="col" class="number second">${words.length}</th>
           <th scope="col">${words.status}</th>
         </tr>
       </thead>
@@ -90,12 +90,12 @@ const Table = ({ items }) => html`
         ${items.map(
           session => html`
             <tr key=${session.id}>
-              <th scope="row"><a class="cover" href=${href(['sessions', session.id])}>${dateTime(session.recorded_at ?? session.created_at)}</a></th>
+              <th scope="row" class="when"><a class="cover" href=${href(['sessions', session.id])}>${dateTime(session.recorded_at ?? session.created_at)}</a></th>
               <td>${session.trainee?.name}</td>
               <td>${session.task?.name}</td>
-              <td>${session.box?.name}</td>
-              <td class="muted">${session.filename}</td>
-              <td class="number">${session.video ? clock(session.video.duration_s, 0) : '–'}</td>
+              <td class="second">${session.box?.name}</td>
+              <td class="muted third">${session.filename}</td>
+              <td class="number second">${session.video ? clock(session.video.duration_s, 0) : '–'}</td>
               <td><${StatusPill} state=${stateOf(session)} /></td>
             </tr>`,
         )}

@@ -18,40 +18,41 @@ const SHARED = '*'; // Features of both tools together, in the address.
 export default function Trainee({ route }) {
   const id = route.path[1];
   const { data: base, problem, reload } = useData(async signal => {
-    const [trainee, tasks] = await Promise.all([api.trainees.get(id, signal), api.tasks.all()]);
-    return { trainee, tasks };
+    const newest = api.sessions.page({ trainee: id, limit: 1 }, signal);
+    const [trainee, tasks, last] = await Promise.all([api.trainees.get(id, signal), api.tasks.all(), newest]);
+    return { trainee, tasks, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
   }, [id]);
   if (!base) return html`<${PageHead} title=${t.nav.trainees} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
-  const { trainee, tasks } = base;
+  const { trainee, tasks, usual } = base;
   const level = t.trainees.levels[trainee.level];
   return html`
     <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')} />
-    ${tasks.length ? html`<${Progress} id=${id} tasks=${tasks} route=${route} />` : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
+    ${tasks.length ? html`<${Progress} id=${id} tasks=${tasks} usual=${usual} route=${route} />` : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
 }
 
-function Progress({ id, tasks, route }) {
-  const task = tasks.find(one => one.id === route.query.get('task') || one.code === route.query.get('task')) ?? tasks[0];
+function Progress({ id, tasks, usual, route }) {
+  const task = tasks.find(one => one.id === route.query.get('task') || one.code === route.query.get('task')) ?? usual;
   const { data, problem, reload } = useData(signal => api.trainees.progress(id, task.id, signal), [id, task.id]);
   const soon = useThrottled(reload, 2000);
   useLive('session', event => event.status === 'done' && soon());
 
   const done = (data?.sessions ?? []).filter(session => session.status === 'done' && session.features?.length).sort((a, b) => Date.parse(a.recorded_at) - Date.parse(b.recorded_at));
-  const tools = [...new Set(done.flatMap(session => session.features.map(feature => feature.tool)))].sort();
+  const tools = [...new Set(done.flatMap(session => session.features.map(feature => feature.tool ?? SHARED)))].sort().reverse(); // `*` sorts last.
   const wanted = route.query.get('tool');
-  const tool = wanted === SHARED ? null : tools.includes(wanted) ? wanted : tools[0];
+  const tool = tools.includes(wanted) ? wanted : tools[0];
   const set = (key, value) => replace(['trainees', id], { task: task.id, tool: wanted, [key]: value });
   return html`
     <section class="card">
       <header><h2>${words.progress}</h2></header>
       <div class="filters">
         <${Field} type="select" label=${words.task} value=${task.id} options=${tasks.map(one => [one.id, one.name])} onInput=${event => set('task', event.target.value)} />
-        ${tools.length > 0 && html`<${Field} type="select" label=${words.tool} value=${tool ?? SHARED} options=${tools.map(name => [name ?? SHARED, name ?? t.session.both])} onInput=${event => set('tool', event.target.value)} />`}
+        ${tools.length > 0 && html`<${Field} type="select" label=${words.tool} value=${tool} options=${tools.map(name => [name, name === SHARED ? t.session.both : name])} onInput=${event => set('tool', event.target.value)} />`}
       </div>
       <div class="body">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${!data && !problem && html`<${Loading} />`}
         ${data && done.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}><a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
-        ${done.length > 0 && html`<div class="sparks">${sparks(done, tool).map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>`}
+        ${done.length > 0 && html`<div class="sparks">${sparks(done, tool === SHARED ? null : tool).map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>`}
       </div>
     </section>
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;

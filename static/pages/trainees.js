@@ -26,7 +26,7 @@ export default function Trainees({ person }) {
     { name: 'handedness', label: words.handedness, type: 'select', options: pairs(words.hands), value: item?.handedness },
     ...(!item && data.groups.length ? [{ name: 'group', label: words.group, type: 'select', options: [['', words.unset], ...data.groups.map(group => [group.id, group.name])] }] : []),
   ];
-  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: t.people.removeTitle, fields, save: (item, values) => saveChanges(api.trainees, item, values), remove: item => api.trainees.remove(item.id), onChange: reload });
+  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: t.people.removeTitle, removeBody: words.removeBody, fields, save: (item, values) => saveChanges(api.trainees, item, values), remove: item => api.trainees.remove(item.id), onChange: reload });
   const shown = data?.trainees.filter(trainee => `${trainee.name} ${trainee.code}`.toLowerCase().includes(wanted.toLowerCase())) ?? [];
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && data && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
@@ -51,7 +51,7 @@ export default function Trainees({ person }) {
                   <td class="code">${trainee.code}</td>
                   <td>${words.levels[trainee.level] ?? '–'}</td>
                   <td>${words.hands[trainee.handedness] ?? '–'}</td>
-                  ${mayEdit && html`<td><${RowButtons} item=${trainee} onEdit=${edit.change} onRemove=${may(person, 'people') && edit.remove} /></td>`}
+                  ${mayEdit && html`<td><${RowButtons} item=${trainee} onEdit=${edit.change} onRemove=${edit.remove} /></td>`}
                 </tr>`)}
             </tbody>
           </table>

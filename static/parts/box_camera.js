@@ -12,7 +12,7 @@ const BOARD_FIELDS = [
   { name: 'columns', label: words.columns, type: 'number', min: 3, max: 50, required: true, value: 9 },
   { name: 'rows', label: words.rows, type: 'number', min: 3, max: 50, required: true, value: 6 },
   { name: 'square', label: words.square, type: 'number', min: 0.1, max: 1000, step: 'any', required: true, value: 21 },
-  { name: 'files', label: words.files, hint: words.filesHint, type: 'file', multiple: true, accept: 'image/*,video/*', required: true },
+  { name: 'files', label: words.files, hint: words.filesHint, type: 'file', multiple: true, accept: 'image/*,video/*', required: true, wide: true },
 ];
 const FILE_FIELDS = [{ name: 'file', label: 'camera.json', hint: words.putHint, type: 'file', accept: '.json,application/json', required: true }];
 

@@ -5,12 +5,12 @@ import { t } from '../texts.js';
 import { ProblemNotice } from './notice.js';
 
 /** One labelled input. `type`: text, password, number, date…, file, select (`options: [value, words][]`), textarea, checks. */
-export function Field({ name, label, hint, type = 'text', value, options, required, optional, onInput, inputRef, ...more }) {
+export function Field({ name, label, hint, type = 'text', value, options, required, optional, wide, onInput, inputRef, ...more }) {
   const id = useId();
   const shared = { id, name, required, 'aria-describedby': hint ? `${id}-hint` : undefined, onInput, ref: inputRef, ...more };
   if (type === 'checks') return html`<${Checks} name=${name} label=${label} hint=${hint} options=${options} value=${value} />`;
   return html`
-    <div class="field">
+    <div class=${`field ${wide ? 'wide' : ''}`}>
       <label for=${id}>${label}${optional && html` <span class="muted">(${t.form.optional})</span>`}</label>
       ${type === 'select' && html`<select ...${shared} value=${value ?? ''}>${options.map(([key, words]) => html`<option value=${key} selected=${key === (value ?? '')}>${words}</option>`)}</select>`}
       ${type === 'textarea' && html`<textarea ...${shared} defaultValue=${value ?? ''}></textarea>`}
@@ -26,26 +26,29 @@ const Checks = ({ name, label, hint, options, value = [] }) => html`
     ${options.map(([key, words]) => html`<label class="check"><input type="checkbox" name=${name} value=${key} defaultChecked=${value.includes(key)} />${words}</label>`)}
   </fieldset>`;
 
-/** A form that calls `onSave(values, form)` and shows what the server says against it. */
+/** Calls `onSave(values, form)` and shows what the server says against it. A field with `when(chosen)` is there only if that holds. */
 export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords = t.form.saving, danger, children }) {
   const [busy, setBusy] = useState(false);
   const [problem, setProblem] = useState(null);
+  const [chosen, setChosen] = useState(() => Object.fromEntries(fields.map(field => [field.name, field.value])));
   const form = useRef(null);
+  const choose = event => event.target.tagName === 'SELECT' && setChosen(before => ({ ...before, [event.target.name]: event.target.value }));
+  const shown = fields.filter(field => !field.when || field.when(chosen));
   const save = async event => {
     event.preventDefault();
     setBusy(true);
     setProblem(null);
     try {
-      await onSave(valuesOf(form.current, fields), form.current);
+      await onSave(valuesOf(form.current, shown), form.current);
     } catch (error) {
       setProblem(asProblem(error));
     }
     setBusy(false);
   };
   return html`
-    <form class="stack" ref=${form} onSubmit=${save}>
+    <form class="stack" ref=${form} onSubmit=${save} onInput=${choose}>
       <${ProblemNotice} problem=${problem} />
-      <div class="fields">${fields.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)} ...${field} />`)}</div>
+      <div class="fields">${shown.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)} ...${field} />`)}</div>
       ${children}
       <div class="actions row">
         ${onCancel && html`<button class="button" type="button" onClick=${onCancel}>${t.form.cancel}</button>`}

@@ -16,7 +16,7 @@ export function Groups({ data, onChange }) {
   const close = () => setOpen(null);
   const finish = () => (close(), onChange());
   const create = ({ name }) => api.groups.create({ name }).then(finish);
-  const members = group => ({ people, trainees }) => api.groups.setMembers(group.id, { people, trainees }).then(finish);
+  const members = group => ({ instructors, trainees }) => api.groups.setMembers(group.id, { instructors, trainees }).then(finish);
   return html`
     <section class="card">
       <header><h2>${words.group}</h2><button class="button" type="button" onClick=${() => setOpen('new')}><${icons.add} />${words.addGroup}</button></header>
@@ -35,7 +35,7 @@ export function Groups({ data, onChange }) {
 }
 
 const memberFields = (group, { people, trainees }) => [
-  { name: 'people', label: words.title, type: 'checks', options: people.filter(one => one.role === 'instructor').map(one => [one.id, one.name]), value: (group.people ?? []).map(idOf) },
+  { name: 'instructors', label: words.instructors, type: 'checks', options: people.filter(one => one.role === 'instructor').map(one => [one.id, one.name]), value: (group.instructors ?? []).map(idOf) },
   { name: 'trainees', label: t.trainees.title, type: 'checks', options: trainees.map(one => [one.id, one.name]), value: (group.trainees ?? []).map(idOf) },
 ];
 
@@ -48,8 +48,8 @@ export function Tokens({ data, onChange }) {
   };
   const fields = [
     { name: 'name', label: words.name, required: true },
-    { name: 'role', label: words.role, type: 'select', options: [['agent', words.agent], ...Object.entries(t.roles)], value: 'agent' },
-    { name: 'box', label: words.box, type: 'select', options: [['', words.any], ...data.boxes.map(box => [box.id, box.name])] },
+    { name: 'role', label: words.role, type: 'select', options: [['agent', words.agent], ['instructor', t.roles.instructor], ['administrator', t.roles.administrator]], value: 'agent' },
+    { name: 'box', label: words.box, type: 'select', required: true, options: [['', t.upload.choose], ...data.boxes.map(box => [box.id, box.name])], when: chosen => chosen.role === 'agent' },
     { name: 'expires', label: words.expires, type: 'datetime-local', hint: words.expiresHint },
   ];
   return html`

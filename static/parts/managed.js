@@ -9,13 +9,13 @@ import { icons } from './icons.js';
  * `const edit = useEditing({ title, fields, noun, onChange })` gives `edit.add()`, `edit.change(item)`, `edit.remove(item)`
  * and `edit.dialogs` to put on the page. `fields(item)` tells the form's fields, `item` null for a new one.
  */
-export function useEditing({ addTitle, editTitle, removeTitle, fields, save, remove, onChange }) {
+export function useEditing({ addTitle, editTitle, removeTitle, removeBody = t.people.removeBody, fields, save, remove, onChange }) {
   const [open, setOpen] = useState(null);
   const close = () => setOpen(null);
   const finish = () => (close(), onChange());
   const item = open?.item ?? null;
   const dialogs = open && (open.removing
-    ? html`<${Confirm} title=${removeTitle(item.name)} body=${t.people.removeBody} yes=${t.form.remove} onYes=${() => remove(item).then(onChange)} onClose=${close} />`
+    ? html`<${Confirm} title=${removeTitle(item.name)} body=${removeBody} yes=${t.form.remove} onYes=${() => remove(item).then(onChange)} onClose=${close} />`
     : html`
       <${Dialog} title=${item ? editTitle : addTitle} onClose=${close}>
         <${Form} fields=${fields(item)} onSave=${values => save(item, values).then(finish)} onCancel=${close} />

@@ -33,7 +33,7 @@ export const Notice = ({ tone = 'busy', title, children }) => {
 /** An empty state says what would be here and offers the next step. */
 export const Empty = ({ title, body, children }) => html`
   <div class="empty">
-    <h3>${title}</h3>
+    <p class="title">${title}</p>
     <p>${body}</p>
     ${children}
   </div>`;

@@ -30,15 +30,17 @@ export class Orbit {
   /** A function from a point in mm to `[x, y, nearness]` on a canvas of that size. */
   projection(bounds, width, height) {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    const size = (Math.min(width, height) * 1.25 * this.zoom) / bounds.radius / 2;
-    return (x, y, z) => {
-      const [right, near, up] = [x - bounds.centre[0], y - bounds.centre[1], bounds.centre[2] - z];
-      const across = right * cy - near * sy;
+    const [x, y, z] = bounds.ends.map(([low, high]) => (high - low) / 2);
+    const across = Math.hypot(x, y); // Turning about the upright sweeps this circle: it must fit, and no more than it.
+    const size = 0.42 * this.zoom * Math.min(width / across, height / Math.max(z, across * 0.8));
+    return (px, py, pz) => {
+      const [right, near, up] = [px - bounds.centre[0], py - bounds.centre[1], bounds.centre[2] - pz];
+      const aside = right * cy - near * sy;
       const away = -(right * sy + near * cy);
       const above = up * cp + away * sp;
       const depth = away * cp - up * sp;
       const bigger = DISTANCE / (DISTANCE + depth / bounds.radius);
-      return [width / 2 + across * size * bigger, height / 2 - above * size * bigger, -depth];
+      return [width / 2 + aside * size * bigger, height / 2 - above * size * bigger, -depth];
     };
   }
 }

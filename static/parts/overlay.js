@@ -1,8 +1,10 @@
 // What the tracker saw, drawn over the recording: past path, borders, tip, depth. Plain canvas, one call per picture.
 import { colour } from '../theme.js';
+import { t } from '../texts.js';
 import { MISSING, PREDICTED } from './track.js';
 
 const PATH_S = 2;
+const FONT = '600 13px system-ui, sans-serif';
 const HALO = 'rgb(0 0 0 / 70%)';
 
 /** Where the picture lies inside its element (`object-fit: contain`), in CSS pixels. */
@@ -32,15 +34,18 @@ export function drawOverlay(canvas, track, frame, { show, hidden, size }) {
   // OpenCV counts from the centre of the first pixel, a canvas from its corner.
   const place = (u, v) => [box.left + (u + 0.5) * box.scale, box.top + (v + 0.5) * box.scale];
   pen.lineCap = pen.lineJoin = 'round';
+  const unseen = [];
   for (const tool of track.tools) {
     if (hidden.has(tool.name)) continue;
     if (show.path) drawPath(pen, track, tool, frame, place);
     if (show.borders) drawBorders(pen, tool, frame, place);
+    if (tool.state[frame] === MISSING) unseen.push(tool);
     if (tool.state[frame] === MISSING || Number.isNaN(tool.tip_u_px[frame])) continue;
     const [x, y] = place(tool.tip_u_px[frame], tool.tip_v_px[frame]);
     if (show.tip) drawTip(pen, tool, tool.state[frame] === PREDICTED, x, y);
     if (show.depth) drawDepth(pen, tool, frame, x, y, width);
   }
+  if (show.tip) unseen.forEach((tool, line) => write(pen, tool.bright, t.session.unseen(tool.name, whyUnseen(tool, frame)), box.left + 12, box.top + 24 + 20 * line));
 }
 
 /** The last two seconds, older parts fainter; a gap stays a gap. */
@@ -101,14 +106,26 @@ function drawDepth(pen, tool, frame, x, y, width) {
   const z = tool.z_mm[frame];
   if (!Number.isFinite(z)) return;
   const words = `z ${Math.round(z)} mm`;
-  pen.font = '600 13px system-ui, sans-serif';
+  pen.font = FONT;
   const room = pen.measureText(words).width + 18;
   const left = x + room > width ? x - room : x + 14;
+  write(pen, tool.bright, words, left, y - 10);
+}
+
+/** Bright words with a dark rim. */
+function write(pen, bright, words, x, y) {
+  pen.font = FONT;
   pen.lineWidth = 3.5;
   pen.strokeStyle = HALO;
-  pen.strokeText(words, left, y - 10);
-  pen.fillStyle = tool.bright;
-  pen.fillText(words, left, y - 10);
+  pen.strokeText(words, x, y);
+  pen.fillStyle = bright;
+  pen.fillText(words, x, y);
+}
+
+/** The tracker's reason for a frame without the tool, in words; empty where it gave none. */
+export function whyUnseen(tool, frame) {
+  const reason = tool.state[frame] === MISSING ? tool.reason[frame] : null;
+  return reason ? (t.session.reasons[reason] ?? reason) : '';
 }
 
 /** A dark line below a bright one reads on any picture. */

@@ -91,6 +91,7 @@ function drawFloor(pen, { ends: [x, y, z] }, place) {
   pen.lineWidth = 1;
   for (let at = x[0]; at <= x[1]; at += 20) stroke([at, y[0], z[1]], [at, y[1], z[1]], line);
   for (let at = y[0]; at <= y[1]; at += 20) stroke([x[0], at, z[1]], [x[1], at, z[1]], line);
+  const middle = place(...[x, y, z].map(([low, high]) => (low + high) / 2));
   const corner = [x[0], y[1], z[1]];
   const axes = [
     [[x[1], y[1], z[1]], `x ${number(x[0])} … ${number(x[1])} mm`],
@@ -99,13 +100,17 @@ function drawFloor(pen, { ends: [x, y, z] }, place) {
   ];
   pen.font = '12px system-ui, sans-serif';
   pen.fillStyle = muted;
-  pen.textAlign = 'center';
   for (const [end, name] of axes) {
     stroke(corner, end, muted);
-    const [px, py] = place(...end.map((value, i) => corner[i] + (value - corner[i]) * 0.5));
-    pen.fillText(name, px, py + 16);
+    label(pen, name, place(...end.map((value, i) => corner[i] + (value - corner[i]) * 0.8)), middle);
   }
-  pen.textAlign = 'start';
+}
+
+/** Beside its axis, on the side away from the middle, and never outside the canvas. */
+function label(pen, words, [x, y], middle) {
+  const room = pen.measureText(words).width;
+  const left = x < middle[0] ? x - room - 8 : x + 8;
+  pen.fillText(words, Math.min(Math.max(4, left), pen.canvas.clientWidth - room - 4), y + 14);
 }
 
 /** Segments are gathered by shade and painted shade by shade: a stroke per segment would be too slow. */

@@ -2,7 +2,7 @@
 import { html, useEffect, useRef } from './preact.js';
 import { fixed } from '../format.js';
 import { t } from '../texts.js';
-import { MISSING } from './track.js';
+import { whyUnseen } from './overlay.js';
 
 const words = t.session;
 const VALUES = [['x_mm', 1], ['y_mm', 1], ['z_mm', 1], ['speed', 0]];
@@ -31,11 +31,8 @@ export function Readouts({ track, playback }) {
       playback.onTick(({ frame }) => {
         for (const tool of track.tools) {
           for (const [field, digits] of VALUES) cells.current[`${tool.name} ${field}`].textContent = fixed(tool[field][frame], digits);
-          const cell = cells.current[`${tool.name} state`];
-          const state = words.states[tool.state[frame]];
-          const why = tool.state[frame] === MISSING && tool.reason[frame] ? words.reasons[tool.reason[frame]] ?? tool.reason[frame] : '';
-          cell.textContent = state;
-          cell.title = why;
+          const why = whyUnseen(tool, frame);
+          cells.current[`${tool.name} state`].textContent = words.states[tool.state[frame]] + (why && `: ${why}`);
         }
       }),
     [track],

@@ -56,12 +56,14 @@ export function Review({ session, trajectory, diagnostics, start }) {
             <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)} />
             <p class="small muted keys">${words.curvesHint}</p>
           </section>`}
+        <div class="pair">
+          ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality} quality=${session.quality} /><//>`}
+          <${Card} title=${words.versions}><${Made} session=${session} /><//>
+        </div>
       </div>
       <div class="stack">
         ${track && html`<${Card} title=${words.space}><${Path3d} track=${track} playback=${playback} hidden=${hidden} /><//>`}
         ${session.status === 'done' && html`<section class="card"><header><h2>${words.features}</h2></header><${Features} features=${session.features} tools=${session.tools} /></section>`}
-        ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality} quality=${session.quality} /><//>`}
-        <${Card} title=${words.versions}><${Made} session=${session} /><//>
       </div>
     </div>`;
 }

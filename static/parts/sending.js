@@ -32,15 +32,18 @@ const Item = ({ item }) => html`
 
 const left = ({ state, rate, size, sent }) => (state === 'sending' && rate > 0 ? ` · ${words.left(clock((size - sent) / rate, 0))}` : '');
 
-function Buttons({ item: { key, state, session } }) {
+/** The file itself was refused: sending it again would be refused again. */
+const isRefused = problem => [400, 413, 415, 422].includes(problem?.status);
+
+function Buttons({ item: { key, state, session, problem } }) {
   const button = (label, act, kind = '') => html`<button class=${`button ${kind}`} type="button" onClick=${() => act(key)}>${label}</button>`;
   return html`
     <div class="wide row">
       ${(state === 'sending' || state === 'waiting') && button(words.pause, pause)}
       ${state === 'paused' && button(words.resume, resume, 'main')}
-      ${state === 'failed' && button(words.retry, resume, 'main')}
+      ${state === 'failed' && !isRefused(problem) && button(words.retry, resume, 'main')}
       ${state === 'done' && session && html`<a class="button main" href=${href(['sessions', session])}>${words.open}</a>`}
-      ${state === 'done' ? button(words.clear, forget) : button(words.cancel, cancel)}
+      ${state === 'done' || isRefused(problem) ? button(words.clear, forget) : button(words.cancel, cancel)}
     </div>`;
 }
 

@@ -15,10 +15,11 @@ export function Spark({ title, unit: name, points }) {
     <section class="card spark">
       <header><h3>${title}</h3><span class="last">${last ? `${number(last.value)} ${unit(name)}` : t.session.notEnough}</span></header>
       ${known.length > 0 && html`<${Curve} title=${title} name=${unit(name)} points=${points} known=${known} />`}
-      <p class="small muted">${known.length > 1 && known[0].value !== 0 ? words.change(change(known), date(known[0].recorded_at)) : ' '}</p>
+      <p class="small muted">${known.length > 1 && known.every(point => point.value > 0) ? words.change(change(known), date(known[0].recorded_at)) : '\u00a0'}</p>
     </section>`;
 }
 
+/** Only for positive values: a percentage of a negative or changing sign says nothing. */
 function change(known) {
   const share = known[known.length - 1].value / known[0].value - 1;
   return `${share > 0 ? '+' : ''}${percent(share).replace('-', '−')}`;

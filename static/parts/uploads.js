@@ -142,7 +142,7 @@ function problemOf(error) {
 }
 
 function save() {
-  const kept = items.filter(item => item.state !== 'done').map(({ problem, rate, ...item }) => item);
+  const kept = items.filter(item => item.state !== 'done' && (item.url || item.state !== 'failed')).map(({ problem, rate, ...item }) => item);
   try {
     localStorage.setItem(KEY, JSON.stringify(kept));
   } catch {
