@@ -31,6 +31,7 @@ pub mod segmentation;
 pub mod space;
 pub mod tracker;
 pub mod trajectory;
+pub mod tube;
 
 /// Version of the whole chain from pixels to features. Raised whenever the same input gives other numbers;
 /// stored with every result, so that results of different versions are never mixed unknowingly.

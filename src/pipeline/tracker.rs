@@ -1,7 +1,122 @@
 //! The flow: what happens to each frame, and what a whole recording becomes.
 
+mod measure;
 mod report;
+mod session;
 mod settings;
+mod tool;
 
 pub use report::{FrameReport, Observation, Quality, ToolQuality, ToolReport, Tracking};
 pub use settings::{MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings, View};
+
+use crate::pipeline::edges::subpixel::EdgeModel;
+use crate::pipeline::frame::{ColourEncoding, Frame};
+use crate::pipeline::segmentation::colour_table::ColourTable;
+use crate::pipeline::segmentation::knn::Knn;
+use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+use measure::Measurement;
+use session::Instant;
+use tool::{Seen, ToolTracker};
+
+/// Follows the tools through a recording or a live feed, frame by frame.
+pub struct Tracker {
+    settings: TrackerSettings,
+    table: ColourTable,
+    tools: Vec<ToolTracker>,
+    instants: Vec<Instant>,
+}
+
+impl Tracker {
+    /// A tracker for frames of this size and encoding; builds the colour table (about 0.1 s).
+    ///
+    /// # Errors
+    /// Settings that cannot work: see [`SettingsProblem`].
+    pub fn new(
+        settings: TrackerSettings,
+        width: u32,
+        height: u32,
+        encoding: ColourEncoding,
+    ) -> Result<Self, SettingsProblem> {
+        settings.check(width, height)?;
+        let classes = settings.classes();
+        let knn = Knn::new(&settings.samples, &classes).ok_or(SettingsProblem::NoBackground)?;
+        let table = ColourTable::build(&knn, encoding);
+        let tools = settings.tools.iter().enumerate().map(|(i, spec)| {
+            let tape = settings.samples.mean_codes(&spec.name, encoding);
+            ToolTracker::new(spec.clone(), i as u8 + 1, EdgeModel::new(tape))
+        });
+        Ok(Self { tools: tools.collect(), table, settings, instants: Vec::new() })
+    }
+
+    /// Looks at the next frame.
+    pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
+        self.instants.push((frame.index, frame.time_s));
+        let tools = (0..self.tools.len())
+            .map(|i| {
+                let seen = self.tools[i].observe(frame, &self.table, &self.settings);
+                self.report(i, (frame.index, frame.time_s), seen)
+            })
+            .collect();
+        FrameReport { frame: frame.index, time_s: frame.time_s, tools }
+    }
+
+    /// Ends the recording: every frame again with hindsight.
+    pub fn finish(self) -> Tracking {
+        let names: Vec<String> = self.settings.tools.iter().map(|t| t.name.clone()).collect();
+        let frame_times_s: Vec<f64> = self.instants.iter().map(|i| i.1).collect();
+        let thread = self.settings.motion.thread();
+        let mut paths = [Vec::new(), Vec::new(), Vec::new()];
+        let mut quality = Quality { frames: self.instants.len() as u64, tools: Vec::new() };
+        for (i, tool) in self.tools.iter().enumerate() {
+            let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, &thread);
+            quality.tools.push(reworked.quality);
+            for (all, own) in paths.iter_mut().zip([reworked.raw, reworked.filtered, reworked.smoothed]) {
+                all.extend(own);
+            }
+        }
+        let [raw, filtered, smoothed] = paths.map(|mut samples| {
+            samples.sort_by_key(|s: &Sample| (s.frame, s.tool));
+            Trajectory { tools: names.clone(), samples, frame_times_s: frame_times_s.clone() }
+        });
+        Tracking { raw, filtered, smoothed, quality }
+    }
+
+    fn report(&self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {
+        let camera = &self.settings.camera;
+        let axis = seen.outcome.as_ref().ok().map(|m| m.estimate.tube.axis);
+        let state = if seen.advance.observed { SampleState::Observed } else { SampleState::Predicted };
+        let filtered = seen
+            .advance
+            .step
+            .map(|step| session::state_sample(&step.updated, axis, tool, instant, state, camera, None));
+        let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
+        let outcome = seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));
+        ToolReport {
+            tool,
+            outcome,
+            filtered,
+            borders_px: drawn.map(|(borders, _)| borders),
+            band_end_px: drawn.map(|(_, end)| end),
+        }
+    }
+
+    fn observation(&self, measurement: &Measurement) -> Option<Observation> {
+        let estimate = &measurement.estimate;
+        Some(Observation {
+            tip_mm: estimate.tube.tip,
+            axis: estimate.tube.axis,
+            covariance_mm2: estimate.tip_covariance(),
+            tip_px: self.settings.camera.project(CameraPoint(estimate.tube.tip))?,
+            border_residual_px: estimate.residual_px,
+        })
+    }
+
+    /// Both borders and the distal end as they are drawn over the frame.
+    fn drawing(&self, measurement: &Measurement) -> Option<([[Pixel; 2]; 2], Pixel)> {
+        let outline = measurement.estimate.tube.outline()?;
+        let pixel = |point| self.settings.camera.project(CameraPoint(point));
+        let border = |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
+        Some(([border(0)?, border(1)?], pixel(outline.rim(0.0, 0.0))?))
+    }
+}

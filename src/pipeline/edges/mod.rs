@@ -1,1 +1,10 @@
-//! Under construction.
+//! Band candidate in; borders, midline and band ends out, to a fraction of a pixel (METHOD 3.2–3.5).
+//!
+//! First coarsely, from the colour table: scan lines across the region ([`scan_lines`]) and robust lines through what
+//! they meet ([`line_fit`]). Then finely: short chords laid along the outline of the tube that the coarse lines gave
+//! ([`outline_probes`]), each moved onto the edge that the pixels show ([`subpixel`]).
+
+pub mod line_fit;
+pub mod outline_probes;
+pub mod scan_lines;
+pub mod subpixel;

@@ -1,1 +1,46 @@
-//! Under construction.
+//! Borders and ends in, position in space out (METHOD 4).
+//!
+//! [`tangent_planes`] gives the axis in closed form from two border lines, [`pinhole_width`] is the thesis's reference
+//! method, [`joint_fit`] refines with every edge that was measured and says how sure it is, and [`fulcrum`] finds the
+//! fixed point about which a tool turns and steadies each pose with it.
+
+pub mod fulcrum;
+pub mod joint_fit;
+pub mod pinhole_width;
+pub mod tangent_planes;
+
+use nalgebra::{Matrix3, Matrix5, Vector3};
+
+use crate::pipeline::tube::Tube;
+
+/// A tube with how sure its place is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TubeEstimate {
+    /// The tube.
+    pub tube: Tube,
+    /// Covariance of the five unknowns: tip (mm), then the axis's turn about two directions (radians, see [`turned`]).
+    pub covariance: Matrix5<f64>,
+    /// RMS distance of border points from the outline, pixels.
+    pub residual_px: f64,
+}
+
+impl TubeEstimate {
+    /// Covariance of the tip, mm².
+    pub fn tip_covariance(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+}
+
+/// Two unit vectors perpendicular to an axis and to each other.
+pub fn across(axis: Vector3<f64>) -> [Vector3<f64>; 2] {
+    let helper = if axis.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() };
+    let first = axis.cross(&helper).normalize();
+    [first, axis.cross(&first)]
+}
+
+/// The tube moved by five small unknowns: tip by three (mm), axis towards the two [`across`] directions (radians).
+pub fn turned(tube: &Tube, change: &nalgebra::Vector5<f64>) -> Tube {
+    let [first, second] = across(tube.axis);
+    let axis = tube.axis + first * change[3] + second * change[4];
+    Tube { tip: tube.tip + change.fixed_rows::<3>(0), axis: axis.normalize(), radius: tube.radius }
+}

@@ -4,5 +4,8 @@
 //! worked out once into a [`colour_table::ColourTable`], and the frame is then only looked up: first around the place
 //! where a tool is expected, else on a coarse grid.
 
+pub mod colour_table;
 pub mod encoding;
+pub mod knn;
+pub mod region_of_interest;
 pub mod samples;

@@ -69,6 +69,16 @@ impl ColourSamples {
         self.samples.iter().filter(|s| self.labels[s.label] == label).count()
     }
 
+    /// Mean of a label's samples, as codes of the given encoding.
+    pub fn mean_codes(&self, label: &str, encoding: ColourEncoding) -> [f64; 3] {
+        let own = self.samples.iter().filter(|s| self.labels[s.label] == label);
+        let (count, sum) = own.fold((0.0, [0.0; 3]), |(n, sum), s| {
+            let codes = encoding.codes_of(self.encoding.colour_of(s.yuv));
+            (n + 1.0, [0, 1, 2].map(|i| sum[i] + f64::from(codes[i])))
+        });
+        sum.map(|s| s / f64::max(count, 1.0))
+    }
+
     fn label_index(&mut self, name: &str) -> usize {
         self.labels.iter().position(|l| l == name).unwrap_or_else(|| {
             self.labels.push(name.to_owned());

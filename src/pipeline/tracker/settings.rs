@@ -93,6 +93,50 @@ impl TrackerSettings {
     }
 }
 
+/// Tools that one colour table can tell apart.
+const MOST_TOOLS: usize = 16;
+
+impl TrackerSettings {
+    /// Refuses what cannot work for frames of this size.
+    pub(super) fn check(&self, width: u32, height: u32) -> Result<(), SettingsProblem> {
+        let camera = (self.camera.width, self.camera.height);
+        if camera != (width, height) {
+            return Err(SettingsProblem::OtherSize { camera, frame: (width, height) });
+        }
+        if self.tools.is_empty() {
+            return Err(SettingsProblem::NoTool);
+        }
+        if self.tools.len() > MOST_TOOLS {
+            return Err(SettingsProblem::TooManyTools(self.tools.len(), MOST_TOOLS));
+        }
+        self.tools.iter().try_for_each(|tool| self.check_tool(tool))?;
+        let is_tool = |label: &String| self.tools.iter().any(|t| t.name == *label);
+        let has_background = self.samples.labels.iter().any(|l| !is_tool(l) && self.samples.count(l) > 0);
+        if has_background { Ok(()) } else { Err(SettingsProblem::NoBackground) }
+    }
+
+    fn check_tool(&self, tool: &ToolSpec) -> Result<(), SettingsProblem> {
+        let wrong = |what, value_mm| Err(SettingsProblem::Size { tool: tool.name.clone(), what, value_mm });
+        let possible = |value: f64| value.is_finite() && value > 0.0;
+        if !possible(tool.diameter_mm) {
+            return wrong("its diameter", tool.diameter_mm);
+        }
+        if let Some(length) = tool.band_length_mm.filter(|l| !possible(*l)) {
+            return wrong("its band's length", length);
+        }
+        if self.samples.count(&tool.name) == 0 {
+            return Err(SettingsProblem::NoSamples(tool.name.clone()));
+        }
+        Ok(())
+    }
+
+    /// The class of each of the samples' labels in the colour table: 0 for what is no tool.
+    pub(super) fn classes(&self) -> Vec<u8> {
+        let class = |label: &String| self.tools.iter().position(|t| t.name == *label).map_or(0, |i| i as u8 + 1);
+        self.samples.labels.iter().map(class).collect()
+    }
+}
+
 /// Why a tracker cannot be made from its settings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsProblem {
@@ -116,11 +160,11 @@ pub enum SettingsProblem {
     /// Nothing but tools was marked, so every colour would be a tool.
     #[error("no colour that is not a tool was marked; mark rectangles of the scene, labelled `background`")]
     NoBackground,
-    /// More labels than the colour table can tell apart.
-    #[error("{0} colour labels were marked; at most {1} can be told apart")]
-    TooManyLabels(usize, usize),
+    /// More tools than the colour table can tell apart.
+    #[error("{0} tools are given; at most {1} can be told apart")]
+    TooManyTools(usize, usize),
     /// A size that no tube has.
-    #[error("tool `{tool}`: {what} is {value_mm} mm; it must be more than 0")]
+    #[error("tool `{tool}`: {what} is given as {value_mm} mm; it must be more than 0")]
     Size {
         /// Which tool.
         tool: String,

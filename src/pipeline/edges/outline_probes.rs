@@ -1,0 +1,115 @@
+//! Probes along the outline of a tube that is roughly known: both borders of its band, and the near rims of both ends.
+
+use nalgebra::Vector2;
+
+use super::subpixel::Probe;
+use crate::pipeline::camera::Camera;
+use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::tube::Outline;
+
+/// Which part of a band's outline a probe lies on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// Border 0 or 1, this far behind the tip, mm.
+    Border {
+        /// Which border.
+        side: usize,
+        /// Distance behind the tip, mm.
+        back_mm: f64,
+    },
+    /// The circle this far behind the tip (0: distal end), at this place across (−1 … 1).
+    Rim {
+        /// Distance behind the tip, mm.
+        back_mm: f64,
+        /// Place across, as [`Outline::rim`] counts.
+        across: f64,
+    },
+}
+
+/// How densely and how far to look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProbeLayout {
+    /// Length of a chord along a border, pixels.
+    pub chord_px: f64,
+    /// How far from the predicted outline to look, pixels.
+    pub reach_px: f64,
+}
+
+/// Share of the half circle that is probed: nearer to the borders the rim turns along the line of sight.
+const RIM_SHARE: f64 = 0.75;
+
+/// Probes of both borders between two distances behind the tip.
+pub fn border_probes(
+    outline: &Outline,
+    camera: &Camera,
+    from_mm: f64,
+    to_mm: f64,
+    layout: ProbeLayout,
+    into: &mut Vec<(Place, Probe)>,
+) {
+    for side in 0..2 {
+        let seen = |back| pixel_of(camera, outline.border(side, back));
+        let (Some(start), Some(end)) = (seen(from_mm), seen(to_mm)) else { continue };
+        let length = (end.0 - start.0).norm();
+        let count = (length / layout.chord_px).round().clamp(1.0, 200.0) as usize;
+        for i in 0..count {
+            let back = |part: f64| from_mm + (to_mm - from_mm) * (i as f64 + part) / count as f64;
+            let (near, middle, far) = (back(0.0), back(0.5), back(1.0));
+            let opposite = pixel_of(camera, outline.border(1 - side, middle));
+            let chord = [seen(near), seen(middle), seen(far), opposite];
+            if let Some(probe) = probe_of(chord, layout, None) {
+                into.push((Place::Border { side, back_mm: middle }, probe));
+            }
+        }
+    }
+}
+
+/// Probes of the near rim of the band's end that lies `back_mm` behind the tip; `inner_mm` is a place inside the band.
+pub fn rim_probes(
+    outline: &Outline,
+    camera: &Camera,
+    back_mm: f64,
+    inner_mm: f64,
+    layout: ProbeLayout,
+    into: &mut Vec<(Place, Probe)>,
+) {
+    let seen = |across| pixel_of(camera, outline.rim(back_mm, across));
+    let (Some(left), Some(right)) = (seen(-RIM_SHARE), seen(RIM_SHARE)) else { return };
+    let width = (right.0 - left.0).norm();
+    let count = (width / layout.chord_px).round().clamp(3.0, 40.0) as usize;
+    for i in 0..count {
+        let at = |part: f64| RIM_SHARE * (2.0 * (i as f64 + part) / count as f64 - 1.0);
+        let (from, across, to) = (at(0.0), at(0.5), at(1.0));
+        let inner = pixel_of(camera, outline.rim(inner_mm, across));
+        if let Some(probe) = probe_of([seen(from), seen(across), seen(to), inner], layout, Some(1e3)) {
+            into.push((Place::Rim { back_mm, across }, probe));
+        }
+    }
+}
+
+fn pixel_of(camera: &Camera, point: nalgebra::Point3<f64>) -> Option<Pixel> {
+    camera.project(CameraPoint(point))
+}
+
+/// A probe on the chord from the first to the third pixel; the fourth lies inside the tape. `radius_px` is half the
+/// distance to it unless given.
+fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, radius_px: Option<f64>) -> Option<Probe> {
+    let [Some(from), Some(middle), Some(to), Some(inner)] = chord else { return None };
+    let along = to.0 - from.0;
+    let length = along.norm();
+    if length < 1e-6 {
+        return None;
+    }
+    let outward = Vector2::new(along.y, -along.x) / length;
+    let inwards = inner.0 - middle.0;
+    let outward = if outward.dot(&inwards) > 0.0 { -outward } else { outward };
+    let depth = inwards.dot(&outward).abs();
+    Some(Probe {
+        middle,
+        outward,
+        half_length_px: 0.5 * length,
+        inwards_px: layout.reach_px.min(0.45 * depth),
+        outwards_px: layout.reach_px,
+        radius_px: radius_px.unwrap_or(0.5 * depth).max(2.0),
+    })
+}

@@ -1,0 +1,334 @@
+//! Where exactly an edge lies: a model of the blurred border of a lit tube, fitted to raw pixels.
+//!
+//! **In** a [`Probe`]: a short chord of a predicted border with its outward normal, ± a few pixels. **Out** how far the
+//! edge lies from it along the normal, with its standard deviation, pixels.
+//!
+//! **Method.** In every plane (Y, U, V) the light across a border is `out` outside and `in + shade·√depth` inside, the
+//! first term of a Lambertian cylinder's fall-off near its limb, all blurred by a Gaussian of the plane's own width. Without the
+//! shade term the limb's darkening would pull the border inwards by up to a pixel. One offset is shared by the three
+//! planes, so that whichever has contrast decides; the rest are linear and eliminated. Pixels are used where they are,
+//! at their own distance from the chord: nothing is resampled, so noise stays white.
+//!
+//! **Assumes** that the background is even along one chord and across the window. **Gives up** where no plane has
+//! contrast, where the offset leaves the window, or where the inside is less like the tape than the outside.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use crate::pipeline::frame::{Frame, Plane};
+use crate::pipeline::space::Pixel;
+
+/// Where to look for an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Middle of the chord.
+    pub middle: Pixel,
+    /// Unit normal, out of the tube.
+    pub outward: Vector2<f64>,
+    /// Half the chord's length, pixels.
+    pub half_length_px: f64,
+    /// How far to look inwards, pixels.
+    pub inwards_px: f64,
+    /// How far to look outwards, pixels.
+    pub outwards_px: f64,
+    /// Radius of the tube in the picture, pixels; scale of the shading.
+    pub radius_px: f64,
+}
+
+/// An edge found at a probe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// Distance from the probe's chord along its normal, pixels.
+    pub offset_px: f64,
+    /// Standard deviation of that from the pixels' noise, pixels.
+    pub sigma_px: f64,
+}
+
+/// How edges look in this recording: blur and noise of each plane, learned while tracking.
+#[derive(Clone, Debug)]
+pub struct EdgeModel {
+    curves: Vec<[f32; 3]>,
+    /// Blur of Y, U, V: standard deviation, pixels.
+    pub blur_px: [f64; 3],
+    /// Variance of pixels about the model in Y, U, V, codes².
+    noise: [f64; 3],
+    /// Where the tape's chroma points from grey; unit.
+    tape: Vector2<f64>,
+    evidence: [BlurEvidence; 3],
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct BlurEvidence {
+    gradient: f64,
+    information: f64,
+    squares: f64,
+    freedom: f64,
+}
+
+const STEPS_PER_SIGMA: f64 = 32.0;
+const TABLE_REACH: f64 = 8.0;
+/// Softest edge that still tells where it is, pixels.
+const WORST_SIGMA_PX: f64 = 0.6;
+const MOST_SAMPLES: usize = 256;
+
+impl EdgeModel {
+    /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
+    pub fn new(tape_yuv: [f64; 3]) -> Self {
+        let tape = Vector2::new(tape_yuv[1] - 128.0, tape_yuv[2] - 128.0);
+        Self {
+            curves: edge_curves(),
+            blur_px: [0.9, 1.3, 1.3],
+            noise: [6.0, 3.0, 3.0],
+            tape: tape.try_normalize(1e-9).unwrap_or_default(),
+            evidence: Default::default(),
+        }
+    }
+
+    /// Moves onto the edge near a probe.
+    pub fn locate(&mut self, frame: &Frame<'_>, probe: &Probe) -> Option<Edge> {
+        let mut samples = [PlaneSamples::default(); 3];
+        gather(&frame.y, (0, 0), probe, &mut [&mut samples[0]]);
+        let [_, blue, red] = &mut samples;
+        gather_both(frame, probe, blue, red);
+        let mut offset = 0.0;
+        let mut fits = [PlaneFit::default(); 3];
+        let mut information = 0.0;
+        for pass in 0..4 {
+            let mut gradient = 0.0;
+            information = 0.0;
+            for plane in 0..3 {
+                fits[plane] = self.fit_plane(plane, &samples[plane], offset, probe.radius_px, fits[plane].step, pass)?;
+                gradient += fits[plane].gradient / self.noise[plane];
+                information += fits[plane].information / self.noise[plane];
+            }
+            if pass == 0 {
+                continue; // the first pass only finds the heights of the steps
+            }
+            if information < 1.0 / (WORST_SIGMA_PX * WORST_SIGMA_PX) {
+                return None;
+            }
+            let step = (gradient / information).clamp(-1.5, 1.5);
+            offset += step;
+            if offset > probe.outwards_px - 1.0 || offset < 1.0 - probe.inwards_px {
+                return None;
+            }
+            if step.abs() < 0.01 {
+                break;
+            }
+        }
+        let inside = Vector2::new(fits[1].step, fits[2].step);
+        if inside.dot(&self.tape) <= 0.0 {
+            return None; // the colour grows outwards: another edge than the tape's
+        }
+        self.learn(&fits);
+        let excess = (0..3).map(|p| fits[p].information / self.noise[p] * fits[p].variance() / self.noise[p]).sum::<f64>();
+        let inflation = (excess / information).max(1.0);
+        Some(Edge { offset_px: offset, sigma_px: (inflation / information).sqrt() })
+    }
+
+    /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
+    pub fn settle(&mut self) {
+        for plane in 0..3 {
+            let seen = std::mem::take(&mut self.evidence[plane]);
+            if seen.information > 400.0 {
+                let step = (seen.gradient / seen.information).clamp(-0.2, 0.2);
+                self.blur_px[plane] = (self.blur_px[plane] + 0.2 * step).clamp(0.4, 4.0);
+            }
+            if seen.freedom > 200.0 {
+                let variance = (seen.squares / seen.freedom).clamp(0.5, 400.0);
+                self.noise[plane] += 0.1 * (variance - self.noise[plane]);
+            }
+        }
+    }
+
+    fn learn(&mut self, fits: &[PlaneFit; 3]) {
+        for (plane, fit) in fits.iter().enumerate() {
+            let seen = &mut self.evidence[plane];
+            let variance = fit.variance();
+            if variance < 6.0 * self.noise[plane] {
+                seen.gradient += fit.blur_gradient / self.noise[plane];
+                seen.information += fit.blur_information / self.noise[plane];
+                seen.squares += fit.squares;
+                seen.freedom += fit.freedom;
+            }
+        }
+    }
+
+    /// One plane's linear least squares at a fixed offset, and how its residuals would change with the offset.
+    fn fit_plane(
+        &self,
+        plane: usize,
+        samples: &PlaneSamples,
+        offset: f64,
+        radius_px: f64,
+        step: f64,
+        pass: usize,
+    ) -> Option<PlaneFit> {
+        let blur = self.blur_px[plane];
+        let shade_scale = (2.0 * blur / radius_px).sqrt();
+        let mut normal = Matrix3::zeros();
+        let mut right = Vector3::zeros();
+        let (mut to_offset, mut to_blur) = (Vector3::zeros(), Vector3::zeros());
+        let (mut offset_own, mut blur_own, mut offset_right, mut blur_right, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (distance, value) in samples.pairs() {
+            let z = (distance - offset) / blur;
+            let [share, slope, depth] = self.curve(z);
+            let limb = (1.0 - 0.5 * ((-z).max(0.0) * blur / radius_px).min(1.0)).sqrt();
+            let basis = Vector3::new(1.0 - share, share, depth * shade_scale * limb);
+            let by_offset = step * slope / blur;
+            let by_blur = by_offset * z;
+            normal.ger(1.0, &basis, &basis, 1.0);
+            right += basis * value;
+            to_offset += basis * by_offset;
+            to_blur += basis * by_blur;
+            offset_own += by_offset * by_offset;
+            blur_own += by_blur * by_blur;
+            offset_right += by_offset * value;
+            blur_right += by_blur * value;
+            total += value * value;
+        }
+        let count = samples.len as f64;
+        if count < 8.0 {
+            return None;
+        }
+        normal[(2, 2)] += 1e-3 * count; // keeps the shade term bounded where the window is short
+        let inverse = normal.try_inverse()?;
+        let heights = inverse * right;
+        let (offset_out, blur_out) = (inverse * to_offset, inverse * to_blur);
+        let gradient = offset_right - to_offset.dot(&heights);
+        let information = (offset_own - to_offset.dot(&offset_out)).max(0.0);
+        let squares = (total - right.dot(&heights)).max(0.0);
+        let explained = if information > 0.0 && pass > 0 { gradient * gradient / information } else { 0.0 };
+        Some(PlaneFit {
+            step: heights[1] - heights[0],
+            gradient,
+            information,
+            blur_gradient: blur_right - to_blur.dot(&heights),
+            blur_information: (blur_own - to_blur.dot(&blur_out)).max(0.0),
+            squares: (squares - explained).max(0.0),
+            freedom: (count - 4.0).max(1.0),
+        })
+    }
+
+    #[inline]
+    fn curve(&self, z: f64) -> [f64; 3] {
+        let at = (z + TABLE_REACH).clamp(0.0, 2.0 * TABLE_REACH - 1e-6) * STEPS_PER_SIGMA;
+        let index = at as usize;
+        let part = at - index as f64;
+        let (low, high) = (self.curves[index], self.curves[index + 1]);
+        let [share, slope, depth] =
+            [0, 1, 2].map(|i| f64::from(low[i]) + part * (f64::from(high[i]) - f64::from(low[i])));
+        let beyond = (-z - TABLE_REACH).max(0.0);
+        [share, slope, if beyond > 0.0 { (-z).sqrt() } else { depth }]
+    }
+}
+
+/// Samples of one plane near a chord: distance along the normal, value.
+#[derive(Clone, Copy)]
+struct PlaneSamples {
+    distances: [f32; MOST_SAMPLES],
+    values: [f32; MOST_SAMPLES],
+    len: usize,
+}
+
+impl Default for PlaneSamples {
+    fn default() -> Self {
+        Self { distances: [0.0; MOST_SAMPLES], values: [0.0; MOST_SAMPLES], len: 0 }
+    }
+}
+
+impl PlaneSamples {
+    fn push(&mut self, distance: f64, value: u8) {
+        if self.len < MOST_SAMPLES {
+            self.distances[self.len] = distance as f32;
+            self.values[self.len] = f32::from(value);
+            self.len += 1;
+        }
+    }
+
+    fn pairs(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.distances[..self.len].iter().zip(&self.values[..self.len]).map(|(d, v)| (f64::from(*d), f64::from(*v)))
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct PlaneFit {
+    step: f64,
+    gradient: f64,
+    information: f64,
+    blur_gradient: f64,
+    blur_information: f64,
+    squares: f64,
+    freedom: f64,
+}
+
+impl PlaneFit {
+    fn variance(&self) -> f64 {
+        self.squares / self.freedom.max(1.0)
+    }
+}
+
+fn gather_both(frame: &Frame<'_>, probe: &Probe, blue: &mut PlaneSamples, red: &mut PlaneSamples) {
+    let shift = (frame.shift_x, frame.shift_y);
+    gather(&frame.u, shift, probe, &mut [blue]);
+    gather(&frame.v, shift, probe, &mut [red]);
+}
+
+/// Collects a plane's samples in the parallelogram around a chord, row by row where the chord is upright, else
+/// column by column.
+fn gather(plane: &Plane<'_>, shift: (u8, u8), probe: &Probe, into: &mut [&mut PlaneSamples]) {
+    let scale = [f64::from(1u32 << shift.0), f64::from(1u32 << shift.1)];
+    let first = scale.map(|s| (s - 1.0) / 2.0); // a chroma sample sits amid the pixels it stands for
+    let sizes = [plane.width, plane.height];
+    let middle = [probe.middle.u(), probe.middle.v()];
+    let normal = [probe.outward.x, probe.outward.y];
+    let run = if normal[0].abs() >= normal[1].abs() { 0 } else { 1 }; // the direction that crosses the chord
+    let rows = 1 - run;
+    let half_rows = probe.half_length_px * normal[run].abs();
+    let slant = normal[rows] / normal[run];
+    let (back, ahead) = if normal[run] > 0.0 {
+        (probe.inwards_px, probe.outwards_px)
+    } else {
+        (probe.outwards_px, probe.inwards_px)
+    };
+    let index = |axis: usize, at: f64| (at - first[axis]) / scale[axis];
+    let last = |axis: usize, at: f64| (at.ceil().max(0.0) as usize).min(sizes[axis]);
+    let row_from = index(rows, middle[rows] - half_rows).ceil().max(0.0) as usize;
+    for row in row_from..last(rows, index(rows, middle[rows] + half_rows)) {
+        let along = row as f64 * scale[rows] + first[rows] - middle[rows];
+        let crossing = middle[run] - along * slant;
+        let reach = 1.0 / normal[run].abs();
+        let from = index(run, crossing - back * reach).ceil().max(0.0) as usize;
+        for column in from..last(run, index(run, crossing + ahead * reach)) {
+            let across = column as f64 * scale[run] + first[run] - middle[run];
+            let value = if run == 0 { plane.at(column, row) } else { plane.at(row, column) };
+            for samples in into.iter_mut() {
+                samples.push(across * normal[run] + along * normal[rows], value);
+            }
+        }
+    }
+}
+
+/// For `z` from −8 to 8 standard deviations outwards: the blurred step's inside share, its slope, and the blurred root of
+/// the depth.
+fn edge_curves() -> Vec<[f32; 3]> {
+    let count = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize + 2;
+    (0..count)
+        .map(|i| {
+            let z = i as f64 / STEPS_PER_SIGMA - TABLE_REACH;
+            // Simpson-free: 161 even steps over ±5 σ are exact to 1e-7 for a Gaussian.
+            let steps = (-80..=80).map(|k| f64::from(k) / 16.0);
+            let weight = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt() / 16.0;
+            let depth: f64 = steps.map(|x| weight(x) * (x - z).max(0.0).sqrt()).sum();
+            [inside_share(z) as f32, weight(z) as f32 * 16.0, depth as f32]
+        })
+        .collect()
+}
+
+/// Gaussian upper tail by numeric integration of its density from `z` on.
+fn inside_share(z: f64) -> f64 {
+    let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+    let steps = 200;
+    let width = z / f64::from(steps);
+    let half: f64 = (0..steps).map(|k| density((f64::from(k) + 0.5) * width) * width).sum();
+    0.5 - half
+}

@@ -1,0 +1,183 @@
+//! One tool's thread through time: which measurements belong to it, when it is lost, and when another place is believed.
+//!
+//! A measurement outside the gate is refused, but not for ever: refused measurements that agree with each other for
+//! [`MotionSettings::reacquire_s`] start the thread anew there. A tool unseen for longer than
+//! [`MotionSettings::longest_prediction_s`] is lost until it is seen again.
+
+use nalgebra::{Matrix3, Point3};
+
+use super::kalman::State;
+use super::smoother::Step;
+use crate::pipeline::reason::Reason;
+
+/// The part of the tracker's motion settings that a thread needs; units as there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThreadSettings {
+    /// Density of white acceleration, mm²/s³.
+    pub noise_density: f64,
+    /// Speed that a newly seen tool may have, mm/s.
+    pub first_speed_mm_s: f64,
+    /// Largest believed squared Mahalanobis distance.
+    pub gate: f64,
+    /// How long refused measurements must agree to be believed, s.
+    pub reacquire_s: f64,
+    /// Longest bridged gap, s.
+    pub longest_prediction_s: f64,
+    /// Least and greatest depth of a tip, mm.
+    pub depth_mm: (f64, f64),
+}
+
+/// A thread through time.
+#[derive(Clone, Debug, Default)]
+pub struct Thread {
+    current: Option<Followed>,
+    rival: Option<Followed>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Followed {
+    state: State,
+    time_s: f64,
+    began_s: f64,
+    seen_s: f64,
+}
+
+/// What became of one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Advance {
+    /// The step for the smoother; `None` where the tool is not tracked.
+    pub step: Option<Step>,
+    /// A new thread begins with this step.
+    pub begins: bool,
+    /// The measurement was believed.
+    pub observed: bool,
+    /// Why the measurement was refused.
+    pub refused: Option<Reason>,
+}
+
+impl Thread {
+    /// Where the tip is expected at a time; `None` where the tool is not tracked.
+    pub fn expected(&self, time_s: f64, settings: &ThreadSettings) -> Option<State> {
+        let followed = self.current.filter(|f| time_s - f.seen_s <= settings.longest_prediction_s)?;
+        Some(followed.state.predicted(time_s - followed.time_s, settings.noise_density))
+    }
+
+    /// Takes one frame's measurement, or its absence.
+    pub fn advance(
+        &mut self,
+        time_s: f64,
+        measured: Option<(Point3<f64>, Matrix3<f64>)>,
+        settings: &ThreadSettings,
+    ) -> Advance {
+        let out_of_bounds = measured.is_some_and(|(tip, _)| !(settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z));
+        let mut refused = out_of_bounds.then_some(Reason::OutOfBounds);
+        let measured = measured.filter(|_| !out_of_bounds);
+        let Some(predicted) = self.expected(time_s, settings) else {
+            self.current = None;
+            self.rival = None;
+            return match measured {
+                Some((tip, covariance)) => self.begin(time_s, State::first_seen(tip, covariance, settings.first_speed_mm_s)),
+                None => Advance { step: None, begins: false, observed: false, refused },
+            };
+        };
+        let believed = measured.filter(|(tip, covariance)| predicted.distance_squared(*tip, *covariance) <= settings.gate);
+        if let Some((tip, covariance)) = believed {
+            self.rival = None;
+            return self.follow(time_s, predicted, predicted.updated(tip, covariance), true, None);
+        }
+        if let Some((tip, covariance)) = measured {
+            refused = Some(Reason::GateRejected);
+            if let Some(state) = self.believe_rival(time_s, tip, covariance, settings) {
+                return self.begin(time_s, state);
+            }
+        }
+        self.follow(time_s, predicted, predicted, false, refused)
+    }
+
+    fn begin(&mut self, time_s: f64, state: State) -> Advance {
+        self.current = Some(Followed { state, time_s, began_s: time_s, seen_s: time_s });
+        self.rival = None;
+        let step = Step { time_s, predicted: state, updated: state };
+        Advance { step: Some(step), begins: true, observed: true, refused: None }
+    }
+
+    fn follow(&mut self, time_s: f64, predicted: State, updated: State, observed: bool, refused: Option<Reason>) -> Advance {
+        if let Some(followed) = &mut self.current {
+            *followed = Followed {
+                state: updated,
+                time_s,
+                seen_s: if observed { time_s } else { followed.seen_s },
+                ..*followed
+            };
+        }
+        Advance { step: Some(Step { time_s, predicted, updated }), begins: false, observed, refused }
+    }
+
+    /// Follows refused measurements; their state once they have agreed for long enough.
+    fn believe_rival(
+        &mut self,
+        time_s: f64,
+        tip: Point3<f64>,
+        covariance: Matrix3<f64>,
+        settings: &ThreadSettings,
+    ) -> Option<State> {
+        let agreeing = self.rival.and_then(|rival| {
+            let predicted = rival.state.predicted(time_s - rival.time_s, settings.noise_density);
+            (predicted.distance_squared(tip, covariance) <= settings.gate)
+                .then(|| Followed { state: predicted.updated(tip, covariance), time_s, seen_s: time_s, ..rival })
+        });
+        let fresh = State::first_seen(tip, covariance, settings.first_speed_mm_s);
+        let rival = agreeing.unwrap_or(Followed { state: fresh, time_s, began_s: time_s, seen_s: time_s });
+        self.rival = Some(rival);
+        (time_s - rival.began_s >= settings.reacquire_s).then_some(rival.state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SETTINGS: ThreadSettings = ThreadSettings {
+        noise_density: 8000.0,
+        first_speed_mm_s: 150.0,
+        gate: 16.3,
+        reacquire_s: 0.15,
+        longest_prediction_s: 0.2,
+        depth_mm: (20.0, 1000.0),
+    };
+
+    fn at(x: f64) -> Option<(Point3<f64>, Matrix3<f64>)> {
+        Some((Point3::new(x, 0.0, 150.0), Matrix3::identity() * 0.05))
+    }
+
+    fn settled() -> Thread {
+        let mut thread = Thread::default();
+        for k in 0..10 {
+            assert!(thread.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS).observed);
+        }
+        thread
+    }
+
+    #[test]
+    fn one_wild_measurement_is_refused_and_the_thread_goes_on() {
+        let mut thread = settled();
+        let wild = thread.advance(0.40, at(60.0), &SETTINGS);
+        assert_eq!((wild.observed, wild.refused), (false, Some(Reason::GateRejected)));
+        assert!(thread.advance(0.44, at(0.0), &SETTINGS).observed);
+    }
+
+    #[test]
+    fn measurements_that_agree_elsewhere_are_not_refused_for_ever() {
+        let mut thread = settled();
+        let taken = (0..6).map(|k| thread.advance(0.40 + f64::from(k) * 0.04, at(60.0), &SETTINGS)).position(|a| a.begins);
+        assert!(taken.is_some_and(|k| k >= 3), "{taken:?}");
+    }
+
+    #[test]
+    fn a_gap_is_bridged_up_to_its_limit_and_not_beyond() {
+        let mut thread = settled();
+        let bridged = (1..=10).filter(|k| thread.advance(0.36 + f64::from(*k) * 0.04, None, &SETTINGS).step.is_some());
+        assert_eq!(bridged.count(), 5);
+        assert!(thread.advance(0.80, at(90.0), &SETTINGS).begins);
+    }
+}

@@ -1,0 +1,40 @@
+//! How a tool moves between frames: constant velocity, disturbed by white acceleration (T 4.25, 4.27).
+//!
+//! The state is `[x ẋ y ẏ z ż]`, mm and mm/s. The noise is that of *continuous* white acceleration of spectral density `q`
+//! (mm²/s³), so that two steps of Δt are exactly one of 2Δt and uneven or missing frames cost no consistency; the
+//! piecewise constant acceleration of the thesis's T 4.27 has not that property.
+
+use nalgebra::{Matrix6, SMatrix};
+
+/// Transition over `dt_s` seconds.
+pub fn transition(dt_s: f64) -> Matrix6<f64> {
+    let mut matrix = Matrix6::identity();
+    for axis in 0..3 {
+        matrix[(2 * axis, 2 * axis + 1)] = dt_s;
+    }
+    matrix
+}
+
+/// Covariance that white acceleration of density `q` (mm²/s³) adds over `dt_s` seconds.
+pub fn noise(dt_s: f64, q: f64) -> Matrix6<f64> {
+    let mut matrix = Matrix6::zeros();
+    let block = SMatrix::<f64, 2, 2>::new(dt_s.powi(3) / 3.0, dt_s.powi(2) / 2.0, dt_s.powi(2) / 2.0, dt_s) * q;
+    for axis in 0..3 {
+        matrix.fixed_view_mut::<2, 2>(2 * axis, 2 * axis).copy_from(&block);
+    }
+    matrix
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_steps_are_one_of_the_whole_time() {
+        let (first, second, q) = (0.03, 0.05, 40.0);
+        let whole = transition(second) * transition(first);
+        assert!((whole - transition(first + second)).norm() < 1e-12);
+        let carried = transition(second) * noise(first, q) * transition(second).transpose() + noise(second, q);
+        assert!((carried - noise(first + second, q)).norm() < 1e-12);
+    }
+}

@@ -1,0 +1,127 @@
+//! The fixed point about which a tool turns: its trocar (METHOD 4, *beyond*).
+//!
+//! The axis of every pose passes through it. From many poses it is the point that asks the smallest turn of each, weighed
+//! by how sure each pose is of its turn: a pose knows its direction in the picture to a thousandth, its lean towards the
+//! camera only to a few hundredths, and an unweighted nearest point to all lines would be dragged towards the tips
+//! by that noise. Known, it steadies the lean of every pose, and with it, depth.
+
+use nalgebra::{Matrix2, Matrix2x3, Matrix2x5, Matrix3, Point3, Vector2, Vector3, Vector5};
+
+use super::{TubeEstimate, across, turned};
+
+/// A fulcrum with its covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fulcrum {
+    /// Where, camera frame, mm.
+    pub at: Point3<f64>,
+    /// How sure, mm².
+    pub covariance: Matrix3<f64>,
+}
+
+/// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
+pub const PLAY_MM: f64 = 0.5;
+
+/// The point nearest to all lines `point + s·axis`, unweighted: the textbook start. `None` where the lines are parallel.
+pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -> Option<Point3<f64>> {
+    let (matrix, right) = lines.fold((Matrix3::zeros(), Vector3::zeros()), |(matrix, right), (point, axis)| {
+        let projector = Matrix3::identity() - axis * axis.transpose();
+        (matrix + projector, right + projector * point.coords)
+    });
+    Some(Point3::from(matrix.try_inverse()? * right))
+}
+
+/// The fulcrum of many poses; `None` where they turn too little to show it, or are too few.
+pub fn estimate(poses: &[TubeEstimate]) -> Option<Fulcrum> {
+    const FEWEST: usize = 10;
+    const ROUNDS: usize = 20;
+    if poses.len() < FEWEST {
+        return None;
+    }
+    let mut at = nearest_point(poses.iter().map(|p| (p.tube.tip, p.tube.axis)))?;
+    for _ in 0..ROUNDS {
+        let (matrix, right) = poses.iter().fold((Matrix3::zeros(), Vector3::zeros()), |(matrix, right), pose| {
+            let (weight, miss) = pull(pose, at);
+            (matrix + weight, right + miss)
+        });
+        let covariance = matrix.try_inverse()?;
+        let step = covariance * right;
+        at += step;
+        if !at.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        if step.norm() < 1e-4 {
+            return Some(Fulcrum { at, covariance });
+        }
+    }
+    None
+}
+
+/// One pose's information on the fulcrum, and that times where it would move it.
+fn pull(pose: &TubeEstimate, at: Point3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+    let nothing = (Matrix3::zeros(), Vector3::zeros());
+    let mut change = Vector5::zeros();
+    for _ in 0..3 {
+        let constraint = Constraint::at(&turned(&pose.tube, &change), at);
+        let spread = constraint.spread(pose);
+        let Some(information) = spread.try_inverse() else { return nothing };
+        let missed = constraint.missed - constraint.by_pose * change; // as seen from the pose that was measured
+        change = -(pose.covariance * constraint.by_pose.transpose() * information * missed);
+    }
+    let constraint = Constraint::at(&turned(&pose.tube, &change), at);
+    let Some(information) = constraint.spread(pose).try_inverse() else { return nothing };
+    let missed = constraint.missed - constraint.by_pose * change;
+    let distance = missed.dot(&(information * missed));
+    let weight = if distance > 9.0 { 9.0 / distance } else { 1.0 }; // a false pose must not hold the fulcrum
+    let by_point = constraint.by_point;
+    (by_point.transpose() * information * by_point * weight, -(by_point.transpose() * information * missed * weight))
+}
+
+/// The pose that is most likely when the axis is known to pass through the fulcrum.
+pub fn steady(pose: &TubeEstimate, fulcrum: &Fulcrum) -> Option<TubeEstimate> {
+    let mut change = Vector5::zeros();
+    let mut covariance = pose.covariance;
+    for _ in 0..4 {
+        let constraint = Constraint::at(&turned(&pose.tube, &change), fulcrum.at);
+        let own = constraint.by_point * fulcrum.covariance * constraint.by_point.transpose();
+        let information = (constraint.spread(pose) + own).try_inverse()?;
+        let gain = pose.covariance * constraint.by_pose.transpose() * information;
+        let missed = constraint.missed - constraint.by_pose * change;
+        change = -(gain * missed);
+        covariance = pose.covariance - gain * constraint.by_pose * pose.covariance;
+    }
+    let covariance = (covariance + covariance.transpose()) * 0.5;
+    Some(TubeEstimate { tube: turned(&pose.tube, &change), covariance, residual_px: pose.residual_px })
+}
+
+/// How many standard deviations the axis passes beside the fulcrum; squared, with two degrees of freedom.
+pub fn miss_squared(pose: &TubeEstimate, fulcrum: &Fulcrum) -> f64 {
+    let constraint = Constraint::at(&pose.tube, fulcrum.at);
+    let spread =
+        constraint.spread(pose) + constraint.by_point * fulcrum.covariance * constraint.by_point.transpose();
+    spread.try_inverse().map_or(f64::INFINITY, |information| constraint.missed.dot(&(information * constraint.missed)))
+}
+
+/// "The axis passes through the fulcrum", linearised: by how much it misses, and how that depends on the unknowns.
+struct Constraint {
+    missed: Vector2<f64>,
+    by_pose: Matrix2x5<f64>,
+    by_point: Matrix2x3<f64>,
+}
+
+impl Constraint {
+    fn at(tube: &crate::pipeline::tube::Tube, fulcrum: Point3<f64>) -> Self {
+        let [first, second] = across(tube.axis);
+        let rows = Matrix2x3::from_rows(&[first.transpose(), second.transpose()]);
+        let back = fulcrum - tube.tip;
+        let lever = back.dot(&tube.axis); // negative: the fulcrum lies behind the tip
+        let mut by_pose = Matrix2x5::zeros();
+        by_pose.fixed_view_mut::<2, 3>(0, 0).copy_from(&-rows);
+        by_pose[(0, 3)] = -lever;
+        by_pose[(1, 4)] = -lever;
+        Self { missed: rows * back, by_pose, by_point: rows }
+    }
+
+    fn spread(&self, pose: &TubeEstimate) -> Matrix2<f64> {
+        self.by_pose * pose.covariance * self.by_pose.transpose() + Matrix2::identity() * (PLAY_MM * PLAY_MM)
+    }
+}

@@ -1,0 +1,186 @@
+//! All measured edges at once: borders, and one or both ends of the band, against five unknowns of the tube
+//! (METHOD 4, *known band length*).
+//!
+//! **In** edges with their place on the outline, their pixel and its standard deviation; a tube close to the truth.
+//! **Out** the tube that fits best, its covariance, the RMS residual. **Method** Gauss–Newton with robust weights (Tukey);
+//! each border and each end also has one unknown offset of its own, zero ± [`EDGE_BIAS_PX`]: what light, compression
+//! and sharpening shift a whole edge by is the same along it, and averaging over many pixels does not remove it.
+//! **Gives up** where fewer than [`FEWEST_BORDER_EDGES`] edges support either border, or no end was seen.
+
+use nalgebra::{SMatrix, SVector, Vector2, Vector5};
+
+use super::{TubeEstimate, turned};
+use crate::pipeline::camera::Camera;
+use crate::pipeline::edges::outline_probes::Place;
+use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
+use crate::pipeline::tube::{Outline, Tube};
+
+/// One measured edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredEdge {
+    /// Which part of the outline it belongs to.
+    pub place: Place,
+    /// Where it was seen.
+    pub at: Pixel,
+    /// Unit normal out of the tube, pixels.
+    pub outward: Vector2<f64>,
+    /// Standard deviation along the normal, pixels.
+    pub sigma_px: f64,
+    /// Direction of sight.
+    sight: Normalised,
+    /// How the direction of sight moves per pixel outwards.
+    sight_per_px: Vector2<f64>,
+}
+
+/// Standard deviation of the offset that one whole border or end shares, pixels.
+pub const EDGE_BIAS_PX: f64 = 0.08;
+
+/// Fewest edges on each border.
+pub const FEWEST_BORDER_EDGES: usize = 4;
+
+/// Least standard deviation of a single edge: texture and compression that the noise does not show, pixels.
+const LEAST_SIGMA_PX: f64 = 0.05;
+
+const UNKNOWNS: usize = 9;
+
+impl MeasuredEdge {
+    /// An edge seen at a pixel; `None` where the lens model has no direction for it.
+    pub fn new(place: Place, at: Pixel, outward: Vector2<f64>, sigma_px: f64, camera: &Camera) -> Option<Self> {
+        let sight = camera.normalised_of(at)?;
+        let (_, jacobian) = camera.distort_with_jacobian(sight);
+        let per_px = Vector2::new(outward.x / camera.fx, outward.y / camera.fy);
+        Some(Self { place, at, outward, sigma_px, sight, sight_per_px: jacobian.try_inverse()? * per_px })
+    }
+
+    /// How far outside the outline the edge was seen, pixels.
+    fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
+        match self.place {
+            Place::Border { side, .. } => {
+                let normal = outline.normals[side];
+                let per_px = normal.xy().dot(&self.sight_per_px);
+                (per_px.abs() > 1e-9).then(|| normal.dot(&self.sight.ray()) / per_px)
+            }
+            Place::Rim { back_mm, across } => {
+                let expected = camera.project(CameraPoint(outline.rim(back_mm, across)))?;
+                Some((self.at.0 - expected.0).dot(&self.outward))
+            }
+        }
+    }
+
+    /// Which of the four shared offsets applies.
+    fn part(&self) -> usize {
+        match self.place {
+            Place::Border { side, .. } => side,
+            Place::Rim { back_mm, .. } => 2 + usize::from(back_mm > 0.0),
+        }
+    }
+}
+
+/// Fits the tube to the edges, starting from `start`.
+pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera) -> Option<TubeEstimate> {
+    const ROUNDS: usize = 8;
+    let count = |part: usize| edges.iter().filter(|e| e.part() == part).count();
+    if count(0).min(count(1)) < FEWEST_BORDER_EDGES || count(2) + count(3) == 0 {
+        return None;
+    }
+    let mut tube = *start;
+    let mut offsets = SVector::<f64, 4>::zeros();
+    let mut last = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let system = System::build(edges, &tube, &offsets, camera)?;
+        let step = system.matrix.cholesky()?.solve(&system.right);
+        tube = turned(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
+        offsets += step.fixed_rows::<4>(5);
+        let size = step.fixed_rows::<3>(0).norm();
+        if !size.is_finite() || size > 100.0 {
+            return None;
+        }
+        if size < 1e-4 || (size < 1e-2 && size > last) {
+            break;
+        }
+        last = size;
+    }
+    let system = System::build(edges, &tube, &offsets, camera)?;
+    let covariance = system.matrix.cholesky()?.inverse();
+    Some(TubeEstimate {
+        tube,
+        covariance: covariance.fixed_view::<5, 5>(0, 0) * system.variance_factor.max(1.0),
+        residual_px: system.residual_px,
+    })
+}
+
+/// The normal equations at one linearisation.
+struct System {
+    matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
+    right: SVector<f64, UNKNOWNS>,
+    variance_factor: f64,
+    residual_px: f64,
+}
+
+impl System {
+    fn build(edges: &[MeasuredEdge], tube: &Tube, offsets: &SVector<f64, 4>, camera: &Camera) -> Option<Self> {
+        let outline = tube.outline()?;
+        let nudged = nudged_outlines(tube)?;
+        let residuals: Vec<f64> = edges
+            .iter()
+            .map(|e| e.residual_px(&outline, camera).map(|r| r - offsets[e.part()]))
+            .collect::<Option<_>>()?;
+        let sigma = |e: &MeasuredEdge| e.sigma_px.hypot(LEAST_SIGMA_PX);
+        let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
+        let mut matrix = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
+        let mut right = SVector::<f64, UNKNOWNS>::zeros();
+        let (mut squares, mut weights) = (0.0, 0.0);
+        for (edge, residual) in edges.iter().zip(&residuals) {
+            let weight = tukey(residual / (4.7 * scale * sigma(edge)));
+            let information = weight / sigma(edge).powi(2);
+            let mut row = SVector::<f64, UNKNOWNS>::zeros();
+            for (i, [ahead, behind, ]) in nudged.iter().enumerate() {
+                // The outline moves outwards by as much as the residual falls.
+                row[i] = (edge.residual_px(behind, camera)? - edge.residual_px(ahead, camera)?) / (2.0 * NUDGE[i]);
+            }
+            row[5 + edge.part()] = 1.0;
+            matrix.ger(information, &row, &row, 1.0);
+            right += row * (information * residual);
+            squares += weight * residual * residual;
+            weights += weight;
+        }
+        for part in 0..4 {
+            let prior = 1.0 / (EDGE_BIAS_PX * EDGE_BIAS_PX);
+            matrix[(5 + part, 5 + part)] += prior;
+            right[5 + part] -= prior * offsets[part];
+        }
+        Some(Self {
+            matrix,
+            right,
+            variance_factor: scale * scale,
+            residual_px: (squares / weights.max(1e-9)).sqrt(),
+        })
+    }
+}
+
+/// Steps of the numeric derivative: mm, mm, mm, rad, rad.
+const NUDGE: [f64; 5] = [1e-3, 1e-3, 1e-3, 1e-5, 1e-5];
+
+fn nudged_outlines(tube: &Tube) -> Option<[[Outline; 2]; 5]> {
+    let mut all = [[tube.outline()?; 2]; 5];
+    for (i, pair) in all.iter_mut().enumerate() {
+        let mut change = Vector5::zeros();
+        change[i] = NUDGE[i];
+        *pair = [turned(tube, &change).outline()?, turned(tube, &-change).outline()?];
+    }
+    Some(all)
+}
+
+fn tukey(ratio: f64) -> f64 {
+    let left = 1.0 - ratio * ratio;
+    if left > 0.0 { left * left } else { 0.0 }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    if sorted.is_empty() {
+        return 0.0;
+    }
+    let middle = sorted.len() / 2;
+    *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
+}

@@ -1,0 +1,135 @@
+//! What colour is this: k nearest neighbours among the marked samples (METHOD 2, T 6.2), with a limit beyond which a
+//! colour is nobody's.
+
+use std::num::NonZero;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+
+use super::samples::ColourSamples;
+
+/// Neighbours that vote; the thesis's choice.
+const K: NonZero<usize> = NonZero::new(5).unwrap();
+
+/// Weight of luma against the two differences: light falls off across a box and over a tube's curve, so brightness
+/// tells less of a tape than hue does.
+const LUMA_WEIGHT: f64 = 0.4;
+
+/// A colour farther from every sample of its label than this many times the label's own spread is unknown.
+const SPREADS_TO_UNKNOWN: f64 = 3.0;
+
+/// Least spread of a label, as a share of the full code range: noise and compression of any camera.
+const LEAST_SPREAD: f64 = 0.012;
+
+/// Exact classifier over gamma-coded `[Y', Pb, Pr]`.
+pub struct Knn {
+    tree: ImmutableKdTree<f32, 3>,
+    label_of_sample: Vec<u8>,
+    limit_of_label: Vec<f32>,
+    reach: [(f64, f64); 3],
+}
+
+impl Knn {
+    /// Builds the tree. `class_of_label` gives each of the samples' labels its class, 0 for all that are no tool.
+    /// `None` when there is no sample.
+    pub fn new(samples: &ColourSamples, class_of_label: &[u8]) -> Option<Self> {
+        let colours: Vec<[f64; 3]> = samples.samples.iter().map(|s| samples.encoding.colour_of(s.yuv)).collect();
+        let points: Vec<[f32; 3]> = colours.iter().map(|c| metric_of(*c)).collect();
+        let label_of_sample: Vec<u8> =
+            samples.samples.iter().map(|s| class_of_label.get(s.label).copied().unwrap_or(0)).collect();
+        if points.is_empty() {
+            return None;
+        }
+        let classes = class_of_label.iter().copied().max().map_or(1, |c| usize::from(c) + 1);
+        let limit_of_label: Vec<f32> = (0..classes)
+            .map(|class| {
+                let own = points.iter().zip(&label_of_sample).filter(|(_, l)| usize::from(**l) == class);
+                let own: Vec<[f32; 3]> = own.map(|(p, _)| *p).collect();
+                (SPREADS_TO_UNKNOWN * spread(&own).max(LEAST_SPREAD)) as f32
+            })
+            .collect();
+        let reach = reach_of_tools(&colours, &label_of_sample, &limit_of_label);
+        let tree = ImmutableKdTree::new_from_slice(&points).ok()?;
+        Some(Self { tree, label_of_sample, limit_of_label, reach })
+    }
+
+    /// The class of a colour: 0 for none of the tools, else the tool's class.
+    pub fn class_of(&self, colour: [f64; 3]) -> u8 {
+        if colour.iter().zip(&self.reach).any(|(c, (low, high))| c < low || c > high) {
+            return 0; // farther than any limit from every sample of every tool: the tree need not be asked
+        }
+        let nearest = self.tree.query(&metric_of(colour)).nearest_n::<SquaredEuclidean<f32>>(K).execute();
+        let votes: Vec<u8> = nearest.iter().map(|n| self.label_of_sample[n.item as usize]).collect();
+        let Some(winner) = majority(&votes) else { return 0 };
+        let distance = nearest.iter().zip(&votes).find(|(_, v)| **v == winner).map_or(f32::MAX, |(n, _)| n.distance);
+        let limit = self.limit_of_label[usize::from(winner)];
+        if distance <= limit * limit { winner } else { 0 }
+    }
+}
+
+fn metric_of(colour: [f64; 3]) -> [f32; 3] {
+    [(colour[0] * LUMA_WEIGHT) as f32, colour[1] as f32, colour[2] as f32]
+}
+
+/// The class with most votes; among equals the one whose vote is nearest.
+fn majority(votes: &[u8]) -> Option<u8> {
+    let count = |class: u8| votes.iter().filter(|v| **v == class).count();
+    let most = votes.iter().map(|v| count(*v)).max()?;
+    votes.iter().copied().find(|v| count(*v) == most)
+}
+
+/// RMS distance from the mean.
+fn spread(points: &[[f32; 3]]) -> f64 {
+    let n = points.len().max(1) as f64;
+    let mean = [0, 1, 2].map(|i| points.iter().map(|p| f64::from(p[i])).sum::<f64>() / n);
+    let squares: f64 = points.iter().map(|p| (0..3).map(|i| (f64::from(p[i]) - mean[i]).powi(2)).sum::<f64>()).sum();
+    (squares / n).sqrt()
+}
+
+/// The box around all tools' samples, widened by their limits, in gamma-coded `[Y', Pb, Pr]`.
+fn reach_of_tools(colours: &[[f64; 3]], classes: &[u8], limits: &[f32]) -> [(f64, f64); 3] {
+    let scale = [LUMA_WEIGHT, 1.0, 1.0];
+    [0, 1, 2].map(|axis| {
+        colours.iter().zip(classes).filter(|(_, class)| **class != 0).fold(
+            (f64::INFINITY, f64::NEG_INFINITY),
+            |(low, high), (colour, class)| {
+                let margin = f64::from(limits[usize::from(*class)]) / scale[axis];
+                (low.min(colour[axis] - margin), high.max(colour[axis] + margin))
+            },
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+    use crate::pipeline::segmentation::samples::ColourSample;
+
+    fn samples() -> ColourSamples {
+        let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
+        let around = |label, yuv: [u8; 3]| {
+            (0..27u8).map(move |i| ColourSample {
+                label,
+                yuv: [yuv[0] + i % 3 * 2, yuv[1] + i / 3 % 3, yuv[2] + i / 9],
+            })
+        };
+        let samples = around(0, [140, 70, 190]).chain(around(1, [90, 128, 128])).collect();
+        ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples }
+    }
+
+    #[test]
+    fn marked_colours_are_known_and_far_ones_are_nobodys() {
+        let samples = samples();
+        let knn = Knn::new(&samples, &[1, 0]).unwrap();
+        let class = |yuv| knn.class_of(samples.encoding.colour_of(yuv));
+        assert_eq!(class([141, 71, 191]), 1);
+        assert_eq!(class([91, 129, 129]), 0);
+        assert_eq!(class([140, 190, 70]), 0, "never marked: not the nearest label's");
+    }
+
+    #[test]
+    fn no_samples_make_no_classifier() {
+        let none = ColourSamples { samples: Vec::new(), ..samples() };
+        assert!(Knn::new(&none, &[1, 0]).is_none());
+    }
+}

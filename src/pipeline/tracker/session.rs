@@ -1,0 +1,153 @@
+//! The end of a recording: everything that was seen, looked at again with hindsight.
+//!
+//! The fulcrum is worked out from all poses and steadies each of them, also the first; the filter runs once more over the
+//! steadied poses, and the smoother behind it.
+
+use nalgebra::Vector3;
+
+use super::report::ToolQuality;
+use super::tool::{self, ToolTracker};
+use crate::pipeline::camera::Camera;
+use crate::pipeline::filter::identity::{Thread, ThreadSettings};
+use crate::pipeline::filter::kalman::State;
+use crate::pipeline::filter::smoother::{Step, smooth};
+use crate::pipeline::pose::fulcrum::{self, Fulcrum};
+use crate::pipeline::pose::TubeEstimate;
+use crate::pipeline::reason::Reason;
+use crate::pipeline::space::CameraPoint;
+use crate::pipeline::trajectory::{Sample, SampleState};
+
+/// A frame's number and time.
+pub type Instant = (u64, f64);
+
+/// One tool's three paths and quality.
+pub struct ToolPaths {
+    pub raw: Vec<Sample>,
+    pub filtered: Vec<Sample>,
+    pub smoothed: Vec<Sample>,
+    pub quality: ToolQuality,
+}
+
+/// Reworks one tool's records.
+pub fn rework(tool: &ToolTracker, index: usize, instants: &[Instant], camera: &Camera, thread: &ThreadSettings) -> ToolPaths {
+    let estimates: Vec<TubeEstimate> = tool.records.iter().filter_map(|r| r.estimate).collect();
+    let fulcrum = fulcrum::estimate(&estimates).filter(tool::is_known);
+    let mut paths = ToolPaths {
+        raw: Vec::new(),
+        filtered: Vec::new(),
+        smoothed: Vec::new(),
+        quality: ToolQuality { tool: tool.spec.name.clone(), ..ToolQuality::default() },
+    };
+    let mut following = Thread::default();
+    let mut run = Run::default();
+    for (record, instant) in tool.records.iter().zip(instants) {
+        let pose = record.estimate.map(|e| fulcrum.and_then(|f| fulcrum::steady(&e, &f)).unwrap_or(e));
+        let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
+        let advance = following.advance(instant.1, measured, thread);
+        count(&mut paths.quality, advance.observed, advance.step.is_some(), record.reason.or(advance.refused));
+        let believed = pose.filter(|_| advance.observed);
+        if let Some(pose) = believed {
+            paths.raw.push(raw_sample(&pose, index, *instant, camera));
+        }
+        if advance.begins || advance.step.is_none() {
+            run.close(&mut paths, index, camera, fulcrum.as_ref());
+        }
+        if let Some(step) = advance.step {
+            run.add(step, *instant, believed.map(|p| p.tube.axis));
+        }
+    }
+    run.close(&mut paths, index, camera, fulcrum.as_ref());
+    paths.quality.border_residual_px = rms(estimates.iter().map(|e| e.residual_px));
+    paths
+}
+
+/// An unbroken run of the filter.
+#[derive(Default)]
+struct Run {
+    steps: Vec<Step>,
+    instants: Vec<Instant>,
+    axes: Vec<Option<Vector3<f64>>>,
+}
+
+impl Run {
+    fn add(&mut self, step: Step, instant: Instant, axis: Option<Vector3<f64>>) {
+        self.steps.push(step);
+        self.instants.push(instant);
+        self.axes.push(axis);
+    }
+
+    /// Smooths the run and writes both paths; predicted frames at its end have no later measurement and stay out of
+    /// the smoothed path's gaps only as far as the filter bridged them.
+    fn close(&mut self, paths: &mut ToolPaths, tool: usize, camera: &Camera, fulcrum: Option<&Fulcrum>) {
+        let mut axis = self.axes.iter().flatten().next().copied();
+        for ((step, smoothed), (instant, seen)) in
+            self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.axes))
+        {
+            axis = seen.or(axis);
+            let state = if seen.is_some() { SampleState::Observed } else { SampleState::Predicted };
+            let sample = |s: &State| state_sample(s, axis, tool, *instant, state, camera, fulcrum);
+            paths.filtered.push(sample(&step.updated));
+            paths.smoothed.push(sample(&smoothed));
+        }
+        *self = Self::default();
+    }
+}
+
+/// A sample of a filter's state.
+pub fn state_sample(
+    state: &State,
+    axis: Option<Vector3<f64>>,
+    tool: usize,
+    instant: Instant,
+    seen: SampleState,
+    camera: &Camera,
+    fulcrum: Option<&Fulcrum>,
+) -> Sample {
+    let tip = state.tip();
+    let covariance = state.tip_covariance();
+    let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
+    Sample {
+        frame: instant.0,
+        time_s: instant.1,
+        tool,
+        tip_mm: tip,
+        velocity_mm_s: Some(state.velocity()),
+        axis: by_fulcrum.or(axis),
+        tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
+        sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
+        sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
+        state: seen,
+    }
+}
+
+fn raw_sample(pose: &TubeEstimate, tool: usize, instant: Instant, camera: &Camera) -> Sample {
+    let covariance = pose.tip_covariance();
+    Sample {
+        frame: instant.0,
+        time_s: instant.1,
+        tool,
+        tip_mm: pose.tube.tip,
+        velocity_mm_s: None,
+        axis: Some(pose.tube.axis),
+        tip_px: camera.project(CameraPoint(pose.tube.tip)).map(|p| p.0),
+        sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
+        sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
+        state: SampleState::Observed,
+    }
+}
+
+fn count(quality: &mut ToolQuality, observed: bool, tracked: bool, reason: Option<Reason>) {
+    match (observed, tracked) {
+        (true, _) => quality.observed += 1,
+        (false, true) => quality.predicted += 1,
+        (false, false) => quality.missing += 1,
+    }
+    if let Some(reason) = reason {
+        *quality.reasons.entry(reason).or_default() += 1;
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (count, squares) = values.fold((0u64, 0.0), |(n, s), v| (n + 1, s + v * v));
+    (count > 0).then(|| (squares / count as f64).sqrt())
+}

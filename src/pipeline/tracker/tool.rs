@@ -1,0 +1,250 @@
+//! One tool through a recording: where to look for it, which region is its band, and its thread through time.
+
+use super::measure::{Bench, Measurement};
+use super::settings::{MotionSettings, ToolSpec, TrackerSettings, View};
+use crate::pipeline::blob::components::{Component, ComponentFinder};
+use crate::pipeline::blob::{join, select};
+use crate::pipeline::camera::Camera;
+use crate::pipeline::edges::subpixel::EdgeModel;
+use crate::pipeline::filter::identity::{Advance, Thread, ThreadSettings};
+use crate::pipeline::frame::Frame;
+use crate::pipeline::pose::fulcrum::{self, Fulcrum};
+use crate::pipeline::pose::TubeEstimate;
+use crate::pipeline::reason::Reason;
+use crate::pipeline::segmentation::colour_table::ColourTable;
+use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
+use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::tube::Tube;
+
+/// What one frame left behind for the recording's end.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// The measurement before the fulcrum steadied it.
+    pub estimate: Option<TubeEstimate>,
+    /// Length of band that it spans, mm.
+    pub length_mm: f64,
+    /// Why there is no measurement, or why it was refused.
+    pub reason: Option<Reason>,
+}
+
+/// One tool's tracker.
+pub struct ToolTracker {
+    pub(super) spec: ToolSpec,
+    class: u8,
+    finder: ComponentFinder,
+    edges: EdgeModel,
+    thread: Thread,
+    last: Option<(Tube, f64)>,
+    fulcrum: Option<Fulcrum>,
+    keyframes: Vec<TubeEstimate>,
+    pub(super) records: Vec<Record>,
+}
+
+/// What one frame says of a tool.
+pub struct Seen {
+    /// The steadied measurement, or why there is none.
+    pub outcome: Result<Measurement, Reason>,
+    /// What the thread made of it.
+    pub advance: Advance,
+}
+
+/// Poses that the causal fulcrum is made from, at most; then every second one is let go.
+const MOST_KEYFRAMES: usize = 128;
+
+/// A fulcrum is used once it is known this well, mm: before, it would rather mislead.
+const FULCRUM_SIGMA_MM: f64 = 8.0;
+
+impl ToolTracker {
+    pub(super) fn new(spec: ToolSpec, class: u8, edges: EdgeModel) -> Self {
+        Self {
+            spec,
+            class,
+            finder: ComponentFinder::default(),
+            edges,
+            thread: Thread::default(),
+            last: None,
+            fulcrum: None,
+            keyframes: Vec::new(),
+            records: Vec::new(),
+        }
+    }
+
+    /// Finds the tool on a frame.
+    pub(super) fn observe(&mut self, frame: &Frame<'_>, table: &ColourTable, settings: &TrackerSettings) -> Seen {
+        let thread = settings.motion.thread();
+        let expected = self.expected_tube(frame.time_s, &thread);
+        let measured = match self.look(frame, table, settings, expected) {
+            Err(_) if expected.is_some() => self.look(frame, table, settings, None),
+            found => found,
+        };
+        self.edges.settle();
+        self.remember(&measured);
+        let steadied = measured.map(|m| self.steady(m));
+        let observation = steadied.as_ref().ok().map(|m| (m.estimate.tube.tip, m.estimate.tip_covariance()));
+        let advance = self.thread.advance(frame.time_s, observation, &thread);
+        if let (Ok(m), true) = (&steadied, advance.observed) {
+            self.last = Some((m.estimate.tube, m.length_mm));
+        }
+        let outcome = match advance.refused {
+            Some(reason) => Err(reason),
+            None => steadied,
+        };
+        Seen { outcome, advance }
+    }
+
+    /// Searches one place, or the whole frame, and measures the likeliest regions until one is a band.
+    fn look(
+        &mut self,
+        frame: &Frame<'_>,
+        table: &ColourTable,
+        settings: &TrackerSettings,
+        expected: Option<(Tube, f64)>,
+    ) -> Result<Measurement, Reason> {
+        const MOST_REGIONS: usize = 3;
+        let mut best_reason = Reason::NoMarkerColour;
+        for region in self.regions(frame, table, &settings.camera, expected).iter().take(MOST_REGIONS) {
+            match self.measure(frame, table, settings, region) {
+                Ok(measurement) => return Ok(measurement),
+                Err(reason) => best_reason = best_reason.max(reason),
+            }
+        }
+        Err(best_reason)
+    }
+
+    fn regions(
+        &mut self,
+        frame: &Frame<'_>,
+        table: &ColourTable,
+        camera: &Camera,
+        expected: Option<(Tube, f64)>,
+    ) -> Vec<Component> {
+        let places = match expected {
+            Some((tube, length)) => place_of(&tube, length, camera, frame).into_iter().collect(),
+            None => coarse_search(frame, table, self.class),
+        };
+        let mut regions = Vec::new();
+        for place in places {
+            let parts = self.finder.find(frame, table, self.class, place, select::FEWEST_CELLS);
+            let (band, others) = join::join_collinear(parts);
+            regions.extend(band);
+            regions.extend(others);
+        }
+        regions.sort_by_key(|r: &Component| std::cmp::Reverse(r.moments.cells()));
+        regions
+    }
+
+    fn measure(
+        &mut self,
+        frame: &Frame<'_>,
+        table: &ColourTable,
+        settings: &TrackerSettings,
+        region: &Component,
+    ) -> Result<Measurement, Reason> {
+        let rectangle = select::judge(region)?;
+        let towards_hand = self.direction_to_hand(settings);
+        let mut bench = Bench {
+            frame,
+            camera: &settings.camera,
+            table,
+            class: self.class,
+            spec: &self.spec,
+            edges: &mut self.edges,
+            method: settings.pose,
+        };
+        bench.measure(&rectangle, |back, front| towards_hand.prefers(back, front))
+    }
+
+    fn expected_tube(&self, time_s: f64, thread: &ThreadSettings) -> Option<(Tube, f64)> {
+        let state = self.thread.expected(time_s, thread)?;
+        let (last, length) = self.last?;
+        Some((Tube { tip: state.tip(), ..last }, length))
+    }
+
+    fn direction_to_hand(&self, settings: &TrackerSettings) -> HandSide {
+        let camera = &settings.camera;
+        let pixel = |point| camera.project(CameraPoint(point));
+        if let Some((tube, _)) = self.last {
+            let (tip, back) = (pixel(tube.tip), pixel(tube.tip - tube.axis * 5.0));
+            if let (Some(tip), Some(back)) = (tip, back) {
+                return HandSide::Along(back.0 - tip.0);
+            }
+        }
+        match settings.view {
+            Some(View::Top) => HandSide::Along(nalgebra::Vector2::y()),
+            _ => HandSide::AwayFrom(Pixel::new(f64::from(camera.width) / 2.0, f64::from(camera.height) / 2.0)),
+        }
+    }
+
+    fn remember(&mut self, measured: &Result<Measurement, Reason>) {
+        self.records.push(match measured {
+            Ok(m) => Record { estimate: Some(m.estimate), length_mm: m.length_mm, reason: None },
+            Err(reason) => Record { estimate: None, length_mm: 0.0, reason: Some(*reason) },
+        });
+        let Ok(m) = measured else { return };
+        self.keyframes.push(m.estimate);
+        if self.keyframes.len() % 16 == 0 {
+            self.fulcrum = fulcrum::estimate(&self.keyframes).filter(is_known).or(self.fulcrum);
+        }
+        if self.keyframes.len() >= MOST_KEYFRAMES {
+            let mut keep = false;
+            self.keyframes.retain(|_| {
+                keep = !keep;
+                keep
+            });
+        }
+    }
+
+    fn steady(&self, measurement: Measurement) -> Measurement {
+        let steadied = self.fulcrum.and_then(|f| fulcrum::steady(&measurement.estimate, &f));
+        Measurement { estimate: steadied.unwrap_or(measurement.estimate), ..measurement }
+    }
+}
+
+/// Is a fulcrum known well enough to be used?
+pub fn is_known(fulcrum: &Fulcrum) -> bool {
+    fulcrum.covariance.trace() < FULCRUM_SIGMA_MM * FULCRUM_SIGMA_MM
+}
+
+enum HandSide {
+    Along(nalgebra::Vector2<f64>),
+    AwayFrom(Pixel),
+}
+
+impl HandSide {
+    /// Is the first end on the hand's side?
+    fn prefers(&self, first: Pixel, second: Pixel) -> bool {
+        match self {
+            HandSide::Along(direction) => (first.0 - second.0).dot(direction) > 0.0,
+            HandSide::AwayFrom(centre) => (first.0 - centre.0).norm() > (second.0 - centre.0).norm(),
+        }
+    }
+}
+
+/// The cells around a tube's band.
+fn place_of(tube: &Tube, length_mm: f64, camera: &Camera, frame: &Frame<'_>) -> Option<CellBox> {
+    let outline = tube.outline()?;
+    let corners = [(0, 0.0), (1, 0.0), (0, length_mm), (1, length_mm)];
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    for (side, back) in corners {
+        let pixel = camera.project(CameraPoint(outline.border(side, back)))?;
+        low = [low[0].min(pixel.u()), low[1].min(pixel.v())];
+        high = [high[0].max(pixel.u()), high[1].max(pixel.v())];
+    }
+    let width = camera.fx * 2.0 * tube.radius / tube.tip.z;
+    CellBox::around(low, high, width.max(16.0), frame)
+}
+
+impl MotionSettings {
+    /// The part that a thread needs.
+    pub(super) fn thread(&self) -> ThreadSettings {
+        ThreadSettings {
+            noise_density: self.acceleration_mm_s2.powi(2) * self.acceleration_lasts_s,
+            first_speed_mm_s: self.first_speed_mm_s,
+            gate: self.gate,
+            reacquire_s: self.reacquire_s,
+            longest_prediction_s: self.longest_prediction_s,
+            depth_mm: (self.nearest_mm, self.farthest_mm),
+        }
+    }
+}

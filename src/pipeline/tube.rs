@@ -1,0 +1,99 @@
+//! The tool as a solid: a cylinder of known radius, and its exact outline as the camera sees it.
+//!
+//! With the axis `d` (unit, from the hand to the tip), the axis's point nearest to the camera `N` and the radius `r`, the
+//! two planes through the camera that touch the cylinder have unit normals `n₁`, `n₂` with `n·d = 0` and `n·N = r`
+//! (METHOD 4). Each touches it along a line; both lines are the borders of the tube in the picture. A circle round the
+//! axis shows its *near* half between the two lines of touch.
+
+use nalgebra::{Point3, Vector3};
+
+/// A tube that ends at its tip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tube {
+    /// Centre of the distal end, on the axis, camera frame, mm.
+    pub tip: Point3<f64>,
+    /// Unit vector along the axis from the hand to the tip.
+    pub axis: Vector3<f64>,
+    /// Radius, mm.
+    pub radius: f64,
+}
+
+/// What a tube shows to the camera: fixed for all points of its outline, so worked out once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outline {
+    tube: Tube,
+    /// Unit normals of the two touching planes, both pointing to the side where the tube is.
+    pub normals: [Vector3<f64>; 2],
+    towards_camera: Vector3<f64>,
+    sideways: Vector3<f64>,
+    half_angle: f64,
+}
+
+impl Tube {
+    /// The axis's point nearest to the camera.
+    pub fn nearest(&self) -> Vector3<f64> {
+        self.tip.coords - self.axis * self.tip.coords.dot(&self.axis)
+    }
+
+    /// The outline; `None` where the camera would be inside the tube or the tube behind it.
+    pub fn outline(&self) -> Option<Outline> {
+        let nearest = self.nearest();
+        let distance = nearest.norm();
+        if !(distance > self.radius * 1.001 && self.radius > 0.0 && distance.is_finite()) {
+            return None;
+        }
+        let away = nearest / distance;
+        let sideways = self.axis.cross(&away);
+        let cos = self.radius / distance;
+        let sin = (1.0 - cos * cos).sqrt();
+        Some(Outline {
+            tube: *self,
+            normals: [away * cos + sideways * sin, away * cos - sideways * sin],
+            towards_camera: -away,
+            sideways,
+            half_angle: cos.acos(),
+        })
+    }
+}
+
+impl Outline {
+    /// Where border 0 or 1 touches the tube, `back_mm` behind the tip.
+    pub fn border(&self, side: usize, back_mm: f64) -> Point3<f64> {
+        self.tube.tip - self.tube.axis * back_mm - self.normals[side] * self.tube.radius
+    }
+
+    /// A point on the near half of the circle `back_mm` behind the tip; `across` runs from −1 (border 0) through 0
+    /// (midline) to 1 (border 1).
+    pub fn rim(&self, back_mm: f64, across: f64) -> Point3<f64> {
+        let (sin, cos) = (across * self.half_angle).sin_cos();
+        let outwards = self.towards_camera * cos + self.sideways * sin;
+        self.tube.tip - self.tube.axis * back_mm + outwards * self.tube.radius
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_touching_planes_hold_the_camera_and_touch_the_tube(
+            tip in [-60.0..60.0f64, -60.0..60.0, 80.0..300.0],
+            lean in [-1.0..1.0f64, -1.0..1.0, -1.0..1.0],
+        ) {
+            let axis = Vector3::from(lean);
+            prop_assume!(axis.norm() > 0.1);
+            let tube = Tube { tip: Point3::from(tip), axis: axis.normalize(), radius: 4.0 };
+            let Some(outline) = tube.outline() else { return Ok(()) };
+            for (side, normal) in outline.normals.iter().enumerate() {
+                prop_assert!((normal.norm() - 1.0).abs() < 1e-9);
+                prop_assert!(normal.dot(&tube.axis).abs() < 1e-9);
+                prop_assert!((normal.dot(&tube.nearest()) - tube.radius).abs() < 1e-9);
+                prop_assert!(normal.dot(&outline.border(side, 7.0).coords).abs() < 1e-9);
+                let across = if side == 0 { -1.0 } else { 1.0 };
+                prop_assert!((outline.rim(7.0, across) - outline.border(side, 7.0)).norm() < 1e-9);
+            }
+        }
+    }
+}
