@@ -1,12 +1,300 @@
-//! `trocar track`: under construction.
+//! `trocar track`: the whole tracker without a server. Recording, camera and annotations in; trajectory out.
+
+use std::fs::File;
+use std::io::{self, BufWriter, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Failure;
+use crate::domain::files::annotations::{self, AnnotationsFile};
+use crate::domain::files::camera::CameraFile;
+use crate::domain::files::trajectory::write_csv;
+use crate::media::{Limits, MediaError, VideoFile};
+use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
+use crate::pipeline::tracker::{PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking, View};
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// The camera that recorded: camera.json of `trocar calibrate`, or any in OpenCV's convention.
+    #[arg(long, value_name = "FILE")]
+    camera: PathBuf,
+    /// What an instructor marked: tape colours, tool sizes.
+    #[arg(long, value_name = "FILE")]
+    annotations: PathBuf,
+    /// Where to write the trajectory (CSV); standard output without it.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// As live: the causal filter's path, without the smoother.
+    #[arg(long, conflicts_with = "raw")]
+    causal: bool,
+    /// Each frame's own measurement, without any filter over time.
+    #[arg(long)]
+    raw: bool,
+    /// How borders become positions.
+    #[arg(long, value_enum, default_value_t = Pose::Planes)]
+    pose: Pose,
+    /// Write milliseconds per stage to this file.
+    #[arg(long, value_name = "FILE")]
+    timings: Option<PathBuf>,
+    /// Say nothing but errors.
+    #[arg(long)]
+    quiet: bool,
+    /// The recording.
+    video: PathBuf,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Pose {
+    /// Tangent planes and a joint fit of borders and band ends.
+    Planes,
+    /// The thesis's width formula.
+    Width,
+}
 
 /// Runs the command.
-pub fn run(_args: Args) -> Result<(), Failure> {
-    Err(Failure::Failed(anyhow::anyhow!("not built yet")))
+pub fn run(args: Args) -> Result<(), Failure> {
+    let mut clock = StageClock::start();
+    let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?.camera();
+    let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
+    let mut video = open(&args.video)?;
+    let samples = collect_samples(&marked, &args)?;
+    clock.samples = clock.lap();
+    let mut settings = TrackerSettings::new(camera, tools(&marked, &args.annotations)?, samples);
+    settings.view = marked.view.map(|view| match view {
+        annotations::View::Top => View::Top,
+        annotations::View::Side => View::Side,
+    });
+    settings.pose = match args.pose {
+        Pose::Planes => PoseMethod::TangentPlanes,
+        Pose::Width => PoseMethod::PinholeWidth,
+    };
+    let tracking = follow(&mut video, settings, &args, &mut clock)?;
+    let trajectory = match (args.raw, args.causal) {
+        (true, _) => &tracking.raw,
+        (_, true) => &tracking.filtered,
+        _ => &tracking.smoothed,
+    };
+    match &args.out {
+        Some(path) => write_csv(trajectory, create(path)?).with_context(|| format!("writing {}", path.display()))?,
+        None => write_csv(trajectory, io::stdout().lock()).context("writing to standard output")?,
+    }
+    clock.write = clock.lap();
+    if let Some(path) = &args.timings {
+        clock.save(create(path)?).with_context(|| format!("writing {}", path.display()))?;
+    }
+    if !args.quiet {
+        report(&tracking);
+    }
+    Ok(())
+}
+
+/// Tracks every frame of the recording.
+fn follow(
+    video: &mut VideoFile,
+    settings: TrackerSettings,
+    args: &Args,
+    clock: &mut StageClock,
+) -> Result<Tracking, Failure> {
+    let info = video.info();
+    let progress = Progress::new(info.frames_expected, args.quiet);
+    let next = |video: &mut VideoFile| video.next_picture().map_err(|e| about(&args.video, e));
+    let mut picture = next(video)?;
+    let encoding =
+        picture.as_ref().map(|p| p.frame().encoding).ok_or_else(|| about(&args.video, MediaError::NoFrames))?;
+    clock.lap_of_frame(|c| &mut c.decode);
+    let mut tracker = Tracker::new(settings, info.width, info.height, encoding).map_err(|e| about(&args.camera, e))?;
+    clock.table = clock.lap();
+    while let Some(seen) = picture {
+        tracker.observe(&seen.frame());
+        clock.lap_of_frame(|c| &mut c.track);
+        progress.step();
+        picture = next(video)?;
+        clock.lap_of_frame(|c| &mut c.decode);
+    }
+    progress.end();
+    let tracking = tracker.finish();
+    clock.finish = clock.lap();
+    Ok(tracking)
+}
+
+/// The pixels inside the marked rectangles, from the clip in which they were marked.
+fn collect_samples(marked: &AnnotationsFile, args: &Args) -> Result<ColourSamples, Failure> {
+    let folder = args.annotations.parent().unwrap_or(Path::new("."));
+    let path = marked.video.as_ref().map_or_else(|| args.video.clone(), |name| folder.join(name));
+    let mut video = open(&path)?;
+    let info = video.info();
+    marked.check_inside(info.width, info.height).map_err(|e| about(&args.annotations, e))?;
+    let last = marked.labels.iter().map(|l| l.frame).max().unwrap_or(0);
+    let mut samples: Option<ColourSamples> = None;
+    let mut decoded = 0;
+    while decoded <= last {
+        let Some(picture) = video.next_picture().map_err(|e| about(&path, e))? else {
+            return Err(about(
+                &args.annotations,
+                anyhow!("a rectangle is on frame {last}, but {} has only {decoded} frames", path.display()),
+            ));
+        };
+        let frame = picture.frame();
+        let samples = samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
+        for label in marked.labels.iter().filter(|l| l.frame == decoded) {
+            let size = |n: i64| usize::try_from(n).unwrap_or(0); // inside the frame: checked above
+            let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(size);
+            samples.collect(&frame, &Rectangle { label: label.label.clone(), x, y, w, h });
+        }
+        decoded += 1;
+    }
+    samples.ok_or_else(|| about(&path, MediaError::NoFrames))
+}
+
+fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, Failure> {
+    let tools = marked.marked_tools().map_err(|e| about(path, e))?;
+    Ok(tools
+        .into_iter()
+        .map(|t| ToolSpec { name: t.name, diameter_mm: t.diameter_mm, band_length_mm: t.band_length_mm })
+        .collect())
+}
+
+fn report(tracking: &Tracking) {
+    for tool in &tracking.quality.tools {
+        let reasons: Vec<String> = tool.reasons.iter().map(|(r, n)| format!("{} {n}", r.name())).collect();
+        eprintln!(
+            "{}: measured on {} of {} frames, bridged on {}{}{}",
+            tool.tool,
+            tool.observed,
+            tracking.quality.frames,
+            tool.predicted,
+            if reasons.is_empty() { "" } else { "; not measured or not believed: " },
+            reasons.join(", ")
+        );
+    }
+}
+
+fn read(path: &Path) -> Result<String, Failure> {
+    std::fs::read_to_string(path).map_err(|e| about(path, e))
+}
+
+fn open(path: &Path) -> Result<VideoFile, Failure> {
+    let file = File::open(path).map_err(|e| about(path, e))?;
+    VideoFile::open(file, Limits::default()).map_err(|e| about(path, e))
+}
+
+fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
+    Ok(BufWriter::new(File::create(path).with_context(|| format!("cannot write {}", path.display()))?))
+}
+
+/// Input that cannot be used, with the file it came from.
+fn about(path: &Path, error: impl Into<anyhow::Error>) -> Failure {
+    Failure::Input(error.into().context(path.display().to_string()))
+}
+
+/// A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
+struct Progress {
+    bar: ProgressBar,
+    plain: bool,
+    expected: Option<u64>,
+    last_line: std::cell::Cell<Instant>,
+}
+
+impl Progress {
+    fn new(expected: Option<u64>, quiet: bool) -> Self {
+        const LOOK: &str = "tracking {bar:30} {pos}/{len} frames, {eta} left";
+        let terminal = io::stderr().is_terminal() && !quiet;
+        let bar = if terminal { ProgressBar::new(expected.unwrap_or(0)) } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template(LOOK) {
+            bar.set_style(style);
+        }
+        Self { bar, plain: !terminal && !quiet, expected, last_line: std::cell::Cell::new(Instant::now()) }
+    }
+
+    fn step(&self) {
+        const EVERY: Duration = Duration::from_secs(5);
+        self.bar.inc(1);
+        if self.plain && self.last_line.get().elapsed() >= EVERY {
+            self.last_line.set(Instant::now());
+            let of = self.expected.map(|n| format!(" of {n}")).unwrap_or_default();
+            eprintln!("tracking: {}{of} frames", self.bar.position());
+        }
+    }
+
+    fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Milliseconds per stage.
+struct StageClock {
+    last: Instant,
+    began: Instant,
+    samples: f64,
+    table: f64,
+    decode: Vec<f64>,
+    track: Vec<f64>,
+    finish: f64,
+    write: f64,
+}
+
+impl StageClock {
+    fn start() -> Self {
+        let now = Instant::now();
+        Self {
+            last: now,
+            began: now,
+            samples: 0.0,
+            table: 0.0,
+            decode: Vec::new(),
+            track: Vec::new(),
+            finish: 0.0,
+            write: 0.0,
+        }
+    }
+
+    /// Milliseconds since the last lap.
+    fn lap(&mut self) -> f64 {
+        let now = Instant::now();
+        let passed = now - self.last;
+        self.last = now;
+        passed.as_secs_f64() * 1e3
+    }
+
+    /// Adds the time since the last lap to one of the stages that every frame passes.
+    fn lap_of_frame(&mut self, stage: impl Fn(&mut Self) -> &mut Vec<f64>) {
+        let passed = self.lap();
+        stage(self).push(passed);
+    }
+
+    fn save(&self, mut out: impl Write) -> io::Result<()> {
+        let frames = self.track.len();
+        let text = serde_json::json!({
+            "frames": frames,
+            "per_frame_ms": {
+                "decode": summary(&self.decode),
+                "track": summary(&self.track),
+            },
+            "once_ms": {
+                "collect_samples": self.samples,
+                "build_table": self.table,
+                "fulcrum_and_smoother": self.finish,
+                "write": self.write,
+            },
+            "own_stages_ms_per_frame": self.own_ms() / frames.max(1) as f64,
+            "wall_ms": self.began.elapsed().as_secs_f64() * 1e3,
+        });
+        writeln!(out, "{text:#}")
+    }
+
+    /// Everything but decoding: for the clip itself, and for the clip that was marked.
+    fn own_ms(&self) -> f64 {
+        self.track.iter().sum::<f64>() + self.table + self.finish + self.write
+    }
+}
+
+fn summary(laps: &[f64]) -> serde_json::Value {
+    let mut sorted = laps.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| sorted.get(((sorted.len() as f64 - 1.0) * share) as usize).copied().unwrap_or(0.0);
+    serde_json::json!({ "median": at(0.5), "p95": at(0.95), "total": laps.iter().sum::<f64>() })
 }

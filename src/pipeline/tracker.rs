@@ -91,7 +91,8 @@ impl Tracker {
             .step
             .map(|step| session::state_sample(&step.updated, axis, tool, instant, state, camera, None));
         let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
-        let outcome = seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));
+        let outcome =
+            seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));
         ToolReport {
             tool,
             outcome,
@@ -116,7 +117,8 @@ impl Tracker {
     fn drawing(&self, measurement: &Measurement) -> Option<([[Pixel; 2]; 2], Pixel)> {
         let outline = measurement.estimate.tube.outline()?;
         let pixel = |point| self.settings.camera.project(CameraPoint(point));
-        let border = |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
+        let border =
+            |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
         Some(([border(0)?, border(1)?], pixel(outline.rim(0.0, 0.0))?))
     }
 }

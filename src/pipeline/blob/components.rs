@@ -105,7 +105,9 @@ mod tests {
             picture
                 .iter()
                 .flat_map(|row| std::iter::repeat_n(row, times))
-                .flat_map(|row| row.bytes().flat_map(move |c| std::iter::repeat_n(if c == b'#' { on } else { off }, times)))
+                .flat_map(|row| {
+                    row.bytes().flat_map(move |c| std::iter::repeat_n(if c == b'#' { on } else { off }, times))
+                })
                 .collect()
         };
         let (y, u, v) = (plane(150, 60, 2), plane(60, 128, 1), plane(200, 128, 1));

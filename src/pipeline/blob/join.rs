@@ -54,7 +54,8 @@ mod tests {
 
     #[test]
     fn a_split_band_is_one_and_a_stray_patch_is_not_its_part() {
-        let (band, elsewhere) = join_collinear(vec![block(10..40, 20..30), block(48..60, 20..30), block(20..30, 60..70)]);
+        let (band, elsewhere) =
+            join_collinear(vec![block(10..40, 20..30), block(48..60, 20..30), block(20..30, 60..70)]);
         assert_eq!(band.unwrap().moments.cells(), 300 + 120);
         assert_eq!(band.unwrap().bounds, CellBox { left: 10, top: 20, right: 60, bottom: 30 });
         assert_eq!(elsewhere.len(), 1);

@@ -96,7 +96,8 @@ impl EdgeModel {
             let mut gradient = 0.0;
             information = 0.0;
             for plane in 0..3 {
-                fits[plane] = self.fit_plane(plane, &samples[plane], offset, probe.radius_px, fits[plane].step, pass)?;
+                fits[plane] =
+                    self.fit_plane(plane, &samples[plane], offset, probe.radius_px, fits[plane].step, pass)?;
                 gradient += fits[plane].gradient / self.noise[plane];
                 information += fits[plane].information / self.noise[plane];
             }
@@ -120,7 +121,8 @@ impl EdgeModel {
             return None; // the colour grows outwards: another edge than the tape's
         }
         self.learn(&fits);
-        let excess = (0..3).map(|p| fits[p].information / self.noise[p] * fits[p].variance() / self.noise[p]).sum::<f64>();
+        let excess =
+            (0..3).map(|p| fits[p].information / self.noise[p] * fits[p].variance() / self.noise[p]).sum::<f64>();
         let inflation = (excess / information).max(1.0);
         Some(Edge { offset_px: offset, sigma_px: (inflation / information).sqrt() })
     }
@@ -285,11 +287,8 @@ fn gather(plane: &Plane<'_>, shift: (u8, u8), probe: &Probe, into: &mut [&mut Pl
     let rows = 1 - run;
     let half_rows = probe.half_length_px * normal[run].abs();
     let slant = normal[rows] / normal[run];
-    let (back, ahead) = if normal[run] > 0.0 {
-        (probe.inwards_px, probe.outwards_px)
-    } else {
-        (probe.outwards_px, probe.inwards_px)
-    };
+    let (back, ahead) =
+        if normal[run] > 0.0 { (probe.inwards_px, probe.outwards_px) } else { (probe.outwards_px, probe.inwards_px) };
     let index = |axis: usize, at: f64| (at - first[axis]) / scale[axis];
     let last = |axis: usize, at: f64| (at.ceil().max(0.0) as usize).min(sizes[axis]);
     let row_from = index(rows, middle[rows] - half_rows).ceil().max(0.0) as usize;

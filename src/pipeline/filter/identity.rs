@@ -69,18 +69,22 @@ impl Thread {
         measured: Option<(Point3<f64>, Matrix3<f64>)>,
         settings: &ThreadSettings,
     ) -> Advance {
-        let out_of_bounds = measured.is_some_and(|(tip, _)| !(settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z));
+        let out_of_bounds =
+            measured.is_some_and(|(tip, _)| !(settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z));
         let mut refused = out_of_bounds.then_some(Reason::OutOfBounds);
         let measured = measured.filter(|_| !out_of_bounds);
         let Some(predicted) = self.expected(time_s, settings) else {
             self.current = None;
             self.rival = None;
             return match measured {
-                Some((tip, covariance)) => self.begin(time_s, State::first_seen(tip, covariance, settings.first_speed_mm_s)),
+                Some((tip, covariance)) => {
+                    self.begin(time_s, State::first_seen(tip, covariance, settings.first_speed_mm_s))
+                }
                 None => Advance { step: None, begins: false, observed: false, refused },
             };
         };
-        let believed = measured.filter(|(tip, covariance)| predicted.distance_squared(*tip, *covariance) <= settings.gate);
+        let believed =
+            measured.filter(|(tip, covariance)| predicted.distance_squared(*tip, *covariance) <= settings.gate);
         if let Some((tip, covariance)) = believed {
             self.rival = None;
             return self.follow(time_s, predicted, predicted.updated(tip, covariance), true, None);
@@ -101,7 +105,14 @@ impl Thread {
         Advance { step: Some(step), begins: true, observed: true, refused: None }
     }
 
-    fn follow(&mut self, time_s: f64, predicted: State, updated: State, observed: bool, refused: Option<Reason>) -> Advance {
+    fn follow(
+        &mut self,
+        time_s: f64,
+        predicted: State,
+        updated: State,
+        observed: bool,
+        refused: Option<Reason>,
+    ) -> Advance {
         if let Some(followed) = &mut self.current {
             *followed = Followed {
                 state: updated,
@@ -123,8 +134,12 @@ impl Thread {
     ) -> Option<State> {
         let agreeing = self.rival.and_then(|rival| {
             let predicted = rival.state.predicted(time_s - rival.time_s, settings.noise_density);
-            (predicted.distance_squared(tip, covariance) <= settings.gate)
-                .then(|| Followed { state: predicted.updated(tip, covariance), time_s, seen_s: time_s, ..rival })
+            (predicted.distance_squared(tip, covariance) <= settings.gate).then(|| Followed {
+                state: predicted.updated(tip, covariance),
+                time_s,
+                seen_s: time_s,
+                ..rival
+            })
         });
         let fresh = State::first_seen(tip, covariance, settings.first_speed_mm_s);
         let rival = agreeing.unwrap_or(Followed { state: fresh, time_s, began_s: time_s, seen_s: time_s });
@@ -169,7 +184,8 @@ mod tests {
     #[test]
     fn measurements_that_agree_elsewhere_are_not_refused_for_ever() {
         let mut thread = settled();
-        let taken = (0..6).map(|k| thread.advance(0.40 + f64::from(k) * 0.04, at(60.0), &SETTINGS)).position(|a| a.begins);
+        let taken =
+            (0..6).map(|k| thread.advance(0.40 + f64::from(k) * 0.04, at(60.0), &SETTINGS)).position(|a| a.begins);
         assert!(taken.is_some_and(|k| k >= 3), "{taken:?}");
     }
 

@@ -96,8 +96,7 @@ pub fn steady(pose: &TubeEstimate, fulcrum: &Fulcrum) -> Option<TubeEstimate> {
 /// How many standard deviations the axis passes beside the fulcrum; squared, with two degrees of freedom.
 pub fn miss_squared(pose: &TubeEstimate, fulcrum: &Fulcrum) -> f64 {
     let constraint = Constraint::at(&pose.tube, fulcrum.at);
-    let spread =
-        constraint.spread(pose) + constraint.by_point * fulcrum.covariance * constraint.by_point.transpose();
+    let spread = constraint.spread(pose) + constraint.by_point * fulcrum.covariance * constraint.by_point.transpose();
     spread.try_inverse().map_or(f64::INFINITY, |information| constraint.missed.dot(&(information * constraint.missed)))
 }
 

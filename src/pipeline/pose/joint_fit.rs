@@ -134,7 +134,7 @@ impl System {
             let weight = tukey(residual / (4.7 * scale * sigma(edge)));
             let information = weight / sigma(edge).powi(2);
             let mut row = SVector::<f64, UNKNOWNS>::zeros();
-            for (i, [ahead, behind, ]) in nudged.iter().enumerate() {
+            for (i, [ahead, behind]) in nudged.iter().enumerate() {
                 // The outline moves outwards by as much as the residual falls.
                 row[i] = (edge.residual_px(behind, camera)? - edge.residual_px(ahead, camera)?) / (2.0 * NUDGE[i]);
             }
@@ -149,12 +149,7 @@ impl System {
             matrix[(5 + part, 5 + part)] += prior;
             right[5 + part] -= prior * offsets[part];
         }
-        Some(Self {
-            matrix,
-            right,
-            variance_factor: scale * scale,
-            residual_px: (squares / weights.max(1e-9)).sqrt(),
-        })
+        Some(Self { matrix, right, variance_factor: scale * scale, residual_px: (squares / weights.max(1e-9)).sqrt() })
     }
 }
 

@@ -108,10 +108,8 @@ mod tests {
     fn samples() -> ColourSamples {
         let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
         let around = |label, yuv: [u8; 3]| {
-            (0..27u8).map(move |i| ColourSample {
-                label,
-                yuv: [yuv[0] + i % 3 * 2, yuv[1] + i / 3 % 3, yuv[2] + i / 9],
-            })
+            (0..27u8)
+                .map(move |i| ColourSample { label, yuv: [yuv[0] + i % 3 * 2, yuv[1] + i / 3 % 3, yuv[2] + i / 9] })
         };
         let samples = around(0, [140, 70, 190]).chain(around(1, [90, 128, 128])).collect();
         ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples }

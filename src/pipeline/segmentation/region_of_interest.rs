@@ -67,7 +67,10 @@ impl CellBox {
     }
 
     fn joins(&self, column: usize, row: usize, reach: usize) -> bool {
-        column + reach >= self.left && column < self.right + reach && row + reach >= self.top && row < self.bottom + reach
+        column + reach >= self.left
+            && column < self.right + reach
+            && row + reach >= self.top
+            && row < self.bottom + reach
     }
 
     /// Grown so that it holds this cell.

@@ -11,8 +11,8 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::identity::{Thread, ThreadSettings};
 use crate::pipeline::filter::kalman::State;
 use crate::pipeline::filter::smoother::{Step, smooth};
-use crate::pipeline::pose::fulcrum::{self, Fulcrum};
 use crate::pipeline::pose::TubeEstimate;
+use crate::pipeline::pose::fulcrum::{self, Fulcrum};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::trajectory::{Sample, SampleState};
@@ -29,7 +29,13 @@ pub struct ToolPaths {
 }
 
 /// Reworks one tool's records.
-pub fn rework(tool: &ToolTracker, index: usize, instants: &[Instant], camera: &Camera, thread: &ThreadSettings) -> ToolPaths {
+pub fn rework(
+    tool: &ToolTracker,
+    index: usize,
+    instants: &[Instant],
+    camera: &Camera,
+    thread: &ThreadSettings,
+) -> ToolPaths {
     let estimates: Vec<TubeEstimate> = tool.records.iter().filter_map(|r| r.estimate).collect();
     let fulcrum = fulcrum::estimate(&estimates).filter(tool::is_known);
     let mut paths = ToolPaths {

@@ -107,7 +107,7 @@ impl TrackerSettings {
             return Err(SettingsProblem::NoTool);
         }
         if self.tools.len() > MOST_TOOLS {
-            return Err(SettingsProblem::TooManyTools(self.tools.len(), MOST_TOOLS));
+            return Err(SettingsProblem::TooManyLabels(self.tools.len(), MOST_TOOLS));
         }
         self.tools.iter().try_for_each(|tool| self.check_tool(tool))?;
         let is_tool = |label: &String| self.tools.iter().any(|t| t.name == *label);
@@ -160,9 +160,9 @@ pub enum SettingsProblem {
     /// Nothing but tools was marked, so every colour would be a tool.
     #[error("no colour that is not a tool was marked; mark rectangles of the scene, labelled `background`")]
     NoBackground,
-    /// More tools than the colour table can tell apart.
+    /// More colours of tools than the table can tell apart.
     #[error("{0} tools are given; at most {1} can be told apart")]
-    TooManyTools(usize, usize),
+    TooManyLabels(usize, usize),
     /// A size that no tube has.
     #[error("tool `{tool}`: {what} is given as {value_mm} mm; it must be more than 0")]
     Size {
