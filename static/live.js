@@ -61,6 +61,7 @@ function connect() {
   source.onopen = opened;
   source.onerror = broke;
   for (const name of NAMES) source.addEventListener(name, event => emit(name, JSON.parse(event.data)));
+  source.addEventListener('missed', () => emit('resync')); // We were too slow, and the service dropped some.
 }
 
 /** Runs `handler(detail)` for every event of that name while the component is on the page. */

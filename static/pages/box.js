@@ -9,21 +9,22 @@ import { CameraForms, CameraSummary } from '../parts/box_camera.js';
 import { PaletteForm, PaletteSummary } from '../parts/box_palette.js';
 import { RowButtons, saveChanges, useEditing } from '../parts/managed.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
-import { boxFields, CameraState, loadSetUp } from './boxes.js';
+import { boxFields, CameraState, PaletteState } from './boxes.js';
 
 const words = t.box;
 
 export default function BoxPage({ person, route }) {
   const id = route.path[1];
   const { data: box, problem, reload } = useData(async signal => {
-    const found = await loadSetUp(await api.boxes.get(id, signal));
-    return { ...found, calibrations: await api.boxes.calibrations(found.id) };
+    const found = await api.boxes.get(id, signal);
+    const [camera, colours, calibrations] = await Promise.all([found.calibration && api.boxes.camera(id), found.palette && api.boxes.palette(id), api.boxes.calibrations(id)]);
+    return { ...found, camera, colours, calibrations };
   }, [id]);
   const mayEdit = may(person, 'edit_boxes');
   const edit = useEditing({ editTitle: t.boxes.edit, fields: boxFields, save: (item, values) => saveChanges(api.boxes, item, values), onChange: reload });
 
   if (!box) return html`<${PageHead} title=${t.nav.boxes} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
-  const ready = box.camera && box.palette;
+  const ready = box.calibration && box.palette;
   return html`
     <${PageHead} title=${box.name} lead=${[box.code, t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>
       <a class="button" href=${href(['sessions'], { box: box.id })}>${t.sessions.title}</a>
@@ -33,16 +34,16 @@ export default function BoxPage({ person, route }) {
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       <${Notice} tone=${ready ? 'good' : 'warn'} title=${ready ? words.ready : words.needed} />
       <section class="card">
-        <header><h2>${words.camera}</h2><${CameraState} camera=${box.camera} /></header>
+        <header><h2>${words.camera}</h2><${CameraState} calibration=${box.calibration} /></header>
         <div class="body stack">
           <${CameraSummary} camera=${box.camera} calibrations=${box.calibrations} />
           ${mayEdit && html`<${CameraForms} box=${box} onChange=${reload} />`}
         </div>
       </section>
       <section class="card">
-        <header><h2>${words.palette}</h2>${box.palette ? html`<span class="pill good">${t.boxes.ready}</span>` : html`<span class="pill warn">${t.boxes.notYet}</span>`}</header>
+        <header><h2>${words.palette}</h2><${PaletteState} palette=${box.palette} /></header>
         <div class="body stack">
-          <${PaletteSummary} palette=${box.palette} />
+          <${PaletteSummary} palette=${box.colours} />
           ${mayEdit && html`<${PaletteForm} box=${box} onChange=${reload} />`}
         </div>
       </section>

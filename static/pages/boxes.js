@@ -11,14 +11,6 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.boxes;
 
-/** A box that has no camera yet answers 404 there: that is a state, not an error. */
-const orNone = promise => promise.catch(error => (error.status === 404 ? null : Promise.reject(error)));
-
-export const loadSetUp = async box => {
-  const [camera, palette] = await Promise.all([orNone(api.boxes.camera(box.id)), orNone(api.boxes.palette(box.id))]);
-  return { ...box, camera, palette };
-};
-
 export const boxFields = item => [
   { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
   { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
@@ -27,7 +19,7 @@ export const boxFields = item => [
 ];
 
 export default function Boxes({ person }) {
-  const { data: boxes, problem, reload } = useData(async () => Promise.all((await api.boxes.all()).map(loadSetUp)), []);
+  const { data: boxes, problem, reload } = useData(() => api.boxes.all(), []);
   const mayEdit = may(person, 'edit_boxes');
   const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: t.people.removeTitle, fields: boxFields, save: (item, values) => saveChanges(api.boxes, item, values), remove: item => api.boxes.remove(item.id), onChange: reload });
   return html`
@@ -44,9 +36,9 @@ export default function Boxes({ person }) {
               ${boxes.map(box => html`
                 <tr key=${box.id}>
                   <th scope="row"><a class="cover" href=${href(['boxes', box.id])}>${box.name}</a></th>
-                  <td><${CameraState} camera=${box.camera} /></td>
-                  <td>${box.palette ? html`<span class="pill good">${words.ready}</span>` : html`<span class="pill warn">${words.notYet}</span>`}</td>
-                  <td>${toolsOf(box).map(toolName).join(', ') || '–'}</td>
+                  <td><${CameraState} calibration=${box.calibration} /></td>
+                  <td><${PaletteState} palette=${box.palette} /></td>
+                  <td>${box.tools.map(tool => tool.name).join(', ') || '–'}</td>
                   <td>${words.views[box.view] ?? words.auto}</td>
                   <td>${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change} onRemove=${may(person, 'people') && edit.remove} />`}</td>
                 </tr>`)}
@@ -57,11 +49,10 @@ export default function Boxes({ person }) {
     ${edit.dialogs}`;
 }
 
-export const toolsOf = box => box.palette?.tools ?? box.tools ?? [];
-export const toolName = tool => tool.name ?? tool.tool ?? tool;
-
 /** A camera.json from elsewhere says nothing of its residual. */
-export const CameraState = ({ camera }) => {
-  if (!camera) return html`<span class="pill warn">${words.notYet}</span>`;
-  return html`<span class="pill good">${Number.isFinite(camera.rms_px) ? words.calibrated(number(camera.rms_px)) : words.given}</span>`;
+export const CameraState = ({ calibration }) => {
+  if (!calibration) return html`<span class="pill warn">${words.notYet}</span>`;
+  return html`<span class="pill good">${Number.isFinite(calibration.rms_px) ? words.calibrated(number(calibration.rms_px)) : words.given}</span>`;
 };
+
+export const PaletteState = ({ palette }) => (palette ? html`<span class="pill good">${words.ready}</span>` : html`<span class="pill warn">${words.notYet}</span>`);

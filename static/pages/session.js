@@ -67,7 +67,7 @@ function Actions({ session, person, onChange }) {
   const remove = () => api.sessions.remove(session.id).then(() => go(['sessions']));
   return html`
     <${StatusPill} state=${stateOf(session)} />
-    ${session.status === 'failed' && may(person, 'retry') && html`<button class="button main" type="button" disabled=${busy} onClick=${retry}>${busy ? words.retryBusy : words.retry}</button>`}
+    ${!isMoving(session) && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main' : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy : words.retry}</button>`}
     ${may(person, 'delete') && !isMoving(session) && html`<button class="button" type="button" onClick=${() => setAsking(true)}>${words.remove}</button>`}
     ${asking && html`<${Confirm} title=${words.removeTitle} body=${words.removeBody} yes=${words.removeYes} no=${words.keep} onYes=${remove} onClose=${() => setAsking(false)} />`}
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />`;

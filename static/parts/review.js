@@ -80,15 +80,18 @@ function startAt(playback, seconds) {
   return end;
 }
 
+/** Ids are long; their end tells them apart. The whole of it is in the title and in REST. */
+const short = version => (version?.length > 20 ? `…${version.slice(-8)}` : (version ?? words.noneYet));
+
 function Made({ session }) {
   const { video, versions } = session;
   return html`
     <div class="stack">
       <dl class="facts">
-        ${video && html`<dt>${words.size}</dt><dd>${video.width} × ${video.height}, ${words.frames(video.frames)}</dd>
+        ${video && html`${video.width && html`<dt>${words.size}</dt><dd>${video.width} × ${video.height}, ${words.frames(video.frames)}</dd>`}
           <dt>${words.length}</dt><dd>${clock(video.duration_s)}</dd>
           <dt>${words.file}</dt><dd>${bytes(video.bytes)}</dd>`}
-        ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt><dd class="code">${versions?.[key] ?? words.noneYet}</dd>`)}
+        ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt><dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`)}
       </dl>
       ${session.status === 'done' && html`
         <div class="row">

@@ -32,7 +32,7 @@ export default {
   today: {
     title: 'Today', lead: 'What is being scored now, what is new and what needs a person.',
     queued: 'In the queue', running: 'Being tracked', finished: 'Finished in 24 h', attention: 'Need attention',
-    moving: 'Queue', attentionTitle: 'Needs attention', recent: 'New results', position: n => (n > 0 ? `Number ${n} in the queue` : 'Next in the queue'),
+    moving: 'Queue', attentionTitle: 'Needs attention', recent: 'New results', position: n => (n > 1 ? `Number ${n} in the queue` : 'Next in the queue'),
     emptyQueue: 'Nothing is waiting', emptyQueueBody: 'Recordings appear here while they are being scored.',
     emptyAttention: 'Nothing needs attention', emptyAttentionBody: 'Recordings that could not be scored would be listed here, with what to do.',
     emptyRecent: 'No results yet', emptyRecentBody: 'Upload a recording; its score appears here by itself.', upload: 'Upload recordings', all: 'All sessions',
@@ -73,7 +73,7 @@ export default {
     features: 'Features', feature: 'Feature', unit: 'Unit', both: 'Both', space3d: 'In space', image: 'In the image', plane: 'Measured', notEnough: 'not enough', noFeatures: 'No features', noFeaturesBody: 'They appear when the recording has been scored.', download: 'Download the path', formats: { csv: 'CSV', json: 'JSON', parquet: 'Parquet' },
     quality: 'What was seen', observed: 'Observed', predicted: 'Predicted', missing: 'Not seen', frames: n => `${n} frames`, residual: px => `Border residual ${px} px`, why: 'Why it was not observed', shares: (o, p, m) => `${o} observed, ${p} predicted, ${m} not seen`,
     reasons: { no_marker_colour: 'no region of the tape’s colour', too_small: 'the coloured region is too small to measure', wrong_shape: 'the coloured region is not shaped like a band', borders_not_found: 'too little of a border was visible', impossible_pose: 'the borders do not fit a tube of the known diameter', tip_hidden: 'the end of the band is hidden or outside the picture', out_of_bounds: 'the position would be outside the box', gate_rejected: 'the position contradicts the tool’s motion' },
-    versions: 'Made with', version: { pipeline: 'Program', calibration: 'Calibration', palette: 'Tape colours', model: 'Skill model' }, noneYet: 'none', file: 'File', size: 'Picture', length: 'Length', box: 'Box', score: 'Score', noPath: 'The path could not be loaded',
+    versions: 'Made with', again: 'Score it again with the newest camera, colours and program', version: { pipeline: 'Program', calibration: 'Calibration', palette: 'Tape colours', model: 'Skill model' }, noneYet: 'none', file: 'File', size: 'Picture', length: 'Length', box: 'Box', score: 'Score', noPath: 'The path could not be loaded',
   },
 
   trainees: { title: 'Trainees', lead: 'The people whose recordings are scored.', add: 'Add a trainee', edit: 'Edit', name: 'Name', code: 'Code', codeHint: 'Short and unique, for file names and REST. Left empty: made from the name.', level: 'Level', levels: { novice: 'Novice', intermediate: 'Intermediate', expert: 'Expert' }, handedness: 'Dominant hand', hands: { right: 'Right', left: 'Left', both: 'Both' }, group: 'Group', unset: 'Not stated', none: 'No trainees yet', noneBody: 'Add the first one; recordings are uploaded for a trainee.', find: 'Find by name', removeBody: 'The account, all recordings and all results of this trainee are erased. This cannot be undone.' },

@@ -1,0 +1,167 @@
+// A real Chromium in front of the real service, as a person would use it: sign in, upload a recording, wait for its score
+// without reloading, play the overlay. One scenario in steps; each step needs the ones before it.
+//
+// Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD, TROCAR_CLIP (a recording that TROCAR_BOX can score);
+// optional TROCAR_BOX, TROCAR_TRAINEE, TROCAR_TASK (names; otherwise the first of each), TROCAR_SCREENSHOTS (a folder),
+// TROCAR_CHROMIUM (/usr/bin/chromium), TROCAR_PATIENCE_S (how long a score may take, 180).
+import assert from 'node:assert/strict';
+import { mkdirSync, statSync } from 'node:fs';
+import { basename, join } from 'node:path';
+import { after, before, test } from 'node:test';
+
+import { chromium } from 'playwright-core';
+
+import { tracesOf } from './watch.mjs';
+
+const need = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
+const url = need('TROCAR_URL').replace(/\/$/, '');
+const [login, password, clip] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD'), need('TROCAR_CLIP')];
+const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
+const shots = process.env.TROCAR_SCREENSHOTS;
+const FLAGS = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update', '--disable-sync'];
+
+let browser;
+let page;
+let traces;
+let session;
+
+before(async () => {
+  if (shots) mkdirSync(shots, { recursive: true });
+  browser = await chromium.launch({ executablePath: process.env.TROCAR_CHROMIUM ?? '/usr/bin/chromium', args: FLAGS });
+  const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' });
+  page = await context.newPage();
+  traces = tracesOf(page, url);
+});
+
+after(() => browser?.close());
+
+async function picture(name) {
+  if (shots) await page.screenshot({ path: join(shots, `${name}.png`), fullPage: true });
+}
+
+const heading = words => page.locator('main h1', { hasText: words });
+
+/** The same request that any program may send, with the browser's sign-in. */
+const ask = path => page.evaluate(async at => (await fetch(at)).json(), `/api/v1/${path}`);
+
+async function signIn(secret) {
+  await page.fill('input[name=login]', login);
+  await page.fill('input[name=password]', secret);
+  await page.click('button[type=submit]');
+}
+
+test('a wrong password is refused in words, the right one opens the page that was asked for', async () => {
+  await page.goto(`${url}/upload`);
+  await signIn(`${password}, but wrong`);
+  await page.locator('[role=alert]').waitFor();
+  await picture('01-sign-in-refused');
+  await signIn(password);
+  await heading('Upload').waitFor();
+});
+
+test('a recording is uploaded, and the page leads to its session', async () => {
+  for (const [label, wanted] of [['Trainee', process.env.TROCAR_TRAINEE], ['Task', process.env.TROCAR_TASK], ['Box', process.env.TROCAR_BOX]]) {
+    const chooser = page.getByLabel(label, { exact: true });
+    if (wanted) await chooser.selectOption({ label: wanted });
+    else if (!(await chooser.inputValue())) await chooser.selectOption({ index: 1 });
+  }
+  await page.setInputFiles('.drop input[type=file]', clip);
+  const entry = page.locator('.sending li', { hasText: basename(clip) }).first();
+  await entry.getByText('Arrived').waitFor({ timeout: patience });
+  await picture('02-uploaded');
+  await entry.getByRole('link', { name: 'Open the session' }).click();
+  await page.waitForURL('**/sessions/*');
+  session = new URL(page.url()).pathname.split('/').pop();
+  const told = await ask(`sessions/${session}`);
+  assert.equal(told.filename, basename(clip));
+  assert.equal(told.video.bytes, statSync(clip).size, 'every byte arrived');
+});
+
+test('the score appears by itself, without a reload', async () => {
+  await page.evaluate(() => (window.notReloaded = true));
+  const ended = page.locator('.plots canvas').first().or(page.locator('main .notice.bad'));
+  await ended.first().waitFor({ timeout: patience });
+  assert.equal(await page.locator('main .notice.bad').count(), 0, await page.locator('main').innerText());
+  assert.equal(await page.evaluate(() => window.notReloaded), true);
+  await page.waitForFunction(() => document.querySelector('video')?.readyState >= 2);
+  await picture('03-session');
+});
+
+test('the features on the page are those that REST tells', async () => {
+  const { features, tools } = await ask(`sessions/${session}`);
+  const first = features.find(feature => feature.space === '3d' && feature.tool === tools[0] && feature.value !== null);
+  const row = page.locator('tr', { has: page.locator('th', { hasText: first.title }) }).first();
+  const shown = Number((await row.locator('td').first().innerText()).replace('−', '-').replaceAll(',', ''));
+  assert.ok(Math.abs(shown - first.value) <= 0.01 * Math.abs(first.value), `${first.name}: page ${shown}, REST ${first.value}`);
+});
+
+/** How much is drawn on the overlay, and a number that changes with what is drawn. */
+const overlay = () =>
+  page.evaluate(() => {
+    const canvas = document.querySelector('.screen canvas');
+    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    let [drawn, sum] = [0, 0];
+    for (let i = 3; i < data.length; i += 4) if (data[i]) [drawn, sum] = [drawn + 1, (sum * 31 + i * data[i]) % 1_000_003];
+    return { drawn, sum };
+  });
+
+const moment = () => page.evaluate(() => document.querySelector('video').currentTime);
+
+test('playing moves the picture, the overlay and the line in the curves together', async () => {
+  const still = await overlay();
+  assert.ok(still.drawn > 100, 'the overlay shows the tools');
+  const line = () => page.locator('.playhead').first().evaluate(element => new DOMMatrix(getComputedStyle(element).transform).e);
+  const before = await line();
+  await page.getByRole('button', { name: 'Play', exact: true }).click();
+  await page.waitForFunction(() => document.querySelector('video').currentTime > 1);
+  await page.getByRole('button', { name: 'Pause', exact: true }).click();
+  assert.ok((await line()) > before, 'the line went on');
+  assert.notEqual((await overlay()).sum, still.sum, 'the overlay was drawn anew');
+  await picture('04-played');
+});
+
+test('a click in a curve goes to that moment, and the keys step by one frame', async () => {
+  const curve = page.locator('.plot .u-over').first();
+  const box = await curve.boundingBox();
+  const length = await page.evaluate(() => document.querySelector('video').duration);
+  await curve.click({ position: { x: box.width / 2, y: box.height / 2 } });
+  await page.waitForFunction(() => !document.querySelector('video').seeking);
+  assert.ok(Math.abs((await moment()) - length / 2) < length * 0.02, `half-way of ${length} s is at ${await moment()} s`);
+  const frame = async () => Number(/frame (\d+)/.exec(await page.locator('.transport .clock').innerText())[1]);
+  const at = await frame();
+  await page.locator('main').press('.');
+  await page.waitForFunction(wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`), at + 1);
+  await page.locator('main').press(',');
+  await page.waitForFunction(wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`), at);
+});
+
+test('every page is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
+  const { trainee, box } = await ask(`sessions/${session}`);
+  const pages = { today: '/', sessions: '/sessions', session: `/sessions/${session}?t=1.5`, upload: '/upload', trainees: '/trainees', trainee: `/trainees/${trainee.id}`, tasks: '/tasks', boxes: '/boxes', box: `/boxes/${box.id}`, people: '/people', account: '/account' };
+  for (const [size, viewport] of Object.entries({ desk: { width: 1440, height: 900 }, tablet: { width: 820, height: 1180 } })) {
+    for (const colorScheme of ['light', 'dark']) {
+      await page.setViewportSize(viewport);
+      await page.emulateMedia({ colorScheme });
+      for (const [name, path] of Object.entries(pages)) {
+        await page.goto(url + path);
+        await page.locator('main h1').waitFor();
+        await page.waitForFunction(() => !document.querySelector('main .loading'));
+        if (name === 'session') await page.locator('.plots canvas').first().waitFor();
+        await picture(`page-${name}-${size}-${colorScheme}`);
+        const over = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+        assert.ok(over <= 0, `${name} is ${over} px wider than a ${size}`);
+      }
+    }
+  }
+});
+
+test('nothing was asked of another server, nothing broke the policy, nothing was thrown', () => {
+  assert.deepEqual(traces(), { foreign: [], broken: [] });
+});
+
+test('signing out ends it: the next request is refused', async () => {
+  await page.goto(`${url}/account`);
+  await page.getByRole('button', { name: 'Sign out' }).click();
+  await page.locator('input[name=password]').waitFor();
+  assert.equal(await page.evaluate(async () => (await fetch('/api/v1/me')).status), 401);
+});
