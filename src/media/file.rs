@@ -100,8 +100,8 @@ impl VideoFile {
         let rate = f64::from(stream.avg_frame_rate());
         let clock = clock_of(&stream, rate)?;
         let listed = u64::try_from(stream.frames()).ok().filter(|&n| n > 0);
-        let duration_s = credible_duration(input.duration(), listed);
-        if let Some(duration_s) = duration_s.filter(|d| *d > limits.duration_s) {
+        let duration_s = stated_duration(input.duration());
+        if let Some(duration_s) = duration_s.filter(|&d| d > limits.duration_s && is_borne_out(d, listed)) {
             return Err(over("the duration in seconds", duration_s, limits.duration_s));
         }
         let has_rate = rate.is_finite() && rate > 0.0;
@@ -220,11 +220,14 @@ fn stated_size(stream: &format::stream::Stream<'_>) -> Result<(u32, u32), MediaE
     }
 }
 
-/// The container's duration, s, unless it lists fewer frames than one a second: then it is a placeholder.
-fn credible_duration(ticks: i64, frames_listed: Option<u64>) -> Option<f64> {
-    let duration_s = ticks as f64 / f64::from(ff::ffi::AV_TIME_BASE);
-    let credible = duration_s > 0.0 && frames_listed.is_none_or(|n| duration_s <= n as f64);
-    credible.then_some(duration_s)
+fn stated_duration(ticks: i64) -> Option<f64> {
+    (ticks > 0).then(|| ticks as f64 / f64::from(ff::ffi::AV_TIME_BASE))
+}
+
+/// Does the container list at least a frame a second for the duration that it states? A placeholder, or the span of a
+/// clock that was set on the way, is no reason to refuse a recording; its frames will show how long it is.
+fn is_borne_out(duration_s: f64, frames_listed: Option<u64>) -> bool {
+    frames_listed.is_some_and(|frames| duration_s <= frames as f64)
 }
 
 fn clock_of(stream: &format::stream::Stream<'_>, rate_hz: f64) -> Result<FrameClock, MediaError> {
