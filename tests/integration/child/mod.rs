@@ -4,6 +4,7 @@ mod attack;
 mod clips;
 mod confinement;
 mod forge;
+mod mutation;
 mod recordings;
 
 use std::fs::File;
