@@ -1,0 +1,255 @@
+//! Blobs: put, read, verified, removed.
+
+use std::fs::File;
+use std::future::Future;
+use std::io::{Read, SeekFrom};
+use std::path::PathBuf;
+
+use sha2::{Digest, Sha256};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncSeekExt};
+
+use super::disk::{self, on_a_blocking_thread};
+use super::error::{VaultError, VaultResult, failed};
+use super::pins::Kept;
+use super::{Vault, uploads};
+use crate::domain::blob::{Blob, BlobHash};
+use crate::ids::UploadId;
+
+/// What became of a blob that was to be removed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Removal {
+    /// Its file is gone.
+    Removed,
+    /// It is needed, or somebody is just putting it.
+    Needed,
+}
+
+/// A blob that is being written. Dropped before its end it leaves nothing, at the latest after the next start.
+#[derive(Debug)]
+pub struct Incoming {
+    vault: Vault,
+    most: u64,
+    bytes: u64,
+    waiting: Vec<u8>,
+    file: Option<Box<Part>>,
+}
+
+/// The file behind an [`Incoming`], moved to a blocking thread for each write.
+#[derive(Debug)]
+struct Part {
+    path: PathBuf,
+    file: File,
+    hash: Sha256,
+    finished: bool,
+}
+
+/// Bytes gathered before they are written: fewer and larger writes, and not much memory.
+const GATHER: usize = 256 * 1024;
+
+impl Vault {
+    /// Stores these bytes as a blob; the same bytes twice are one blob.
+    pub async fn put(&self, bytes: &[u8]) -> VaultResult<Kept> {
+        let mut incoming = self.incoming(bytes.len() as u64).await?;
+        incoming.write(bytes).await?;
+        incoming.finish().await
+    }
+
+    /// Begins a blob of at most so many bytes.
+    pub async fn incoming(&self, most: u64) -> VaultResult<Incoming> {
+        let path = self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()));
+        let part = on_a_blocking_thread(move || {
+            let file = disk::create(&path)?;
+            Ok(Box::new(Part { path, file, hash: Sha256::new(), finished: false }))
+        });
+        Ok(Incoming { vault: self.clone(), most, bytes: 0, waiting: Vec::new(), file: Some(part.await?) })
+    }
+
+    /// Opens a blob to be read from its beginning, and tells its length. The content is not verified: see
+    /// [`Vault::read`] and [`Vault::is_intact`].
+    pub async fn open_blob(&self, hash: BlobHash) -> VaultResult<(File, u64)> {
+        let path = self.blob_path(hash);
+        on_a_blocking_thread(move || {
+            let file = disk::open(&path)?;
+            let bytes = file.metadata().map_err(failed("measuring", &path))?.len();
+            Ok((file, bytes))
+        })
+        .await
+    }
+
+    /// Part of a blob: `length` bytes from byte `start`, fewer where it ends before.
+    pub async fn open_range(
+        &self,
+        hash: BlobHash,
+        start: u64,
+        length: u64,
+    ) -> VaultResult<impl AsyncRead + Send + Unpin + use<>> {
+        let (file, _) = self.open_blob(hash).await?;
+        let mut file = tokio::fs::File::from_std(file);
+        file.seek(SeekFrom::Start(start)).await.map_err(failed("reading", &self.blob_path(hash)))?;
+        Ok(file.take(length))
+    }
+
+    /// A whole blob, verified. For results and other blobs that fit into memory; longer than `most` bytes is refused.
+    pub async fn read(&self, hash: BlobHash, most: u64) -> VaultResult<Vec<u8>> {
+        let path = self.blob_path(hash);
+        on_a_blocking_thread(move || {
+            let mut content = Vec::new();
+            let file = disk::open(&path)?;
+            file.take(most + 1).read_to_end(&mut content).map_err(failed("reading", &path))?;
+            if content.len() as u64 > most {
+                return Err(VaultError::TooLong { most });
+            }
+            if Blob::of(&content).hash == hash { Ok(content) } else { Err(VaultError::Damaged) }
+        })
+        .await
+    }
+
+    /// Does the file still hold what its name says?
+    pub async fn is_intact(&self, hash: BlobHash) -> VaultResult<bool> {
+        let path = self.blob_path(hash);
+        on_a_blocking_thread(move || Ok(hash_of(disk::open(&path)?, &path)?.hash == hash)).await
+    }
+
+    /// Removes a blob if nobody is putting it and `is_free` (asked once nobody can) says that nothing refers to it.
+    pub async fn delete_if<E: From<VaultError>>(
+        &self,
+        hash: BlobHash,
+        is_free: impl Future<Output = Result<bool, E>>,
+    ) -> Result<Removal, E> {
+        let Some(removing) = self.inner.pins.remove(hash) else { return Ok(Removal::Needed) };
+        if !is_free.await? {
+            return Ok(Removal::Needed);
+        }
+        let path = self.blob_path(hash);
+        let removed = on_a_blocking_thread(move || {
+            let _until_gone = removing;
+            disk::remove(&path)
+        });
+        removed.await?;
+        Ok(Removal::Removed)
+    }
+
+    /// The blobs whose hash begins with this byte, with their lengths; files that are no blobs are passed over.
+    pub async fn blobs(&self, first: u8) -> VaultResult<Vec<Blob>> {
+        let folder = self.inner.data.join("blobs").join(format!("{first:02x}"));
+        on_a_blocking_thread(move || {
+            let named = |(path, bytes): (PathBuf, u64)| {
+                let hash = path.file_name()?.to_str()?.parse().ok()?;
+                Some(Blob { hash, bytes })
+            };
+            Ok(disk::list(&folder)?.into_iter().filter_map(named).collect())
+        })
+        .await
+    }
+
+    /// Makes a whole upload a blob, under a second name: the upload's own file stays until [`Vault::delete_upload`], so
+    /// that nothing is lost if the process ends before the session's row.
+    pub async fn keep_upload(&self, id: UploadId) -> VaultResult<Kept> {
+        let path = uploads::path(&self.inner.data, id);
+        let hashed = path.clone();
+        let blob = on_a_blocking_thread(move || hash_of(disk::open(&hashed)?, &hashed)).await?;
+        let pin = self.inner.pins.keep(blob.hash).await;
+        let name = self.blob_path(blob.hash);
+        on_a_blocking_thread(move || {
+            disk::sync(&disk::open(&path)?, &path);
+            give_name(&name, || std::fs::hard_link(&path, &name))?;
+            Ok(Kept::new(blob, pin))
+        })
+        .await
+    }
+
+    fn blob_path(&self, hash: BlobHash) -> PathBuf {
+        self.inner.data.join("blobs").join(format!("{:02x}", hash.0[0])).join(hash.to_string())
+    }
+}
+
+impl Incoming {
+    /// Adds bytes.
+    pub async fn write(&mut self, bytes: &[u8]) -> VaultResult<()> {
+        self.bytes += bytes.len() as u64;
+        if self.bytes > self.most {
+            return Err(VaultError::TooLong { most: self.most });
+        }
+        self.waiting.extend_from_slice(bytes);
+        if self.waiting.len() >= GATHER { self.flush().await } else { Ok(()) }
+    }
+
+    /// Ends the blob: durable, with its name, when this returns.
+    pub async fn finish(mut self) -> VaultResult<Kept> {
+        self.flush().await?;
+        let mut part = self.part()?;
+        let blob = Blob { hash: BlobHash(part.hash.clone().finalize().into()), bytes: self.bytes };
+        let pin = self.vault.inner.pins.keep(blob.hash).await;
+        let name = self.vault.blob_path(blob.hash);
+        on_a_blocking_thread(move || {
+            disk::sync(&part.file, &part.path);
+            give_name(&name, || std::fs::hard_link(&part.path, &name))?;
+            part.finish()?;
+            Ok(Kept::new(blob, pin))
+        })
+        .await
+    }
+
+    async fn flush(&mut self) -> VaultResult<()> {
+        let mut part = self.part()?;
+        let bytes = std::mem::take(&mut self.waiting);
+        let (part, mut bytes) = on_a_blocking_thread(move || {
+            part.hash.update(&bytes);
+            disk::write(&mut part.file, &bytes, &part.path)?;
+            Ok((part, bytes))
+        })
+        .await?;
+        bytes.clear();
+        self.waiting = bytes; // its memory serves again
+        self.file = Some(part);
+        Ok(())
+    }
+
+    /// The file, unless an earlier write failed or was given up.
+    fn part(&mut self) -> VaultResult<Box<Part>> {
+        self.file.take().ok_or(VaultError::NotFound)
+    }
+}
+
+impl Part {
+    fn finish(&mut self) -> VaultResult<()> {
+        self.finished = true;
+        disk::remove(&self.path)
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if !self.finished && disk::remove(&self.path).is_err() {
+            tracing::warn!(path = %self.path.display(), "a half-written file stays until the next start");
+        }
+    }
+}
+
+/// Gives a synced file its name among the blobs. A blob of this name may be there already; its folder is synced all the
+/// same, since whoever put it may not have come to that yet.
+fn give_name(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>) -> VaultResult<()> {
+    match link() {
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+        linked => linked.map_err(failed("naming", name))?,
+    }
+    if let Some(folder) = name.parent() {
+        disk::sync_folder(folder);
+    }
+    Ok(())
+}
+
+fn hash_of(mut file: File, path: &std::path::Path) -> VaultResult<Blob> {
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; GATHER];
+    let mut bytes = 0;
+    loop {
+        match file.read(&mut buffer).map_err(failed("reading", path))? {
+            0 => return Ok(Blob { hash: BlobHash(hash.finalize().into()), bytes }),
+            n => {
+                hash.update(&buffer[..n]);
+                bytes += n as u64;
+            }
+        }
+    }
+}

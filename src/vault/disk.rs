@@ -1,0 +1,105 @@
+//! The few file operations that durability rests on, each blocking.
+
+use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
+use std::io::Write;
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use super::error::{VaultError, VaultResult, failed};
+use crate::shutdown;
+
+/// Runs file work where it may block.
+pub(super) async fn on_a_blocking_thread<T: Send + 'static>(
+    work: impl FnOnce() -> VaultResult<T> + Send + 'static,
+) -> VaultResult<T> {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(result) => result,
+        Err(error) if error.is_panic() => std::panic::resume_unwind(error.into_panic()),
+        Err(_) => Err(VaultError::InUse("a runtime that is ending".to_owned())),
+    }
+}
+
+/// The vault's folders, readable by nobody else. The 256 folders of blobs are made at once, so that no later write has
+/// to make and sync one.
+pub(super) fn make_folders(data: &Path) -> VaultResult<()> {
+    make_folder(data)?;
+    for folder in ["incoming", "uploads", "blobs"] {
+        make_folder(&data.join(folder))?;
+    }
+    let blobs = data.join("blobs");
+    for first in 0..=u8::MAX {
+        make_folder(&blobs.join(format!("{first:02x}")))?;
+    }
+    sync_folder(&blobs);
+    sync_folder(data);
+    Ok(())
+}
+
+fn make_folder(path: &Path) -> VaultResult<()> {
+    DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("making the folder", path))
+}
+
+/// A new file to be written; readable by nobody else.
+pub(super) fn create(path: &Path) -> VaultResult<File> {
+    let mut options = OpenOptions::new();
+    options.write(true).create_new(true).mode(0o600);
+    options.open(path).map_err(failed("making", path))
+}
+
+/// An existing file, to be read.
+pub(super) fn open(path: &Path) -> VaultResult<File> {
+    File::open(path).map_err(failed("opening", path))
+}
+
+/// An existing file, to be written on.
+pub(super) fn open_to_write(path: &Path) -> VaultResult<File> {
+    OpenOptions::new().write(true).open(path).map_err(failed("opening", path))
+}
+
+pub(super) fn write(file: &mut File, bytes: &[u8], path: &Path) -> VaultResult<()> {
+    file.write_all(bytes).map_err(failed("writing", path))
+}
+
+/// The file's bytes are on the disk, or the process ends.
+pub(super) fn sync(file: &File, path: &Path) {
+    if let Err(error) = file.sync_data() {
+        shutdown::abort(&format!("syncing `{}` failed: {error}", path.display()));
+    }
+}
+
+/// The names in the folder are on the disk, or the process ends.
+pub(super) fn sync_folder(path: &Path) {
+    if let Err(error) = File::open(path).and_then(|folder| folder.sync_all()) {
+        shutdown::abort(&format!("syncing the folder `{}` failed: {error}", path.display()));
+    }
+}
+
+/// Removes a file; one that is gone already is as good.
+pub(super) fn remove(path: &Path) -> VaultResult<()> {
+    match fs::remove_file(path).map_err(failed("removing", path)) {
+        Err(VaultError::NotFound) => Ok(()),
+        result => result,
+    }
+}
+
+/// The files of a folder with their lengths, bytes.
+pub(super) fn list(folder: &Path) -> VaultResult<Vec<(PathBuf, u64)>> {
+    let describe = |entry: std::io::Result<fs::DirEntry>| {
+        let entry = entry?;
+        Ok((entry.path(), entry.metadata()?.len()))
+    };
+    let entries = fs::read_dir(folder).map_err(failed("listing", folder))?;
+    entries.map(describe).collect::<std::io::Result<_>>().map_err(failed("listing", folder))
+}
+
+/// An exclusive lock that ends with the process.
+pub(super) fn lock(path: &Path) -> VaultResult<File> {
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(false).mode(0o600);
+    let file = options.open(path).map_err(failed("opening", path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(VaultError::InUse("the data folder".to_owned())),
+        Err(TryLockError::Error(error)) => Err(failed("locking", path)(error)),
+    }
+}

@@ -1,0 +1,1 @@
+//! Claims about the vault, each in a folder of its own.

@@ -1,0 +1,177 @@
+//! Uploads: a file each, appended while a recording arrives.
+//!
+//! The order that makes an acknowledged byte a durable one: append → [`UploadFile::sync`] → the offset's row
+//! (`store.uploads().advance`) → the answer. Bytes behind the noted offset were never acknowledged; opening cuts them off.
+
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::Vault;
+use super::disk::{self, on_a_blocking_thread};
+use super::error::{VaultError, VaultResult, failed};
+use crate::ids::UploadId;
+
+/// An upload's file, open for one sender at a time.
+#[derive(Debug)]
+pub struct UploadFile {
+    appended: u64,
+    waiting: Vec<u8>,
+    file: Option<Box<OpenFile>>,
+}
+
+/// The file behind an [`UploadFile`], moved to a blocking thread for each write; the claim moves with it, so that nobody
+/// else opens the file while a write of a sender who has gone is still under way.
+#[derive(Debug)]
+struct OpenFile {
+    path: PathBuf,
+    file: File,
+    written: u64,
+    _claim: Claim,
+}
+
+/// Bytes gathered before they are written.
+const GATHER: usize = 256 * 1024;
+
+/// Which uploads are open.
+#[derive(Clone, Debug, Default)]
+pub(super) struct OpenUploads(Arc<Mutex<HashSet<UploadId>>>);
+
+/// One sender's claim on an upload.
+#[derive(Debug)]
+struct Claim {
+    id: UploadId,
+    open: OpenUploads,
+}
+
+impl Vault {
+    /// Makes an upload's empty file, durably. Call it before the upload's row is made.
+    pub async fn create_upload(&self, id: UploadId) -> VaultResult<()> {
+        let path = path(&self.inner.data, id);
+        on_a_blocking_thread(move || {
+            disk::sync(&disk::create(&path)?, &path);
+            path.parent().into_iter().for_each(disk::sync_folder);
+            Ok(())
+        })
+        .await
+    }
+
+    /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open.
+    pub async fn open_upload(&self, id: UploadId, noted: u64) -> VaultResult<UploadFile> {
+        let claim = self.inner.open_uploads.claim(id)?;
+        let path = path(&self.inner.data, id);
+        let file = on_a_blocking_thread(move || {
+            let mut file = disk::open_to_write(&path)?;
+            let found = file.metadata().map_err(failed("measuring", &path))?.len();
+            if found < noted {
+                return Err(VaultError::Lost { found, noted });
+            }
+            file.set_len(noted).map_err(failed("cutting", &path))?;
+            file.seek(SeekFrom::Start(noted)).map_err(failed("opening", &path))?;
+            Ok(Box::new(OpenFile { path, file, written: noted, _claim: claim }))
+        });
+        Ok(UploadFile { appended: noted, waiting: Vec::new(), file: Some(file.await?) })
+    }
+
+    /// Bytes in an upload's file.
+    pub async fn upload_length(&self, id: UploadId) -> VaultResult<u64> {
+        let path = path(&self.inner.data, id);
+        on_a_blocking_thread(move || {
+            Ok(disk::open(&path)?.metadata().map_err(failed("measuring", &path))?.len())
+        })
+        .await
+    }
+
+    /// Forgets an upload's file, after its row. One that is gone already is as good.
+    pub async fn delete_upload(&self, id: UploadId) -> VaultResult<()> {
+        let path = path(&self.inner.data, id);
+        on_a_blocking_thread(move || disk::remove(&path)).await
+    }
+
+    /// The uploads that have a file.
+    pub async fn upload_files(&self) -> VaultResult<Vec<UploadId>> {
+        let folder = self.inner.data.join("uploads");
+        on_a_blocking_thread(move || {
+            let named = |path: &Path| path.file_name()?.to_str()?.parse().ok();
+            Ok(disk::list(&folder)?.iter().filter_map(|(path, _)| named(path)).collect())
+        })
+        .await
+    }
+}
+
+impl UploadFile {
+    /// Appends bytes. They are durable only after [`UploadFile::sync`].
+    pub async fn append(&mut self, bytes: &[u8]) -> VaultResult<()> {
+        self.appended += bytes.len() as u64;
+        self.waiting.extend_from_slice(bytes);
+        if self.waiting.len() >= GATHER { self.write(false).await } else { Ok(()) }
+    }
+
+    /// Makes everything appended durable; returns how many bytes the upload now has. Works also after a write that
+    /// failed for lack of space: then the bytes written before it count.
+    pub async fn sync(&mut self) -> VaultResult<u64> {
+        self.write(true).await?;
+        Ok(self.appended)
+    }
+
+    /// Bytes appended so far, durable or not.
+    pub fn appended(&self) -> u64 {
+        self.appended
+    }
+
+    async fn write(&mut self, sync: bool) -> VaultResult<()> {
+        let mut open = self.file.take().ok_or(VaultError::NotFound)?;
+        let bytes = std::mem::take(&mut self.waiting);
+        let (open, mut bytes, outcome) = on_a_blocking_thread(move || {
+            let outcome = open.write(&bytes);
+            if sync && outcome.is_ok() {
+                disk::sync(&open.file, &open.path);
+            }
+            Ok((open, bytes, outcome))
+        })
+        .await?;
+        self.appended = open.written;
+        self.file = Some(open);
+        bytes.clear();
+        self.waiting = bytes; // its memory serves again
+        outcome
+    }
+}
+
+impl OpenFile {
+    /// Appends all of it or, when the disk is full, nothing.
+    fn write(&mut self, bytes: &[u8]) -> VaultResult<()> {
+        let written = disk::write(&mut self.file, bytes, &self.path);
+        match &written {
+            Ok(()) => self.written += bytes.len() as u64,
+            Err(_) => {
+                self.file.set_len(self.written).map_err(failed("cutting", &self.path))?;
+                self.file.seek(SeekFrom::Start(self.written)).map_err(failed("writing", &self.path))?;
+            }
+        }
+        written
+    }
+}
+
+impl OpenUploads {
+    fn claim(&self, id: UploadId) -> VaultResult<Claim> {
+        let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !open.insert(id) {
+            return Err(VaultError::InUse("the upload".to_owned()));
+        }
+        Ok(Claim { id, open: self.clone() })
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        self.open.0.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.id);
+    }
+}
+
+/// Where an upload's file lies.
+pub(super) fn path(data: &Path, id: UploadId) -> PathBuf {
+    data.join("uploads").join(id.to_string())
+}
