@@ -1,1 +1,322 @@
-//! Under construction.
+//! Settings: defaults ← file ← environment ← flags, typed and checked. Every limit has a name here or in the part it limits.
+//!
+//! The file is TOML; `trocar.toml` in the data folder, or whichever `--settings` or `TROCAR_SETTINGS` names. A variable
+//! `TROCAR_<KEY>` or `TROCAR_<SECTION>__<KEY>` sets one value (`TROCAR_QUEUE__LEASE_S=60`). A key that nobody knows is an
+//! error that names it: a misspelt limit must not leave the default in force unnoticed.
+//!
+//! ```toml
+//! listen = "127.0.0.1:8080"
+//! workers = 2
+//!
+//! [queue]
+//! lease_s = 30
+//! ```
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::{Table, Value};
+
+use crate::queue::QueueSettings;
+use crate::store::StoreSettings;
+
+/// Everything that can be set.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Folder of database, recordings and results; made at the first start.
+    pub data: PathBuf,
+    /// Address to listen on. Other machines reach the service only if it is not a loopback one.
+    pub listen: SocketAddr,
+    /// Recordings tracked at the same time; each takes a core or more while it decodes. 0: as many as half the cores.
+    pub workers: usize,
+    /// The database.
+    pub store: StoreSettings,
+    /// The queue.
+    pub queue: QueueSettings,
+    /// Recordings that arrive.
+    pub uploads: UploadSettings,
+    /// Clearing up behind the work.
+    pub upkeep: UpkeepSettings,
+}
+
+/// Limits of uploads.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UploadSettings {
+    /// Longest recording, bytes. Larger ones are refused before a byte is sent. Usually 8 GiB.
+    pub max_bytes: u64,
+    /// Hours without a new byte after which an unfinished upload is forgotten. Usually 48.
+    pub expire_h: u64,
+    /// Uploads that may be unfinished at a time, of all senders. Each holds its bytes on the disk. Usually 200.
+    pub max_unfinished: u64,
+}
+
+/// Times of upkeep.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UpkeepSettings {
+    /// How often files that nothing refers to and expired uploads are looked for, s. Bounds how long an erased
+    /// recording stays on the disk. Usually 20.
+    pub collect_s: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            data: PathBuf::from("trocar-data"),
+            listen: SocketAddr::from(([127, 0, 0, 1], 8080)),
+            workers: 0,
+            store: StoreSettings::default(),
+            queue: QueueSettings::default(),
+            uploads: UploadSettings::default(),
+            upkeep: UpkeepSettings::default(),
+        }
+    }
+}
+
+impl Default for UploadSettings {
+    fn default() -> Self {
+        Self { max_bytes: 8 << 30, expire_h: 48, max_unfinished: 200 }
+    }
+}
+
+impl Default for UpkeepSettings {
+    fn default() -> Self {
+        Self { collect_s: 20 }
+    }
+}
+
+/// What the command line may set; it wins over everything else.
+#[derive(Clone, Debug, Default)]
+pub struct Flags {
+    /// The settings file.
+    pub settings: Option<PathBuf>,
+    /// [`Settings::data`].
+    pub data: Option<PathBuf>,
+    /// [`Settings::listen`].
+    pub listen: Option<SocketAddr>,
+    /// [`Settings::workers`].
+    pub workers: Option<usize>,
+}
+
+/// Why the settings cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsError {
+    /// The named file cannot be read.
+    #[error("reading the settings `{path}`: {source}")]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not TOML, or holds a key that nobody knows or a value of the wrong type.
+    #[error("settings `{path}`: {why}")]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        why: String,
+    },
+    /// A variable names a key that nobody knows, or holds a value of the wrong type.
+    #[error("environment variable {name}: {why}")]
+    Variable {
+        /// Which variable.
+        name: String,
+        /// What is wrong.
+        why: String,
+    },
+    /// A value that makes no sense.
+    #[error("setting `{key}` is {value}; expected {expected}")]
+    Value {
+        /// Which key.
+        key: &'static str,
+        /// What it is.
+        value: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+}
+
+/// Variables that begin with our prefix and are no settings: they choose the file, or belong to tests and logging.
+const NOT_SETTINGS: [&str; 4] = ["TROCAR_SETTINGS", "TROCAR_LOG", "TROCAR_SHARED", "TROCAR_TEST"];
+const PREFIX: &str = "TROCAR_";
+
+impl Settings {
+    /// Reads the settings of this process.
+    pub fn load(flags: Flags) -> Result<Self, SettingsError> {
+        let variables: Vec<(String, String)> = std::env::vars().filter(|(name, _)| name.starts_with(PREFIX)).collect();
+        Self::from_parts(flags, &variables)
+    }
+
+    /// Reads the settings from flags and these variables.
+    fn from_parts(flags: Flags, variables: &[(String, String)]) -> Result<Self, SettingsError> {
+        let variable = |wanted: &str| variables.iter().find(|(name, _)| name == wanted).map(|(_, value)| value);
+        let named = flags.settings.clone().or_else(|| variable("TROCAR_SETTINGS").map(PathBuf::from));
+        let data = flags.data.clone().or_else(|| variable("TROCAR_DATA").map(PathBuf::from));
+        let mut table = match (named, data.unwrap_or_else(|| Settings::default().data).join("trocar.toml")) {
+            (Some(path), _) => read(&path)?,
+            (None, usual) if usual.exists() => read(&usual)?,
+            (None, _) => Table::new(),
+        };
+        for (name, value) in variables.iter().filter(|(name, _)| !NOT_SETTINGS.contains(&name.as_str())) {
+            set(&mut table, name, value)?;
+        }
+        let mut settings: Settings = parse(table).map_err(|why| SettingsError::Value {
+            key: "environment",
+            value: why,
+            expected: "values that fit together",
+        })?;
+        settings.data = flags.data.unwrap_or(settings.data);
+        settings.listen = flags.listen.unwrap_or(settings.listen);
+        settings.workers = flags.workers.unwrap_or(settings.workers);
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Where the database lies.
+    pub fn database(&self) -> PathBuf {
+        self.data.join("trocar.db")
+    }
+
+    fn check(&self) -> Result<(), SettingsError> {
+        let Settings { store, queue, uploads, upkeep, .. } = self;
+        within("store.readers", store.readers.into(), 1, 64)?;
+        within("store.waiting_writes", store.waiting_writes as u64, 1, 100_000)?;
+        within("store.writes_per_commit", store.writes_per_commit as u64, 1, 10_000)?;
+        within("store.busy_timeout_ms", store.busy_timeout_ms, 100, 600_000)?;
+        within("store.max_attempts", store.max_attempts.into(), 1, 20)?;
+        within("queue.heartbeat_s", queue.heartbeat_s, 1, 3_600)?;
+        within("queue.sweep_s", queue.sweep_s, 1, 3_600)?;
+        within("queue.look_s", queue.look_s, 1, 3_600)?;
+        within("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
+        within("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
+        within("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;
+        within("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
+        within("workers", self.workers as u64, 0, 1_024)?;
+        if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
+            let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
+            return Err(SettingsError::Value { key: "queue.lease_s", value: queue.lease_s.to_string(), expected });
+        }
+        Ok(())
+    }
+}
+
+fn read(path: &Path) -> Result<Table, SettingsError> {
+    let unreadable = |source| SettingsError::Read { path: path.to_owned(), source };
+    let wrong = |why: String| SettingsError::File { path: path.to_owned(), why };
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let table: Table = toml::from_str(&text).map_err(|error| wrong(one_line(&error)))?;
+    toml::from_str::<Settings>(&text).map_err(|error| wrong(one_line(&error)))?;
+    Ok(table)
+}
+
+/// Sets one value from a variable, and makes sure that it is one that can be set.
+fn set(table: &mut Table, name: &str, text: &str) -> Result<(), SettingsError> {
+    let key = name.strip_prefix(PREFIX).unwrap_or(name).to_ascii_lowercase();
+    let value = value(text);
+    let alone = match key.split_once("__") {
+        Some((section, key)) => Table::from_iter([(section.to_owned(), Value::Table(single(key, value.clone())))]),
+        None => single(&key, value.clone()),
+    };
+    parse(alone).map_err(|why| SettingsError::Variable { name: name.to_owned(), why })?;
+    match key.split_once("__") {
+        Some((section, key)) => {
+            let section = table.entry(section.to_owned()).or_insert_with(|| Value::Table(Table::new()));
+            section.as_table_mut().map(|section| section.insert(key.to_owned(), value));
+        }
+        None => drop(table.insert(key, value)),
+    }
+    Ok(())
+}
+
+fn single(key: &str, value: Value) -> Table {
+    Table::from_iter([(key.to_owned(), value)])
+}
+
+/// A variable's value as TOML would have it: `30` is a number, `true` a truth, anything else text.
+fn value(text: &str) -> Value {
+    let read = toml::from_str::<Table>(&format!("value = {text}")).ok();
+    read.and_then(|mut table| table.remove("value")).unwrap_or_else(|| Value::String(text.to_owned()))
+}
+
+fn parse(table: Table) -> Result<Settings, String> {
+    table.try_into::<Settings>().map_err(|error| one_line(&error))
+}
+
+fn one_line(error: &toml::de::Error) -> String {
+    error.to_string().trim().replace('\n', " ")
+}
+
+fn within(key: &'static str, value: u64, least: u64, most: u64) -> Result<(), SettingsError> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    let value = format!("{value}, outside {least} to {most}");
+    Err(SettingsError::Value { key, value, expected: "a number inside" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(variables: &[(&str, &str)]) -> Result<Settings, SettingsError> {
+        let variables: Vec<_> = variables.iter().map(|(n, v)| ((*n).to_owned(), (*v).to_owned())).collect();
+        Settings::from_parts(Flags::default(), &variables)
+    }
+
+    fn with_file(text: &str, variables: &[(&str, &str)], flags: Flags) -> Result<Settings, SettingsError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.toml");
+        std::fs::write(&path, text).unwrap();
+        let variables: Vec<_> = variables.iter().map(|(n, v)| ((*n).to_owned(), (*v).to_owned())).collect();
+        Settings::from_parts(Flags { settings: Some(path), ..flags }, &variables)
+    }
+
+    #[test]
+    fn nothing_set_is_the_defaults() {
+        assert_eq!(with(&[]).unwrap(), Settings::default());
+    }
+
+    #[test]
+    fn flags_win_over_variables_and_variables_over_the_file() {
+        let file = "workers = 3\nlisten = \"0.0.0.0:1\"\n[queue]\nlease_s = 40\nsweep_s = 4\n";
+        let flags = Flags { listen: Some(([127, 0, 0, 1], 9).into()), ..Flags::default() };
+        let variables = [("TROCAR_LISTEN", "0.0.0.0:2"), ("TROCAR_QUEUE__LEASE_S", "50")];
+        let settings = with_file(file, &variables, flags).unwrap();
+        assert_eq!((settings.workers, settings.listen.port()), (3, 9));
+        assert_eq!((settings.queue.lease_s, settings.queue.sweep_s, settings.queue.look_s), (50, 4, 5));
+    }
+
+    #[test]
+    fn a_misspelt_key_is_an_error_that_names_it() {
+        let file = with_file("[queue]\nleases_s = 40\n", &[], Flags::default()).unwrap_err().to_string();
+        assert!(file.contains("leases_s") && file.contains("settings.toml"), "{file}");
+        let variable = with(&[("TROCAR_QUEUE__LEASES_S", "40")]).unwrap_err().to_string();
+        assert!(variable.contains("TROCAR_QUEUE__LEASES_S") && variable.contains("leases_s"), "{variable}");
+        assert!(with(&[("TROCAR_QUEU__LEASE_S", "40")]).is_err());
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_type_names_its_variable() {
+        let error = with(&[("TROCAR_WORKERS", "many")]).unwrap_err().to_string();
+        assert!(error.starts_with("environment variable TROCAR_WORKERS: "), "{error}");
+        assert!(!error.contains('\n'));
+    }
+
+    #[test]
+    fn limits_that_contradict_each_other_are_refused() {
+        let error = with(&[("TROCAR_QUEUE__LEASE_S", "19")]).unwrap_err().to_string();
+        assert!(error.contains("queue.lease_s") && error.contains("two heartbeats"), "{error}");
+        let error = with(&[("TROCAR_STORE__READERS", "0")]).unwrap_err().to_string();
+        assert!(error.contains("store.readers"), "{error}");
+    }
+
+    #[test]
+    fn a_named_file_that_is_missing_is_an_error() {
+        let flags = Flags { settings: Some("/nowhere/settings.toml".into()), ..Flags::default() };
+        assert!(matches!(Settings::from_parts(flags, &[]), Err(SettingsError::Read { .. })));
+    }
+}

@@ -33,6 +33,15 @@ impl Blobs<'_> {
             .await
     }
 
+    /// Is there a row for this file?
+    pub async fn has(&self, hash: BlobHash) -> StoreResult<bool> {
+        let found: Option<i64> = sqlx::query_scalar("SELECT 1 FROM blob WHERE hash = $1")
+            .bind(hash)
+            .fetch_optional(self.0.readers())
+            .await?;
+        Ok(found.is_some())
+    }
+
     /// Every file that should be in the vault, by hash; `after` continues.
     pub async fn all(&self, after: Option<BlobHash>, most: u32) -> StoreResult<Vec<Blob>> {
         let sql = "SELECT hash, bytes FROM blob WHERE $1 IS NULL OR hash > $1 ORDER BY hash LIMIT $2";

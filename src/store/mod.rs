@@ -18,7 +18,7 @@
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `progress` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `give_back` `sweep` |
-//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `all` |
+//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |
 //! | [`Store::audit`] | `list` |
 
 mod audit;
@@ -120,6 +120,26 @@ impl Store {
         let ballast = Ballast::beside(path);
         ballast.restore().await;
         Ok(Self { inner: Arc::new(Inner { readers, writer, clock, settings: settings.clone(), ballast }) })
+    }
+
+    /// What SQLite finds wrong with its own file and with references between rows; nothing is as it should be.
+    pub async fn check(&self) -> StoreResult<Vec<String>> {
+        let integrity: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check").fetch_all(self.readers()).await?;
+        let dangling: Vec<String> =
+            sqlx::query_scalar("SELECT \"table\" FROM pragma_foreign_key_check").fetch_all(self.readers()).await?;
+        let dangling = dangling.into_iter().map(|table| format!("a row of `{table}` refers to one that is not there"));
+        Ok(integrity.into_iter().filter(|line| line != "ok").chain(dangling).collect())
+    }
+
+    /// Takes the ballast's space again after an erasure on a full disk, if there is room now.
+    pub async fn restore_ballast(&self) {
+        self.inner.ballast.restore().await;
+    }
+
+    /// Moves everything from the write-ahead log into the database file and empties the log, so that what was erased is
+    /// nowhere any more. `false` if a reader stands in the way: try again later.
+    pub async fn empty_log(&self) -> StoreResult<bool> {
+        self.inner.writer.empty_log().await
     }
 
     /// The connections that read.

@@ -19,19 +19,27 @@ use crate::shutdown;
 /// Sends requests to the writer thread.
 #[derive(Debug)]
 pub(super) struct Writer {
-    requests: mpsc::Sender<Box<dyn Request>>,
+    messages: mpsc::Sender<Message>,
+}
+
+/// What the thread is asked to do.
+enum Message {
+    /// Something in a transaction.
+    Request(Box<dyn Request>),
+    /// Move the write-ahead log into the file and empty it.
+    EmptyLog(oneshot::Sender<StoreResult<bool>>),
 }
 
 impl Writer {
     /// Starts the thread, which ends with the last sender. At most `waiting` requests queue up; at most `batch` share a
     /// commit.
     pub fn start(connection: SqliteConnection, waiting: usize, batch: usize) -> std::io::Result<Self> {
-        let (requests, inbox) = mpsc::channel(waiting.max(1));
+        let (messages, inbox) = mpsc::channel(waiting.max(1));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         std::thread::Builder::new()
             .name("store-writer".to_owned())
             .spawn(move || runtime.block_on(serve(connection, inbox, batch.max(1))))?;
-        Ok(Self { requests })
+        Ok(Self { messages })
     }
 
     /// Runs `work` in a transaction and answers once it is durable. Waits while the queue is full.
@@ -41,8 +49,19 @@ impl Writer {
         T: Send + 'static,
     {
         let (reply, answer) = oneshot::channel();
-        self.requests.send(Box::new(Work { work, reply })).await.map_err(|_| StoreError::Closed)?;
+        self.send(Message::Request(Box::new(Work { work, reply }))).await?;
         answer.await.map_err(|_| StoreError::Closed)?
+    }
+
+    /// Empties the write-ahead log; `false` if a reader stands in the way.
+    pub async fn empty_log(&self) -> StoreResult<bool> {
+        let (reply, answer) = oneshot::channel();
+        self.send(Message::EmptyLog(reply)).await?;
+        answer.await.map_err(|_| StoreError::Closed)?
+    }
+
+    async fn send(&self, message: Message) -> StoreResult<()> {
+        self.messages.send(message).await.map_err(|_| StoreError::Closed)
     }
 }
 
@@ -89,17 +108,23 @@ where
     }
 }
 
-async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Box<dyn Request>>, batch: usize) {
+async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Message>, batch: usize) {
     let _guard = EndWithThePanic;
-    let mut requests = Vec::with_capacity(batch);
-    while inbox.recv_many(&mut requests, batch).await > 0 {
-        let mut answers = Vec::with_capacity(requests.len());
-        let outcome = transact(&mut connection, requests.drain(..), &mut answers).await;
-        if let Err(failure) = &outcome {
-            abandon(&mut connection, failure).await;
+    let mut messages = Vec::with_capacity(batch);
+    while inbox.recv_many(&mut messages, batch).await > 0 {
+        let mut requests = Vec::with_capacity(messages.len());
+        let mut emptiers = Vec::new();
+        for message in messages.drain(..) {
+            match message {
+                Message::Request(request) => requests.push(request),
+                Message::EmptyLog(reply) => emptiers.push(reply),
+            }
         }
-        for answer in answers {
-            (answer.send)(outcome.clone());
+        if !requests.is_empty() {
+            commit(&mut connection, requests).await;
+        }
+        for reply in emptiers {
+            drop(reply.send(empty_log(&mut connection).await)); // whoever asked may have gone away
         }
     }
     if let Err(error) = connection.close().await {
@@ -107,10 +132,27 @@ async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Box<d
     }
 }
 
+/// Runs a batch, commits it, and answers.
+async fn commit(connection: &mut SqliteConnection, requests: Vec<Box<dyn Request>>) {
+    let mut answers = Vec::with_capacity(requests.len());
+    let outcome = transact(connection, requests, &mut answers).await;
+    if let Err(failure) = &outcome {
+        abandon(connection, failure).await;
+    }
+    for answer in answers {
+        (answer.send)(outcome.clone());
+    }
+}
+
+async fn empty_log(connection: &mut SqliteConnection) -> StoreResult<bool> {
+    let busy: i64 = sqlx::query_scalar("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(connection).await?;
+    Ok(busy == 0)
+}
+
 /// Runs a batch in one transaction. Every request leaves an answer, also when the transaction is lost before its turn.
 async fn transact(
     tx: &mut SqliteConnection,
-    batch: impl Iterator<Item = Box<dyn Request>>,
+    batch: Vec<Box<dyn Request>>,
     answers: &mut Vec<Answer>,
 ) -> StoreResult<()> {
     let mut outcome = tx.execute("BEGIN IMMEDIATE").await.map(drop).map_err(StoreError::from);

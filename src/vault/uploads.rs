@@ -78,10 +78,7 @@ impl Vault {
     /// Bytes in an upload's file.
     pub async fn upload_length(&self, id: UploadId) -> VaultResult<u64> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || {
-            Ok(disk::open(&path)?.metadata().map_err(failed("measuring", &path))?.len())
-        })
-        .await
+        on_a_blocking_thread(move || Ok(disk::open(&path)?.metadata().map_err(failed("measuring", &path))?.len())).await
     }
 
     /// Forgets an upload's file, after its row. One that is gone already is as good.

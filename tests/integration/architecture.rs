@@ -43,6 +43,8 @@ const ROOMS: &[Room] = &[
     Room { name: "queue", layer: 4, banned: SERVICE },
     Room { name: "analysis", layer: 4, banned: SERVICE },
     Room { name: "intake", layer: 4, banned: SERVICE },
+    Room { name: "events", layer: 4, banned: SERVICE },
+    Room { name: "upkeep", layer: 4, banned: SERVICE },
     Room { name: "settings", layer: 5, banned: &["axum", "sqlx", "ffmpeg_next"] },
     Room { name: "http", layer: 5, banned: &["sqlx", "ffmpeg_next", "crate::pipeline"] },
     Room { name: "commands", layer: 5, banned: &["sqlx", "ffmpeg_next"] },

@@ -1,0 +1,1 @@
+//! Laws of the queue, on a clock that the test turns.

@@ -1,0 +1,97 @@
+//! `trocar admin check`: the database against itself and against the files, without changing either.
+
+use std::fmt;
+
+use super::UpkeepResult;
+use crate::domain::blob::{Blob, BlobHash};
+use crate::ids::UploadId;
+use crate::store::Store;
+use crate::vault::{Vault, VaultError};
+
+/// Something that is not as it should be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Finding {
+    /// SQLite finds its file damaged or a reference dangling.
+    Database(String),
+    /// A row refers to a file that is not there.
+    MissingFile(BlobHash),
+    /// A file's content is not what its name says, or its length not what the row says.
+    DamagedFile(BlobHash),
+    /// A file that no row refers to: harmless; the next start removes it.
+    OrphanFile(BlobHash),
+    /// An upload's file holds fewer bytes than were acknowledged.
+    ShortUpload(UploadId),
+}
+
+impl Finding {
+    /// Is something lost? Otherwise it is only in the way.
+    pub fn is_loss(&self) -> bool {
+        !matches!(self, Finding::OrphanFile(_))
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Finding::Database(what) => write!(f, "database: {what}"),
+            Finding::MissingFile(hash) => write!(f, "missing file: {hash}"),
+            Finding::DamagedFile(hash) => write!(f, "damaged file: {hash}"),
+            Finding::OrphanFile(hash) => write!(f, "file that nothing refers to: {hash} (the next start removes it)"),
+            Finding::ShortUpload(id) => write!(f, "upload {id} holds fewer bytes than were acknowledged"),
+        }
+    }
+}
+
+/// Rows read per round.
+const ROUND: u32 = 1_000;
+
+/// Compares the database with the files. `thorough`: every file is read and its content verified.
+pub async fn check(store: &Store, vault: &Vault, thorough: bool) -> UpkeepResult<Vec<Finding>> {
+    let mut findings: Vec<Finding> = store.check().await?.into_iter().map(Finding::Database).collect();
+    check_rows(store, vault, thorough, &mut findings).await?;
+    check_files(store, vault, &mut findings).await?;
+    for upload in store.uploads().unfinished().await? {
+        let there = vault.upload_length(upload.id).await;
+        if there.map_or(true, |there| there < upload.received) && upload.received > 0 {
+            findings.push(Finding::ShortUpload(upload.id));
+        }
+    }
+    Ok(findings)
+}
+
+/// Every row has its file.
+async fn check_rows(store: &Store, vault: &Vault, thorough: bool, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
+    let mut after = None;
+    loop {
+        let blobs = store.blobs().all(after, ROUND).await?;
+        for blob in &blobs {
+            findings.extend(check_blob(vault, *blob, thorough).await?);
+        }
+        after = blobs.last().map(|blob| blob.hash);
+        if after.is_none() {
+            return Ok(());
+        }
+    }
+}
+
+async fn check_blob(vault: &Vault, blob: Blob, thorough: bool) -> UpkeepResult<Option<Finding>> {
+    match vault.open_blob(blob.hash).await {
+        Err(VaultError::NotFound) => Ok(Some(Finding::MissingFile(blob.hash))),
+        Err(error) => Err(error.into()),
+        Ok((_, bytes)) if bytes != blob.bytes => Ok(Some(Finding::DamagedFile(blob.hash))),
+        Ok(_) if thorough && !vault.is_intact(blob.hash).await? => Ok(Some(Finding::DamagedFile(blob.hash))),
+        Ok(_) => Ok(None),
+    }
+}
+
+/// Every file has its row.
+async fn check_files(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
+    for first in 0..=u8::MAX {
+        for blob in vault.blobs(first).await? {
+            if !store.blobs().has(blob.hash).await? {
+                findings.push(Finding::OrphanFile(blob.hash));
+            }
+        }
+    }
+    Ok(())
+}

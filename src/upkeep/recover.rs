@@ -1,0 +1,86 @@
+//! Recovery: every start is one. Nothing that was acknowledged is touched.
+
+use std::collections::HashSet;
+
+use super::UpkeepResult;
+use super::collect::{collect, remove};
+use crate::domain::scope::Scope;
+use crate::ids::UploadId;
+use crate::store::{Store, StoreError, Upload};
+use crate::vault::{Vault, VaultError};
+
+/// What a start found and put right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Recovered {
+    /// Half-written blobs, removed.
+    pub half_written: usize,
+    /// Blobs that no row refers to, removed.
+    pub orphan_blobs: usize,
+    /// Files of uploads that have no row, removed.
+    pub orphan_uploads: usize,
+    /// Whole uploads that had not become sessions yet, and now have.
+    pub finished_uploads: usize,
+    /// Uploads whose file is shorter than was noted: set back to what is there. After a power cut on an honest disk there
+    /// are none.
+    pub set_back_uploads: usize,
+}
+
+/// Puts files and database in step after a sudden end. Call it with the folder locked, before anything else uses it.
+pub async fn recover(store: &Store, vault: &Vault) -> UpkeepResult<Recovered> {
+    let mut recovered = Recovered { half_written: vault.clear_incoming().await?, ..Recovered::default() };
+    let uploads = store.uploads().unfinished().await?;
+    recovered.orphan_uploads = remove_orphan_uploads(vault, &uploads).await?;
+    for upload in uploads {
+        recover_upload(store, vault, upload, &mut recovered).await?;
+    }
+    recovered.orphan_blobs = collect(store, vault).await? + remove_orphan_blobs(store, vault).await?;
+    Ok(recovered)
+}
+
+/// Files whose row is gone, or was never made; also of uploads that became a session, whose blob has a name of its own.
+async fn remove_orphan_uploads(vault: &Vault, uploads: &[Upload]) -> UpkeepResult<usize> {
+    let known: HashSet<UploadId> = uploads.iter().map(|upload| upload.id).collect();
+    let orphans: Vec<UploadId> = vault.upload_files().await?.into_iter().filter(|id| !known.contains(id)).collect();
+    for id in &orphans {
+        vault.delete_upload(*id).await?;
+    }
+    Ok(orphans.len())
+}
+
+async fn recover_upload(store: &Store, vault: &Vault, upload: Upload, recovered: &mut Recovered) -> UpkeepResult<()> {
+    let there = match vault.upload_length(upload.id).await {
+        Ok(there) => there,
+        Err(VaultError::NotFound) => 0,
+        Err(error) => return Err(error.into()),
+    };
+    if there < upload.received {
+        tracing::error!(upload = %upload.id, noted = upload.received, there, "an upload has lost acknowledged bytes");
+        store.uploads().set_back(upload.id, there).await?;
+        recovered.set_back_uploads += 1;
+    } else if upload.received == upload.length {
+        recovered.finished_uploads += usize::from(finish(store, vault, &upload).await?);
+    }
+    Ok(())
+}
+
+/// Makes the session of a whole upload, as its last request would have done.
+async fn finish(store: &Store, vault: &Vault, upload: &Upload) -> UpkeepResult<bool> {
+    let kept = vault.keep_upload(upload.id).await?;
+    match store.uploads().finish(&Scope::service(), upload.id, kept.blob()).await {
+        Ok(_) => vault.delete_upload(upload.id).await?,
+        Err(StoreError::Taken { .. } | StoreError::Refused { .. }) => return Ok(false), // its sender will be told
+        Err(error) => return Err(error.into()),
+    }
+    Ok(true)
+}
+
+/// Blobs that got their name but never a row: found only by looking at the folder.
+async fn remove_orphan_blobs(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
+    let mut removed = 0;
+    for first in 0..=u8::MAX {
+        for blob in vault.blobs(first).await? {
+            removed += usize::from(remove(store, vault, blob.hash).await?);
+        }
+    }
+    Ok(removed)
+}

@@ -1,0 +1,1 @@
+//! Claims about files and database together.
