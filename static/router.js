@@ -25,6 +25,11 @@ export function replace(path, query) {
   dispatchEvent(new Event(CHANGED));
 }
 
+/** Writes into the address what a link to this place should say, without anything on the page changing by it. */
+export function note(path, query) {
+  history.replaceState(null, '', href(path, query));
+}
+
 function visit(address) {
   history.pushState(null, '', address);
   dispatchEvent(new Event(CHANGED));

@@ -1,16 +1,12 @@
 // The paths of the tips in space, coloured by speed or by tool, with the current tips. Turns with mouse, touch and keys.
 import { html, useEffect, useMemo, useRef, useState } from './preact.js';
 import { number } from '../format.js';
-import { colour, onThemeChange } from '../theme.js';
+import { onThemeChange } from '../theme.js';
 import { t } from '../texts.js';
 import { connectOrbit, Orbit, VIEWS } from './orbit.js';
-import { fitCanvas, inkOf, outline } from './overlay.js';
-import { MISSING, PREDICTED } from './track.js';
+import { SpacePainter } from './space_painter.js';
 
 const words = t.session;
-/** More segments than a screen has room for only cost time: longer recordings are thinned. */
-const MOST_SEGMENTS = 6000;
-const SHADES = 24;
 
 export function Path3d({ track, playback, hidden }) {
   const canvas = useRef(null);
@@ -20,17 +16,18 @@ export function Path3d({ track, playback, hidden }) {
 
   useEffect(() => {
     const tools = track.tools.filter(tool => !hidden.has(tool.name));
-    const bounds = boundsOf(track.tools);
+    const painter = new SpacePainter(track, tools, by);
     let pending = 0;
     const paint = () => {
       pending = 0;
-      drawSpace(canvas.current, { track, tools, bounds, orbit, by, frame: playback.frame });
+      if (canvas.current) painter.paint(canvas.current, orbit, playback.frame);
     };
+    const repaint = () => (painter.forget(), soon());
     const soon = () => (pending ||= requestAnimationFrame(paint)); // Many changes, one painting per repaint.
     draw.current = soon;
     const resize = new ResizeObserver(soon);
     resize.observe(canvas.current);
-    const ends = [playback.onTick(soon), connectOrbit(canvas.current, orbit, soon), onThemeChange(soon), () => resize.disconnect(), () => cancelAnimationFrame(pending)];
+    const ends = [playback.onTick(soon), connectOrbit(canvas.current, orbit, soon), onThemeChange(repaint), () => resize.disconnect(), () => cancelAnimationFrame(pending)];
     return () => ends.forEach(end => end());
   }, [track, hidden, by]);
 
@@ -52,112 +49,4 @@ export function Path3d({ track, playback, hidden }) {
       ${by === 'speed' && html`<div class="scale"><span>${words.slow}</span><span class="ramp"></span><span>${words.fast(number(track.topSpeed))}</span></div>`}
       <p class="small muted">${words.spaceHint}</p>
     </div>`;
-}
-
-/** The box round all paths, a little wider, and the ball round it that the view turns. */
-function boundsOf(tools) {
-  const ends = ['x_mm', 'y_mm', 'z_mm'].map(field => {
-    let [low, high] = [Infinity, -Infinity];
-    for (const tool of tools) for (const value of tool[field]) if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
-    if (low > high) [low, high] = [-50, 50];
-    const step = 20;
-    return [Math.floor((low - 5) / step) * step, Math.ceil((high + 5) / step) * step];
-  });
-  const radius = Math.hypot(...ends.map(([low, high]) => (high - low) / 2));
-  return { ends, radius, centre: ends.map(([low, high]) => (low + high) / 2) };
-}
-
-function drawSpace(canvas, { track, tools, bounds, orbit, by, frame }) {
-  if (!canvas) return;
-  const { pen, width, height } = fitCanvas(canvas);
-  const place = orbit.projection(bounds, width, height);
-  pen.lineCap = pen.lineJoin = 'round';
-  drawFloor(pen, bounds, place);
-  const shades = by === 'speed' ? ramp() : null;
-  for (const tool of tools) drawPath(pen, track, tool, place, shades);
-  for (const tool of tools) drawTip(pen, tool, frame, place);
-}
-
-/** A grid of 20 mm on the far side of depth, and the three axes with their units. */
-function drawFloor(pen, { ends: [x, y, z] }, place) {
-  const { muted, line } = inkOf();
-  const stroke = (from, to, style) => {
-    pen.strokeStyle = style;
-    pen.beginPath();
-    pen.moveTo(...place(...from));
-    pen.lineTo(...place(...to));
-    pen.stroke();
-  };
-  pen.lineWidth = 1;
-  for (let at = x[0]; at <= x[1]; at += 20) stroke([at, y[0], z[1]], [at, y[1], z[1]], line);
-  for (let at = y[0]; at <= y[1]; at += 20) stroke([x[0], at, z[1]], [x[1], at, z[1]], line);
-  const middle = place(...[x, y, z].map(([low, high]) => (low + high) / 2));
-  const corner = [x[0], y[1], z[1]];
-  const axes = [
-    [[x[1], y[1], z[1]], `x ${number(x[0])} … ${number(x[1])} mm`],
-    [[x[0], y[0], z[1]], `y ${number(y[0])} … ${number(y[1])} mm`],
-    [[x[0], y[1], z[0]], `z ${number(z[0])} … ${number(z[1])} mm`],
-  ];
-  pen.font = '12px system-ui, sans-serif';
-  pen.fillStyle = muted;
-  for (const [end, name] of axes) {
-    stroke(corner, end, muted);
-    label(pen, name, place(...end.map((value, i) => corner[i] + (value - corner[i]) * 0.8)), middle);
-  }
-}
-
-/** Beside its axis, on the side away from the middle, and never outside the canvas. */
-function label(pen, words, [x, y], middle) {
-  const room = pen.measureText(words).width;
-  const left = x < middle[0] ? x - room - 8 : x + 8;
-  pen.fillText(words, Math.min(Math.max(4, left), pen.canvas.clientWidth - room - 4), y + 14);
-}
-
-/** Segments are gathered by shade and painted shade by shade: a stroke per segment would be too slow. */
-function drawPath(pen, track, tool, place, shades) {
-  const stride = Math.max(1, Math.ceil(track.frames / MOST_SEGMENTS));
-  const paths = new Map();
-  const top = track.topSpeed || 1;
-  let before = null;
-  for (let i = 0; i < track.frames; i += stride) {
-    if (tool.state[i] === MISSING || !Number.isFinite(tool.x_mm[i])) {
-      before = null;
-      continue;
-    }
-    const point = place(tool.x_mm[i], tool.y_mm[i], tool.z_mm[i]);
-    if (before) {
-      const speed = Number.isFinite(tool.speed[i]) ? tool.speed[i] : 0;
-      const style = shades ? shades[Math.min(SHADES - 1, Math.floor((speed / top) * SHADES))] : tool.ink();
-      if (!paths.has(style)) paths.set(style, new Path2D());
-      const path = paths.get(style);
-      path.moveTo(before[0], before[1]);
-      path.lineTo(point[0], point[1]);
-    }
-    before = point;
-  }
-  pen.lineWidth = 2;
-  for (const [style, path] of paths) {
-    pen.strokeStyle = style;
-    pen.stroke(path);
-  }
-}
-
-function drawTip(pen, tool, frame, place) {
-  if (tool.state[frame] === MISSING || !Number.isFinite(tool.x_mm[frame])) return;
-  const [x, y] = place(tool.x_mm[frame], tool.y_mm[frame], tool.z_mm[frame]);
-  pen.setLineDash(tool.state[frame] === PREDICTED ? [3, 3] : []);
-  outline(pen, tool.shape, x, y, 8);
-  pen.lineWidth = 5;
-  pen.strokeStyle = colour('--surface');
-  pen.stroke();
-  pen.lineWidth = 2.5;
-  pen.strokeStyle = tool.ink();
-  pen.stroke();
-  pen.setLineDash([]);
-}
-
-/** Slow to fast, mixed in the browser's perceptual space. */
-function ramp() {
-  const [slow, fast] = [colour('--slow'), colour('--fast')];
-  return Array.from({ length: SHADES }, (_, i) => `color-mix(in oklab, ${fast} ${Math.round((100 * i) / (SHADES - 1))}%, ${slow})`);
 }

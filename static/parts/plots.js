@@ -14,6 +14,8 @@ const AXES = [
   ['speed', 'speed'],
 ];
 const HEIGHT = 128;
+/** How close to the ends of the shown span the line may come, as a share of the span. */
+const EDGE = 0.1;
 
 export function Plots({ track, playback, hidden, span }) {
   const places = useRef({});
@@ -109,9 +111,11 @@ function connect(chart, playback) {
 function moveTo({ chart, head }, track, time, span) {
   const all = [track.times[0], track.times[track.times.length - 1]];
   if (span) {
+    const { min, max } = chart.scales.x;
+    const near = time > min + span * EDGE && time < max - span * EDGE;
     const start = Math.min(Math.max(all[0], time - span / 2), Math.max(all[0], all[1] - span));
-    const { min } = chart.scales.x;
-    if (min !== start) chart.setScale('x', { min: start, max: Math.min(start + span, all[1]) });
+    // Turned over like a page, not at every picture: drawing the curves anew costs more than anything else here.
+    if (max - min > span * 1.01 || (!near && min !== start)) chart.setScale('x', { min: start, max: Math.min(start + span, all[1]) });
   }
   head.style.transform = `translateX(${chart.valToPos(Math.min(Math.max(time, all[0]), all[1]), 'x')}px)`;
 }

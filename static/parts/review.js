@@ -2,6 +2,7 @@
 import { html, useEffect, useMemo, useState } from './preact.js';
 import { api } from '../api.js';
 import { bytes, clock } from '../format.js';
+import { note } from '../router.js';
 import { t } from '../texts.js';
 import { Features } from './features.js';
 import { Path3d } from './path3d.js';
@@ -32,6 +33,7 @@ export function Review({ session, trajectory, diagnostics, start }) {
     return () => (document.removeEventListener('keydown', keys), playback.pause());
   }, []);
   useEffect(() => startAt(playback, start), [start]);
+  useEffect(() => keepAddress(playback, session.id), []);
 
   const toggle = name => setHidden(before => new Set(before.has(name) ? [...before].filter(other => other !== name) : [...before, name]));
   return html`
@@ -78,6 +80,18 @@ function startAt(playback, seconds) {
     queueMicrotask(() => (end?.(), playback.seek(seconds)));
   });
   return end;
+}
+
+/** Where one stands still for a moment, the address says where, so that a copied link leads to the same picture. */
+const SETTLED_MS = 500;
+
+function keepAddress(playback, id) {
+  let timer;
+  const end = playback.onTick(({ time, playing }) => {
+    clearTimeout(timer);
+    if (!playing && time > 0) timer = setTimeout(() => note(['sessions', id], { t: time.toFixed(2) }), SETTLED_MS);
+  });
+  return () => (end(), clearTimeout(timer));
 }
 
 /** Ids are long; their end tells them apart. The whole of it is in the title and in REST. */

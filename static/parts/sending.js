@@ -1,26 +1,33 @@
 // The list of uploads: what runs, what stopped and why, and which file to choose again after a reload.
 import { html, useRef, useState } from './preact.js';
 import { bytes, clock, percent } from '../format.js';
+import { useLive } from '../live.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Announce, ProblemNotice } from './notice.js';
-import { ProgressBar } from './status.js';
+import { ProgressBar, StatusPill } from './status.js';
 import { cancel, forget, pause, resume, resumeWith } from './uploads.js';
 
 const words = t.upload;
 const TONES = { sending: 'busy', done: 'good', failed: 'bad', lost: 'warn', paused: 'warn', waiting: '' };
 
-export const Sending = ({ items }) => html`
-  <${Announce}>${items.map(item => words.announce(item.name, words.states[item.state])).join('. ')}<//>
-  <ul class="sending">${items.map(item => html`<${Item} key=${item.key} item=${item} />`)}</ul>`;
+export function Sending({ items }) {
+  const [scoring, setScoring] = useState({}); // What becomes of those that have arrived, by session.
+  useLive('session', event => setScoring(before => ({ ...before, [event.id]: event })));
+  const state = item => (item.state === 'done' && scoring[item.session] ? t.status[scoring[item.session].status] : words.states[item.state]);
+  return html`
+    <${Announce}>${items.map(item => words.announce(item.name, state(item))).join('. ')}<//>
+    <ul class="sending">${items.map(item => html`<${Item} key=${item.key} item=${item} scoring=${item.state === 'done' ? scoring[item.session] : null} />`)}</ul>`;
+}
 
-const Item = ({ item }) => html`
+const Item = ({ item, scoring }) => html`
   <li>
     <div>
       <div class="name">${item.name}</div>
       <div class="small muted">${item.words}</div>
     </div>
-    <span class=${`pill ${TONES[item.state]}`}>${words.states[item.state]}</span>
+    ${scoring ? html`<${StatusPill} state=${scoring.status} />` : html`<span class=${`pill ${TONES[item.state]}`}>${words.states[item.state]}</span>`}
+    ${scoring?.status === 'tracking' && html`<div class="wide"><${ProgressBar} value=${scoring.progress} name=${item.name} /></div>`}
     ${item.state !== 'done' && html`
       <div class="wide stack tight">
         <${ProgressBar} value=${item.size ? item.sent / item.size : 0} name=${words.progress(item.name)} />

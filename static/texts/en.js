@@ -45,7 +45,7 @@ export default {
     drop: 'Drop recordings here', or: 'MP4, MOV, MKV, AVI or TS; several at once are fine', pick: 'Choose files', need: 'First choose trainee, task and box above.',
     missing: { trainee: 'There are no trainees yet.', task: 'There are no tasks yet.', box: 'There are no boxes yet.' }, make: 'Create one',
     list: 'Uploads', none: 'No uploads', noneBody: 'Choose trainee, task and box, then drop files above.',
-    states: { waiting: 'Waiting', sending: 'Sending', paused: 'Paused', done: 'Arrived – being scored', failed: 'Stopped', lost: 'Interrupted' },
+    states: { waiting: 'Waiting', sending: 'Sending', paused: 'Paused', done: 'Arrived', failed: 'Stopped', lost: 'Interrupted' },
     lost: name => `The page was closed while “${name}” was being sent. Choose the same file again and it goes on where it stopped.`,
     again: 'Choose the file', wrongFile: name => `That is another file. Choose “${name}” with the same size.`,
     pause: 'Pause', resume: 'Resume', cancel: 'Cancel', clear: 'Remove from the list', open: 'Open the session', retry: 'Try again',
