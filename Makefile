@@ -57,3 +57,22 @@ browser-test: test-packages ## a real Chromium signs in, uploads, waits for the 
 deny: packages ## licences, sources and banned crates with cargo-deny (installs it)
 	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
 	cargo deny check licenses bans sources
+
+# ── nightly: too slow for every change ──────────────────────────────────────────────────────────────────────────────
+
+SHARED ?= ../shared
+RELEASE := target/release/trocar
+
+.PHONY: release
+release: packages
+	cargo build --release --locked
+
+.PHONY: figures
+figures: release test-packages ## accuracy and cost on every scene, beside the OpenCV peer; writes the README's table
+	@$(call install,python3-venv)
+	benches/figures.py $(RELEASE) $(SHARED) target/figures --readme README.md
+
+.PHONY: foreign-clients
+foreign-clients: release test-packages ## 500 MB by tus-js-client and tus-py-client, with cuts; memory of the server
+	@$(call install,python3-venv)
+	tests/clients/run.py $(RELEASE)
