@@ -178,13 +178,18 @@ fn sources() -> Vec<PathBuf> {
             let path = entry.path();
             match path.is_dir() {
                 true => folders.push(path),
-                false if path.extension().is_some_and(|e| e == "rs") => files.push(path),
+                false if path.extension().is_some_and(|e| e == "rs") && !is_unit_test(&path) => files.push(path),
                 false => {}
             }
         }
     }
     files.sort();
     files
+}
+
+/// `tests.rs` and `tests/…` hold unit tests alone: they may use anything.
+fn is_unit_test(path: &Path) -> bool {
+    path.file_stem().is_some_and(|stem| stem == "tests") || path.iter().any(|part| part == "tests")
 }
 
 fn root() -> PathBuf {
