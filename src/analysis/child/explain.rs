@@ -1,8 +1,9 @@
 //! Errors of decoding and tracking as problems for people.
 
+use crate::analysis::protocol::MarkShape;
 use crate::domain::problem::Problem;
 use crate::media::MediaError;
-use crate::pipeline::tracker::SettingsProblem;
+use crate::pipeline::tracker::{Quality, SettingsProblem, ToolQuality};
 
 /// An error that says what to do.
 pub(super) trait Explain {
@@ -44,4 +45,41 @@ impl Explain for SettingsProblem {
 /// Work that came without its file.
 pub(super) fn no_input() -> Problem {
     Problem::new("no-input", "The work came without a file", "send the recording again")
+}
+
+/// No tool on any frame.
+pub(super) fn never_seen(quality: &Quality) -> Problem {
+    let tool = |t: &ToolQuality| {
+        let most = t.reasons.iter().max_by_key(|(_, n)| **n).map_or("not seen", |(reason, _)| reason.name());
+        format!("`{}`: {}", t.tool, most.replace('_', " "))
+    };
+    let tools: Vec<String> = quality.tools.iter().map(tool).collect();
+    let detail = format!(
+        "on none of {} frames was a tool measured ({}); mark the tape again on a frame of this recording, in this light",
+        quality.frames,
+        tools.join(", ")
+    );
+    Problem::new("no-tool-seen", "No tool was seen", detail)
+}
+
+/// A palette that was stored by another version.
+pub(super) fn unreadable_palette() -> Problem {
+    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the tools' tape again")
+}
+
+/// A rectangle on a frame that the clip does not have.
+pub(super) fn mark_beyond_the_end(frame: u64, frames: u64) -> Problem {
+    let detail = format!("a rectangle is on frame {frame}, but the clip has only {frames} frames, counted from 0");
+    Problem::new("mark-beyond-the-end", "A rectangle is on a frame that is not there", detail)
+}
+
+/// A rectangle that is empty or leaves the frame.
+pub(super) fn mark_outside(mark: &MarkShape, width: usize, height: usize) -> Problem {
+    let MarkShape { frame, label, x_y_w_h: [x, y, w, h] } = mark;
+    let detail = format!(
+        "the rectangle `{label}` on frame {frame} spans x {x}..{}, y {y}..{}, outside the {width}×{height} frame",
+        u64::from(*x) + u64::from(*w),
+        u64::from(*y) + u64::from(*h)
+    );
+    Problem::new("mark-outside", "A rectangle leaves the frame", detail)
 }

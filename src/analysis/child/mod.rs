@@ -1,9 +1,11 @@
 //! What runs inside the confinement: decode, track, report. No file is opened, no clock is asked, nothing is stored.
 
 mod explain;
+mod palette;
 mod preview;
 mod probe;
 mod reporter;
+mod track;
 
 use std::fs::File;
 
@@ -11,7 +13,7 @@ use reporter::Reporter;
 
 use super::protocol::{self, Answer, Request, Work};
 use crate::domain::problem::Problem;
-use crate::media::{Limits, VideoFile};
+use crate::media::{Limits, MediaError, Picture, VideoFile};
 use crate::sandbox::{self, ConfinementError, Enforced};
 
 /// Why a child ends without having explained itself to its parent.
@@ -66,8 +68,15 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
     let limits = Limits { threads: request.threads, ..Limits::default() };
     match request.work {
         Work::Probe => probe::run(open(inputs, limits)?, reporter),
-        Work::Track(_) | Work::Palette(_) | Work::Calibrate(_) => Err(Halt::Explained(explain::no_input())),
+        Work::Track(work) => track::run(work, open(inputs, limits)?, reporter),
+        Work::Palette(work) => palette::from_clip(work, open(inputs, limits)?, reporter),
+        Work::Calibrate(_) => Err(Halt::Explained(explain::no_input())),
     }
+}
+
+/// A recording's next frame, where there must be one.
+fn next_picture(video: &mut VideoFile) -> Result<Picture, Halt> {
+    Ok(video.next_picture()?.ok_or(MediaError::NoFrames)?)
 }
 
 /// The one recording among the inputs.

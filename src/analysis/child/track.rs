@@ -1,0 +1,64 @@
+//! Track one recording: every frame through the [`Tracker`], then the paths with hindsight.
+
+use super::preview::Preview;
+use super::reporter::Reporter;
+use super::{Halt, explain, next_picture};
+use crate::analysis::protocol::{Answer, KindShape, PathRow, QualityShape, SeenRow, TrackWork};
+use crate::media::VideoFile;
+use crate::pipeline::tracker::{Quality, Tracker, TrackerSettings, Tracking};
+use crate::pipeline::trajectory::Trajectory;
+
+/// Rows of a path told of at a time.
+const ROWS_AT_A_TIME: usize = 1024;
+
+pub(super) fn run(work: TrackWork, mut video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
+    let info = video.info();
+    reporter.recording(info)?;
+    let mut picture = next_picture(&mut video)?;
+    let settings = settings(work)?;
+    let mut tracker = Tracker::new(settings, info.width, info.height, picture.frame().encoding)?;
+    let mut preview = Preview::new(info.frames_expected);
+    loop {
+        let frame = picture.frame();
+        preview.consider(&frame);
+        let report = tracker.observe(&frame);
+        reporter.frame(frame.time_s, report.tools.iter().map(|tool| SeenRow::new(frame.index, tool)))?;
+        match video.next_picture()? {
+            Some(next) => picture = next,
+            None => break,
+        }
+    }
+    reporter.frames_end()?;
+    drop((picture, video)); // the paths need the memory now
+    tell(&tracker.finish(), reporter)?;
+    Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
+}
+
+fn settings(work: TrackWork) -> Result<TrackerSettings, Halt> {
+    let samples = work.palette.colour_samples().ok_or_else(|| Halt::Explained(explain::unreadable_palette()))?;
+    let tools = work.tools.into_iter().map(Into::into).collect();
+    let mut settings = TrackerSettings::new(work.camera.into(), tools, samples);
+    settings.view = work.view.map(Into::into);
+    Ok(settings)
+}
+
+fn tell(tracking: &Tracking, reporter: &mut Reporter) -> Result<(), Halt> {
+    if was_never_seen(&tracking.quality) {
+        return Err(Halt::Explained(explain::never_seen(&tracking.quality)));
+    }
+    path(KindShape::Raw, &tracking.raw, reporter)?;
+    path(KindShape::Filtered, &tracking.filtered, reporter)?;
+    path(KindShape::Smoothed, &tracking.smoothed, reporter)?;
+    Ok(reporter.say(&Answer::Quality(QualityShape::from(&tracking.quality)))?)
+}
+
+fn was_never_seen(quality: &Quality) -> bool {
+    quality.tools.iter().all(|tool| tool.observed == 0)
+}
+
+fn path(kind: KindShape, trajectory: &Trajectory, reporter: &mut Reporter) -> Result<(), Halt> {
+    for rows in trajectory.samples.chunks(ROWS_AT_A_TIME) {
+        reporter.say(&Answer::Path { kind, rows: rows.iter().map(PathRow::from).collect() })?;
+    }
+    Ok(())
+}
