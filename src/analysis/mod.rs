@@ -8,9 +8,11 @@
 //! Pixels are touched in the child alone; the parent sees numbers, and believes none of them unchecked.
 
 pub mod child;
+pub mod paths;
 pub mod protocol;
 
 mod attempt;
+mod diagnostics;
 mod receipt;
 
 pub use attempt::{Attempt, Failure, attempt};

@@ -15,7 +15,7 @@ mod shapes;
 
 use serde::{Deserialize, Serialize};
 
-pub use rows::{PathRow, SeenRow};
+pub use rows::{PathRow, ReasonShape, SeenRow};
 pub use shapes::{
     BoardShape, CalibrationShape, CameraShape, MarkShape, PaletteShape, QualityShape, ToolShape, ViewShape,
 };

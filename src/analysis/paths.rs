@@ -1,0 +1,115 @@
+//! The stored form of a session's three paths: one blob, exact to the last bit, read back one path at a time.
+
+use serde::{Deserialize, Serialize};
+
+use super::protocol::{PathRow, decode, encode};
+use crate::pipeline::trajectory::{Kind, Trajectory};
+
+/// Begins every blob of this form; the last byte is its version.
+const MAGIC: [u8; 8] = *b"trocarP\x01";
+
+/// Why a blob gives no path.
+#[derive(Debug, thiserror::Error)]
+pub enum PathsError {
+    /// Another kind of file, or another version of this one.
+    #[error("not a blob of paths of this version")]
+    NotPaths,
+    /// It begins well, but its content contradicts itself.
+    #[error("a damaged blob of paths: {0}")]
+    Damaged(postcard::Error),
+    /// There is too little memory to write it.
+    #[error("paths cannot be coded: {0}")]
+    Unwritable(postcard::Error),
+}
+
+/// A session's paths.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Paths {
+    /// Names of the tools; rows count in it.
+    pub tools: Vec<String>,
+    /// Presentation time of every decoded frame, s.
+    pub frame_times_s: Vec<f64>,
+    /// Unfiltered.
+    pub raw: Vec<PathRow>,
+    /// Causal filter.
+    pub filtered: Vec<PathRow>,
+    /// Smoother.
+    pub smoothed: Vec<PathRow>,
+}
+
+impl Paths {
+    /// As a blob.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, PathsError> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(encode(self).map_err(PathsError::Unwritable)?);
+        Ok(bytes)
+    }
+
+    /// From a blob.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, PathsError> {
+        let content = bytes.strip_prefix(&MAGIC).ok_or(PathsError::NotPaths)?;
+        decode(content).map_err(PathsError::Damaged)
+    }
+
+    /// One of the paths, as the pipeline knows it.
+    pub fn trajectory(&self, kind: Kind) -> Trajectory {
+        let rows = match kind {
+            Kind::Raw => &self.raw,
+            Kind::Filtered => &self.filtered,
+            Kind::Smoothed => &self.smoothed,
+        };
+        Trajectory {
+            tools: self.tools.clone(),
+            samples: rows.iter().map(|&row| row.into()).collect(),
+            frame_times_s: self.frame_times_s.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn row() -> impl Strategy<Value = PathRow> {
+        let three = || prop::array::uniform3(-1e6..1e6f64);
+        (any::<u32>(), three(), prop::option::of(three()), prop::option::of(0.0..9.0), any::<bool>()).prop_map(
+            |(frame, tip_mm, axis, sigma, observed)| PathRow {
+                frame: frame.into(),
+                time_s: f64::from(frame) / 30.0,
+                tool: 0,
+                tip_mm,
+                velocity_mm_s: axis,
+                axis,
+                tip_px: None,
+                sigma_xy_mm: sigma,
+                sigma_z_mm: sigma,
+                observed,
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn paths_survive_their_blob_bit_for_bit(smoothed in prop::collection::vec(row(), 0..20)) {
+            let paths = Paths {
+                tools: vec!["orange".into()],
+                frame_times_s: vec![0.0, 0.1 + 0.2],
+                raw: vec![],
+                filtered: smoothed.clone(),
+                smoothed,
+            };
+            let read = Paths::from_bytes(&paths.to_bytes().unwrap()).unwrap();
+            prop_assert_eq!(&read, &paths);
+            let rows: Vec<PathRow> = read.trajectory(Kind::Smoothed).samples.iter().map(PathRow::from).collect();
+            prop_assert_eq!(rows, paths.smoothed);
+        }
+
+        #[test]
+        fn a_damaged_blob_is_an_error(cut in 0usize..8) {
+            prop_assert!(Paths::from_bytes(&MAGIC[..cut]).is_err());
+            prop_assert!(Paths::from_bytes(&[&MAGIC[..], &[0xff; 9]].concat()).is_err());
+        }
+    }
+}
