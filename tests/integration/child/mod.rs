@@ -6,6 +6,7 @@ mod confinement;
 mod forge;
 mod mutation;
 mod recordings;
+mod tracking;
 
 use std::fs::File;
 use std::path::Path;

@@ -1,0 +1,156 @@
+//! Tracking in a child gives, to the last bit, what the same tracker gives without one.
+
+use std::io::BufReader;
+use std::path::PathBuf;
+
+use trocar::analysis::protocol::{
+    CameraShape, MarkShape, PaletteShape, PaletteWork, PathRow, ToolShape, TrackWork, ViewShape,
+};
+use trocar::domain::files::annotations::AnnotationsFile;
+use trocar::domain::files::camera::CameraFile;
+use trocar::media::{Limits, VideoFile};
+use trocar::pipeline::tracker::{Tracker, TrackerSettings, Tracking};
+
+use super::*;
+
+/// One of the shared rendered scenes, if they are at hand.
+struct SharedScene {
+    folder: PathBuf,
+    annotations: AnnotationsFile,
+    camera: CameraFile,
+}
+
+impl SharedScene {
+    fn find(name: &str) -> Option<Self> {
+        let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let places = std::env::var_os("TROCAR_SHARED").map(PathBuf::from).into_iter();
+        let mut places = places.chain(["../shared", "../../shared"].map(|place| manifest.join(place)));
+        let Some(shared) = places.find(|place| place.join("scenes").is_dir()) else {
+            eprintln!("SKIPPED: no shared scenes; set TROCAR_SHARED to the folder that holds scenes/");
+            return None;
+        };
+        let folder = shared.join("scenes").join(name);
+        let text = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
+        let annotations = AnnotationsFile::parse(&text("annotations.json")).unwrap();
+        let camera = CameraFile::parse(&text("camera_true.json")).unwrap();
+        Some(Self { folder, annotations, camera })
+    }
+
+    fn video(&self) -> PathBuf {
+        self.folder.join("video.mp4")
+    }
+
+    fn marks(&self) -> Vec<MarkShape> {
+        let mark = |l: &trocar::domain::files::annotations::LabelledRectangle| MarkShape {
+            frame: l.frame,
+            label: l.label.clone(),
+            x_y_w_h: [l.x, l.y, l.w, l.h].map(|n| n.try_into().unwrap()),
+        };
+        self.annotations.labels.iter().map(mark).collect()
+    }
+
+    fn palette(&self) -> PaletteShape {
+        let work = Work::Palette(PaletteWork { marks: self.marks(), frames: None });
+        ask(work, &self.video()).unwrap().palette.unwrap()
+    }
+
+    fn track_work(&self, palette: PaletteShape) -> TrackWork {
+        let tool = |t: trocar::domain::files::annotations::MarkedTool| ToolShape {
+            name: t.name,
+            diameter_mm: t.diameter_mm,
+            band_length_mm: t.band_length_mm,
+        };
+        TrackWork {
+            camera: CameraShape::from(self.camera.camera()),
+            tools: self.annotations.marked_tools().unwrap().into_iter().map(tool).collect(),
+            palette,
+            view: self.annotations.view.map(ViewShape::from),
+        }
+    }
+}
+
+fn ask(work: Work, input: &Path) -> Result<Heard, Failure> {
+    let attempt_at = Attempt {
+        program: &program(),
+        request: Request { threads: 2, work },
+        inputs: vec![File::open(input).unwrap()],
+        budget: &Budget { wall: std::time::Duration::from_secs(600), ..budget() },
+        stop: &Stop::new().unwrap(),
+    };
+    attempt(attempt_at, |_| {}).0
+}
+
+/// The same work in this process.
+fn tracked_here(scene: &SharedScene, work: TrackWork) -> Tracking {
+    let mut video = VideoFile::open(BufReader::new(File::open(scene.video()).unwrap()), Limits::default()).unwrap();
+    let tools = work.tools.into_iter().map(Into::into).collect();
+    let mut settings = TrackerSettings::new(scene.camera.camera(), tools, work.palette.colour_samples().unwrap());
+    settings.view = work.view.map(Into::into);
+    let info = video.info();
+    let mut tracker = None;
+    while let Some(picture) = video.next_picture().unwrap() {
+        let frame = picture.frame();
+        tracker
+            .get_or_insert_with(|| Tracker::new(settings.clone(), info.width, info.height, frame.encoding).unwrap())
+            .observe(&frame);
+    }
+    tracker.unwrap().finish()
+}
+
+#[test]
+fn a_child_tracks_to_the_last_bit_as_the_tracker_does() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let palette = scene.palette();
+    let heard = ask(Work::Track(scene.track_work(palette.clone())), &scene.video()).unwrap();
+    let tracking = tracked_here(&scene, scene.track_work(palette));
+    let rows = |samples: &[trocar::pipeline::trajectory::Sample]| samples.iter().map(PathRow::from).collect::<Vec<_>>();
+    assert!(!heard.smoothed.is_empty());
+    assert_eq!(heard.raw, rows(&tracking.raw.samples));
+    assert_eq!(heard.filtered, rows(&tracking.filtered.samples));
+    assert_eq!(heard.smoothed, rows(&tracking.smoothed.samples));
+    assert_eq!(heard.times_s, tracking.smoothed.frame_times_s);
+    assert_eq!(heard.seen.len(), heard.times_s.len() * tracking.smoothed.tools.len());
+}
+
+#[test]
+fn a_camera_of_another_size_is_named() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let camera = trocar::pipeline::camera::Camera { width: 640, height: 480, ..scene.camera.camera() };
+    let work = TrackWork { camera: camera.into(), ..scene.track_work(scene.palette()) };
+    match ask(Work::Track(work), &scene.video()) {
+        Err(Failure::Explained(problem)) => assert_eq!(problem.slug, "camera-size", "{problem:?}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_recording_without_the_marker_says_so() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let work = scene.track_work(scene.palette());
+    let folder = tempfile::tempdir().unwrap();
+    let CameraFile { width, height, .. } = scene.camera;
+    let grey = format!("-f lavfi -i color=gray:size={width}x{height}:rate=25 -frames:v 10 -c:v libx264");
+    let Some(clip) = clips::ffmpeg(&grey, &folder.path().join("grey.mp4")) else { return };
+    match ask(Work::Track(work), &clip) {
+        Err(Failure::Explained(problem)) => assert_eq!(problem.slug, "no-tool-seen", "{problem:?}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn marks_that_cannot_be_are_named() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let mark = |frame, x_y_w_h| MarkShape { frame, label: "orange".into(), x_y_w_h };
+    let cases = [
+        (mark(1_000_000, [1, 1, 2, 2]), "mark-beyond-the-end"),
+        (mark(0, [1, 1, u32::MAX, 2]), "mark-outside"),
+        (mark(0, [1, 1, 0, 2]), "mark-outside"),
+    ];
+    for (mark, slug) in cases {
+        let work = Work::Palette(PaletteWork { marks: vec![mark], frames: None });
+        match ask(work, &scene.video()) {
+            Err(Failure::Explained(problem)) => assert_eq!(problem.slug, slug, "{problem:?}"),
+            other => panic!("{slug}: {other:?}"),
+        }
+    }
+}
