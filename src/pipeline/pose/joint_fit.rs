@@ -53,7 +53,7 @@ impl MeasuredEdge {
     }
 
     /// How far outside the outline the edge was seen, pixels.
-    fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
+    pub fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
         match self.place {
             Place::Border { side, .. } => {
                 let normal = outline.normals[side];
@@ -68,7 +68,7 @@ impl MeasuredEdge {
     }
 
     /// Which of the four shared offsets applies.
-    fn part(&self) -> usize {
+    pub fn part(&self) -> usize {
         match self.place {
             Place::Border { side, .. } => side,
             Place::Rim { back_mm, .. } => 2 + usize::from(back_mm > 0.0),
@@ -76,8 +76,17 @@ impl MeasuredEdge {
     }
 }
 
+/// Which edges may be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// Edges that disagree with most others count little or nothing: for measured edges.
+    Majority,
+    /// All count: for a rough start, whose one point per end must not be outvoted by its borders.
+    All,
+}
+
 /// Fits the tube to the edges, starting from `start`.
-pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera) -> Option<TubeEstimate> {
+pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera, trust: Trust) -> Option<TubeEstimate> {
     const ROUNDS: usize = 8;
     let count = |part: usize| edges.iter().filter(|e| e.part() == part).count();
     if count(0).min(count(1)) < FEWEST_BORDER_EDGES || count(2) + count(3) == 0 {
@@ -87,7 +96,7 @@ pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera) -> Option<Tube
     let mut offsets = SVector::<f64, 4>::zeros();
     let mut last = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let system = System::build(edges, &tube, &offsets, camera)?;
+        let system = System::build(edges, &tube, &offsets, camera, trust)?;
         let step = system.matrix.cholesky()?.solve(&system.right);
         tube = turned(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
         offsets += step.fixed_rows::<4>(5);
@@ -100,7 +109,7 @@ pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera) -> Option<Tube
         }
         last = size;
     }
-    let system = System::build(edges, &tube, &offsets, camera)?;
+    let system = System::build(edges, &tube, &offsets, camera, trust)?;
     let covariance = system.matrix.cholesky()?.inverse();
     Some(TubeEstimate {
         tube,
@@ -118,7 +127,13 @@ struct System {
 }
 
 impl System {
-    fn build(edges: &[MeasuredEdge], tube: &Tube, offsets: &SVector<f64, 4>, camera: &Camera) -> Option<Self> {
+    fn build(
+        edges: &[MeasuredEdge],
+        tube: &Tube,
+        offsets: &SVector<f64, 4>,
+        camera: &Camera,
+        trust: Trust,
+    ) -> Option<Self> {
         let outline = tube.outline()?;
         let nudged = nudged_outlines(tube)?;
         let residuals: Vec<f64> = edges
@@ -131,7 +146,10 @@ impl System {
         let mut right = SVector::<f64, UNKNOWNS>::zeros();
         let (mut squares, mut weights) = (0.0, 0.0);
         for (edge, residual) in edges.iter().zip(&residuals) {
-            let weight = tukey(residual / (4.7 * scale * sigma(edge)));
+            let weight = match trust {
+                Trust::Majority => tukey(residual / (4.7 * scale * sigma(edge))),
+                Trust::All => 1.0,
+            };
             let information = weight / sigma(edge).powi(2);
             let mut row = SVector::<f64, UNKNOWNS>::zeros();
             for (i, [ahead, behind]) in nudged.iter().enumerate() {

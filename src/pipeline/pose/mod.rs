@@ -1,9 +1,11 @@
 //! Borders and ends in, position in space out (METHOD 4).
 //!
-//! [`tangent_planes`] gives the axis in closed form from two border lines, [`pinhole_width`] is the thesis's reference
+//! [`tangent_planes`] gives the axis in closed form from two border lines, [`band_length`] from a known length,
+//! [`pinhole_width`] is the thesis's reference
 //! method, [`joint_fit`] refines with every edge that was measured and says how sure it is, and [`fulcrum`] finds the
 //! fixed point about which a tool turns and steadies each pose with it.
 
+pub mod band_length;
 pub mod fulcrum;
 pub mod joint_fit;
 pub mod pinhole_width;

@@ -1,6 +1,6 @@
 //! One band on one frame: from a region of the marker's colour to a tube in space with its covariance.
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 use crate::pipeline::blob::moments::Rectangle;
 use crate::pipeline::camera::Camera;
@@ -9,11 +9,11 @@ use crate::pipeline::edges::outline_probes::{Place, ProbeLayout, border_probes, 
 use crate::pipeline::edges::scan_lines::{self, CoarseBand};
 use crate::pipeline::edges::subpixel::{EdgeModel, Probe};
 use crate::pipeline::frame::Frame;
-use crate::pipeline::pose::joint_fit::{self, MeasuredEdge};
-use crate::pipeline::pose::{TubeEstimate, pinhole_width, tangent_planes};
+use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
+use crate::pipeline::pose::{TubeEstimate, band_length, pinhole_width, tangent_planes};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
-use crate::pipeline::space::{Normalised, Pixel};
+use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
 use crate::pipeline::tracker::{PoseMethod, ToolSpec};
 use crate::pipeline::tube::Tube;
 
@@ -42,11 +42,26 @@ pub struct Measurement {
     pub estimate: TubeEstimate,
     /// Length of band that was seen or is known, mm.
     pub length_mm: f64,
+    /// Share of the outline's probes that found an edge.
+    pub seen_share: f64,
 }
 
+impl Measurement {
+    /// Do the pixels explain the tube so well that no other start need be tried?
+    pub fn is_good(&self) -> bool {
+        self.estimate.residual_px < 0.4 && self.seen_share > 0.6
+    }
+}
+
+/// Standard deviation of a border point or end that the colour table gave, pixels.
+const COARSE_SIGMA_PX: f64 = 0.7;
+
 /// Looks first wide, then close: the coarse lines may be two pixels off, the first fit is not.
-const LOOKS: [ProbeLayout; 2] =
-    [ProbeLayout { chord_px: 8.0, reach_px: 7.0 }, ProbeLayout { chord_px: 6.0, reach_px: 5.0 }];
+const LOOKS: [ProbeLayout; 3] = [
+    ProbeLayout { chord_px: 8.0, reach_px: 9.0 },
+    ProbeLayout { chord_px: 6.0, reach_px: 6.0 },
+    ProbeLayout { chord_px: 6.0, reach_px: 5.0 },
+];
 
 /// Share of the band's length next to each end that border probes leave out, in radii: there the rim bends away.
 const END_MARGIN: f64 = 0.35;
@@ -69,9 +84,74 @@ impl Bench<'_> {
             let tube = pinhole_width::locate(lines, distal, proximal, radius).ok_or(Reason::ImpossiblePose)?;
             return Ok(self.by_width(tube, &coarse));
         }
-        let tube = tangent_planes::locate(lines, distal, proximal, radius).ok_or(Reason::ImpossiblePose)?;
-        let seen_mm = tangent_planes::back_of(&tube, proximal).ok_or(Reason::ImpossiblePose)?;
-        self.refine(tube, seen_mm)
+        let by_taper = tangent_planes::locate(lines, distal, proximal, radius);
+        let mut starts = self.by_length(&coarse, [distal, proximal]);
+        if starts.is_empty() {
+            starts.extend(by_taper);
+        }
+        let seen_mm = by_taper.and_then(|tube| tangent_planes::back_of(&tube, proximal));
+        self.best_of(&starts, seen_mm)
+    }
+
+    /// Refines each start until one explains the pixels well; else the best of them, if it is possible at all.
+    fn best_of(&mut self, starts: &[Tube], seen_mm: Option<f64>) -> Result<Measurement, Reason> {
+        let length_mm = self.spec.band_length_mm.or(seen_mm).ok_or(Reason::ImpossiblePose)?;
+        let mut outcome: Result<Measurement, Reason> = Err(Reason::ImpossiblePose);
+        for start in starts {
+            let found = self.refine(*start, length_mm, &LOOKS);
+            let better = match (&found, &outcome) {
+                (Ok(new), Ok(old)) => new.estimate.residual_px < old.estimate.residual_px,
+                (Ok(_), Err(_)) => true,
+                (Err(new), Err(old)) => new > old,
+                (Err(_), Ok(_)) => false,
+            };
+            if better {
+                outcome = found;
+            }
+            if outcome.as_ref().is_ok_and(Measurement::is_good) {
+                break;
+            }
+        }
+        outcome
+    }
+
+    /// The coarse borders and ends in one fit, where the band's length is known: the lean that the borders' slight taper
+    /// gives is rough, the one that the length gives is not. A length alone cannot tell leaning away from leaning
+    /// towards: both, the better one first.
+    fn by_length(&self, coarse: &CoarseBand, ends: [Normalised; 2]) -> Vec<Tube> {
+        let Some(length_mm) = self.spec.band_length_mm else { return Vec::new() };
+        let radius = 0.5 * self.spec.diameter_mm;
+        let depth = 2.0 * radius * self.camera.fx / coarse.width_px + radius;
+        let fits = [1.0, -1.0].into_iter().filter_map(|sign| {
+            let start = band_length::leaning(ends, depth, length_mm, radius, sign)?;
+            let edges = self.coarse_edges(coarse, &start, length_mm)?;
+            joint_fit::fit(&edges, &start, self.camera, Trust::All)
+        });
+        let mut fits: Vec<TubeEstimate> = fits.collect();
+        fits.sort_by(|a, b| a.residual_px.total_cmp(&b.residual_px));
+        fits.iter().map(|fit| fit.tube).collect()
+    }
+
+    /// What the scan lines met, as edges of a tube's outline.
+    fn coarse_edges(&self, coarse: &CoarseBand, tube: &Tube, length_mm: f64) -> Option<Vec<MeasuredEdge>> {
+        let pixel = |point| self.camera.project(CameraPoint(point)).map(|p| p.0);
+        let outline = tube.outline()?;
+        let (tip, back) = (pixel(outline.rim(0.0, 0.0))?, pixel(outline.rim(length_mm, 0.0))?);
+        let along = (tip - back).try_normalize(1e-9)?;
+        let to_first = pixel(outline.border(0, 0.5 * length_mm))? - pixel(outline.rim(0.5 * length_mm, 0.0))?;
+        let edge = |place, at: Pixel, outward| MeasuredEdge::new(place, at, outward, COARSE_SIGMA_PX, self.camera);
+        let mut edges = Vec::with_capacity(2 * coarse.borders[0].len() + 2);
+        let across = Vector2::new(-along.y, along.x);
+        for border in &coarse.borders {
+            let outward = if across.dot(&(border.first()?.0 - tip)) < 0.0 { -across } else { across };
+            let side = usize::from(outward.dot(&to_first) < 0.0);
+            edges.extend(border.iter().filter_map(|at| edge(Place::Border { side, back_mm: 0.0 }, *at, outward)));
+        }
+        let [first, second] = coarse.ends;
+        let (distal, proximal) = if (first.0 - second.0).dot(&along) > 0.0 { (first, second) } else { (second, first) };
+        edges.extend(edge(Place::Rim { back_mm: 0.0, across: 0.0 }, distal, along));
+        edges.extend(edge(Place::Rim { back_mm: length_mm, across: 0.0 }, proximal, -along));
+        Some(edges)
     }
 
     fn border_lines(&self, coarse: &CoarseBand) -> Option<[Line; 2]> {
@@ -83,22 +163,34 @@ impl Bench<'_> {
         Some([line(&coarse.borders[0])?, line(&coarse.borders[1])?])
     }
 
-    /// Moves a rough tube onto the edges that the pixels show.
-    pub fn refine(&mut self, mut tube: Tube, seen_mm: f64) -> Result<Measurement, Reason> {
-        let mut estimate = None;
-        for layout in LOOKS {
-            let edges = self.edges_along(&tube, seen_mm, layout)?;
-            let fitted = joint_fit::fit(&edges, &tube, self.camera).ok_or(Reason::BordersNotFound)?;
-            tube = fitted.tube;
-            estimate = Some(fitted);
-        }
-        let estimate = estimate.ok_or(Reason::BordersNotFound)?;
-        Ok(Measurement { estimate, length_mm: self.spec.band_length_mm.unwrap_or(seen_mm) })
+    /// Moves an expected tube onto the edges that the pixels show, without a region of colour; only where they explain it
+    /// well.
+    pub fn follow(&mut self, expected: &Tube, length_mm: f64) -> Option<Measurement> {
+        self.refine(*expected, length_mm, &LOOKS[1..]).ok().filter(Measurement::is_good)
     }
 
-    fn edges_along(&mut self, tube: &Tube, seen_mm: f64, layout: ProbeLayout) -> Result<Vec<MeasuredEdge>, Reason> {
+    /// Moves a rough tube onto the edges that the pixels show.
+    fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[ProbeLayout]) -> Result<Measurement, Reason> {
+        let mut measurement = Err(Reason::BordersNotFound);
+        for layout in looks {
+            let (edges, probes) = self.edges_along(&tube, length_mm, *layout)?;
+            let estimate =
+                joint_fit::fit(&edges, &tube, self.camera, Trust::Majority).ok_or(Reason::BordersNotFound)?;
+            tube = estimate.tube;
+            let seen_share = edges.len() as f64 / probes.max(1) as f64;
+            measurement = Ok(Measurement { estimate, length_mm, seen_share });
+        }
+        measurement
+    }
+
+    /// The edges found along a tube's outline, and how many were looked for.
+    fn edges_along(
+        &mut self,
+        tube: &Tube,
+        length_mm: f64,
+        layout: ProbeLayout,
+    ) -> Result<(Vec<MeasuredEdge>, usize), Reason> {
         let outline = tube.outline().ok_or(Reason::ImpossiblePose)?;
-        let length_mm = self.spec.band_length_mm.unwrap_or(seen_mm);
         let margin = END_MARGIN * tube.radius;
         let mut probes: Vec<(Place, Probe)> = Vec::new();
         border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);
@@ -107,14 +199,15 @@ impl Bench<'_> {
             rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, layout, &mut probes);
         }
         let (frame, camera, model) = (self.frame, self.camera, &mut *self.edges);
-        Ok(probes
+        let edges = probes
             .iter()
             .filter_map(|(place, probe)| {
                 let edge = model.locate(frame, probe)?;
                 let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
                 MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, camera)
             })
-            .collect())
+            .collect();
+        Ok((edges, probes.len()))
     }
 
     /// The width's own covariance: whole-pixel borders, each uncertain by a third of a pixel.
@@ -124,6 +217,10 @@ impl Bench<'_> {
         let depth = tube.tip.z * sigma_px * std::f64::consts::SQRT_2 / coarse.width_px;
         let spread = [across * across, across * across, depth * depth, 0.1, 0.1];
         let covariance = nalgebra::Matrix5::from_diagonal(&spread.into());
-        Measurement { estimate: TubeEstimate { tube, covariance, residual_px: sigma_px }, length_mm: 0.0 }
+        Measurement {
+            estimate: TubeEstimate { tube, covariance, residual_px: sigma_px },
+            length_mm: 0.0,
+            seen_share: 1.0,
+        }
     }
 }

@@ -73,9 +73,13 @@ impl ToolTracker {
     pub(super) fn observe(&mut self, frame: &Frame<'_>, table: &ColourTable, settings: &TrackerSettings) -> Seen {
         let thread = settings.motion.thread();
         let expected = self.expected_tube(frame.time_s, &thread);
-        let measured = match self.look(frame, table, settings, expected) {
-            Err(_) if expected.is_some() => self.look(frame, table, settings, None),
-            found => found,
+        let followed = expected.and_then(|(tube, length)| self.bench(frame, table, settings).follow(&tube, length));
+        let measured = match followed {
+            Some(measurement) => Ok(measurement),
+            None => match self.look(frame, table, settings, expected) {
+                Err(_) if expected.is_some() => self.look(frame, table, settings, None),
+                found => found,
+            },
         };
         self.edges.settle();
         self.remember(&measured);
@@ -142,7 +146,16 @@ impl ToolTracker {
     ) -> Result<Measurement, Reason> {
         let rectangle = select::judge(region)?;
         let towards_hand = self.direction_to_hand(settings);
-        let mut bench = Bench {
+        self.bench(frame, table, settings).measure(&rectangle, |back, front| towards_hand.prefers(back, front))
+    }
+
+    fn bench<'a>(
+        &'a mut self,
+        frame: &'a Frame<'a>,
+        table: &'a ColourTable,
+        settings: &'a TrackerSettings,
+    ) -> Bench<'a> {
+        Bench {
             frame,
             camera: &settings.camera,
             table,
@@ -150,8 +163,7 @@ impl ToolTracker {
             spec: &self.spec,
             edges: &mut self.edges,
             method: settings.pose,
-        };
-        bench.measure(&rectangle, |back, front| towards_hand.prefers(back, front))
+        }
     }
 
     fn expected_tube(&self, time_s: f64, thread: &ThreadSettings) -> Option<(Tube, f64)> {
