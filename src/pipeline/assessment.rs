@@ -1,1 +1,107 @@
-//! Under construction.
+//! What a session says about the person: every feature over the task, and over windows of it.
+//!
+//! The *task* runs from the start of the first movement of any tool to the end of the last (see
+//! [`features::movement`]); where nothing moved, over all that was seen. Each tool is measured over the whole task, so a
+//! hand that rests while the other works is idle, not absent.
+
+use super::features::motion::{Interval, Motion};
+use super::features::{self, FeatureSettings, FeatureValue, NotEnough, movement};
+use super::trajectory::{Sample, Trajectory};
+
+/// Settings of an assessment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AssessmentSettings {
+    /// How features are measured.
+    pub features: FeatureSettings,
+    /// Length of the windows, s (T 4.4): shorter shows better where a fault lies, and is noisier. Usual 10.
+    pub window_s: f64,
+}
+
+impl Default for AssessmentSettings {
+    fn default() -> Self {
+        Self { features: FeatureSettings::default(), window_s: 10.0 }
+    }
+}
+
+/// More windows than this are not computed: no session is that long.
+pub const MOST_WINDOWS: i64 = 1000;
+
+/// Every feature of a session.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assessment {
+    /// Names of the tools; [`FeatureValue::tool`] counts in it.
+    pub tools: Vec<String>,
+    /// Start and end of what was measured, s; `None` where nothing was seen.
+    pub task_s: Option<(f64, f64)>,
+    /// Over the whole task.
+    pub features: Vec<FeatureValue>,
+    /// Over each window of the task, in time order; the last may be shorter.
+    pub windows: Vec<Window>,
+}
+
+/// A stretch of the task.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Window {
+    /// Start, s.
+    pub start_s: f64,
+    /// End, s.
+    pub end_s: f64,
+    /// The features that make sense over a window.
+    pub features: Vec<FeatureValue>,
+}
+
+/// Measures a session. Never fails: what cannot be measured carries its reason.
+pub fn assess(trajectory: &Trajectory, settings: &AssessmentSettings) -> Assessment {
+    let motions = motions(trajectory, &settings.features);
+    let task = task(&motions, &settings.features);
+    let step_s = settings.features.step_s;
+    let of_task = task.map_or_else(|| motions.clone(), |task| clipped(&motions, task, step_s));
+    Assessment {
+        tools: trajectory.tools.clone(),
+        task_s: task.map(|task| (task.first as f64 * step_s, task.last as f64 * step_s)),
+        features: features::measure(&of_task, &settings.features, |_| true),
+        windows: task.map_or_else(Vec::new, |task| windows(&motions, task, settings)),
+    }
+}
+
+fn motions(trajectory: &Trajectory, settings: &FeatureSettings) -> Vec<Result<Motion, NotEnough>> {
+    let of_tool = |tool: usize| match settings.unusable() {
+        Some(name) => Err(NotEnough::UnusableSetting(name)),
+        None => Motion::of_samples(&trajectory.of_tool(tool).copied().collect::<Vec<Sample>>(), settings),
+    };
+    (0..trajectory.tools.len()).map(of_tool).collect()
+}
+
+fn task(motions: &[Result<Motion, NotEnough>], settings: &FeatureSettings) -> Option<Interval> {
+    let moved = motions.iter().flatten().filter_map(|motion| movement::extent(motion, settings));
+    let seen = motions.iter().flatten().map(|motion| motion.interval);
+    moved.reduce(Interval::hull).or(seen.reduce(Interval::hull))
+}
+
+/// The motions within an interval. A tool that was never seen is absent from it all the time.
+fn clipped(motions: &[Result<Motion, NotEnough>], interval: Interval, step_s: f64) -> Vec<Result<Motion, NotEnough>> {
+    let clip = |motion: &Result<Motion, NotEnough>| match motion {
+        Ok(motion) => Ok(motion.clipped(interval)),
+        Err(NotEnough::NeverSeen) => Ok(Motion { interval, spans: Vec::new(), step_s }),
+        Err(reason) => Err(*reason),
+    };
+    motions.iter().map(clip).collect()
+}
+
+fn windows(motions: &[Result<Motion, NotEnough>], task: Interval, settings: &AssessmentSettings) -> Vec<Window> {
+    let step_s = settings.features.step_s;
+    let steps = (settings.window_s / step_s).round() as i64;
+    if steps < 1 || task.steps() / steps >= MOST_WINDOWS {
+        return Vec::new();
+    }
+    let starts = (0..MOST_WINDOWS).map(|k| task.first + k * steps).take_while(|start| *start < task.last);
+    let window = |first: i64| {
+        let interval = Interval { first, last: (first + steps).min(task.last) };
+        Window {
+            start_s: interval.first as f64 * step_s,
+            end_s: interval.last as f64 * step_s,
+            features: features::measure(&clipped(motions, interval, step_s), &settings.features, |f| f.windowed),
+        }
+    };
+    starts.map(window).collect()
+}

@@ -1,1 +1,233 @@
-//! Under construction.
+//! Features: what a path says about the hand that made it. One file per family, one list of them all: [`FEATURES`].
+//!
+//! **In:** a trajectory (mm, s). **Out:** per feature, tool and space a value with a unit, or the reason why there is
+//! none. **Method** (METHOD 6; T 4.4): each tool's observed stretches are put on one even time grid by local cubic
+//! fits ([`fit`], [`motion`]), so that neither the frame rate nor a dropped frame changes a value beyond noise, and
+//! nothing is ever the difference of two noisy points; velocities come from the tracker's filter where it gives them.
+//! All features of a session are taken over the *task*: from the start of the first movement of any tool to the end
+//! of the last ([`movement`]); where nothing moves, over all that was seen. **Gives up** with a [`NotEnough`] where too
+//! little was seen; sums describe what was seen, and [`time::NOT_SEEN_SHARE`] says how much was not.
+
+pub mod fit;
+mod hull;
+pub mod motion;
+pub mod movement;
+mod not_enough;
+pub mod path;
+pub mod per_movement;
+mod settings;
+pub mod smoothness;
+pub mod speed;
+pub mod time;
+pub mod two_hands;
+
+pub use not_enough::NotEnough;
+pub use settings::{FeatureSettings, MOVEMENT_END_RATIO};
+
+use motion::Motion;
+
+/// In which space a feature is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Space {
+    /// x, y and z.
+    ThreeD,
+    /// x and y only, in mm: the thesis's form, which the camera's weakness in depth does not touch.
+    Image,
+}
+
+impl Space {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Space::ThreeD => "3d",
+            Space::Image => "image",
+        }
+    }
+}
+
+const BOTH: &[Space] = &[Space::ThreeD, Space::Image];
+const THREE_D: &[Space] = &[Space::ThreeD];
+const IMAGE: &[Space] = &[Space::Image];
+
+/// What a larger value means for skill.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Direction {
+    /// Smaller is better.
+    Lower,
+    /// Larger is better.
+    Higher,
+    /// Neither by itself.
+    Neither,
+}
+
+impl Direction {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Direction::Lower => "lower",
+            Direction::Higher => "higher",
+            Direction::Neither => "neither",
+        }
+    }
+}
+
+/// A feature: what it is called, what it means, and how it is measured.
+#[derive(Debug)]
+pub struct Feature {
+    /// Stable name for files, API and pages.
+    pub name: &'static str,
+    /// Name for people.
+    pub title: &'static str,
+    /// Unit; `1` for shares, counts and ratios.
+    pub unit: &'static str,
+    /// What a larger value means for skill.
+    pub direction: Direction,
+    /// Definition, in one or two sentences.
+    pub description: &'static str,
+    /// Where the definition comes from.
+    pub source: &'static str,
+    /// Smallest and largest value that a hand can give; anything else is withheld.
+    pub range: (f64, f64),
+    /// In which spaces it is measured.
+    pub spaces: &'static [Space],
+    /// Is it also measured over windows of the task?
+    pub windowed: bool,
+    /// Whose motion it is measured on.
+    measures: &'static [Measure],
+}
+
+impl PartialEq for Feature {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+type Value = Result<f64, NotEnough>;
+
+/// On whose motion a feature is measured.
+#[derive(Debug)]
+enum Measure {
+    /// Each tool's own.
+    Tool(fn(&Motion, &FeatureSettings) -> Value),
+    /// All tools' together.
+    Session(fn(&[Motion], &FeatureSettings) -> Value),
+    /// The two tools' together.
+    Pair(fn(&Motion, &Motion, &FeatureSettings) -> Value),
+    /// Each of two tools against the other.
+    EachOfPair(fn(&Motion, &Motion, &FeatureSettings) -> Value),
+}
+
+/// One measured feature.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeatureValue {
+    /// Which feature.
+    pub feature: &'static Feature,
+    /// Whose, as an index into the trajectory's tools; `None` for the session as a whole.
+    pub tool: Option<usize>,
+    /// In which space.
+    pub space: Space,
+    /// The value in the feature's unit, or why there is none.
+    pub value: Value,
+}
+
+/// Every feature, in the order in which people read them.
+pub static FEATURES: &[Feature] = &[
+    time::DURATION,
+    time::THINKING_TIME,
+    time::IDLE_SHARE,
+    time::NOT_SEEN_SHARE,
+    speed::MEAN_VELOCITY,
+    speed::PEAK_VELOCITY,
+    speed::JITTER,
+    speed::RELATIVE_JITTER,
+    path::PATH_LENGTH,
+    path::DEPTH_TRAVELLED,
+    path::ECONOMY_OF_AREA,
+    path::ECONOMY_OF_VOLUME,
+    path::WORKING_AREA,
+    path::WORKING_VOLUME,
+    smoothness::SMOOTHNESS,
+    per_movement::MOVEMENTS,
+    per_movement::LOG_DIMENSIONLESS_JERK,
+    per_movement::SPECTRAL_ARC_LENGTH,
+    two_hands::TIP_DISTANCE,
+    two_hands::SYNCHRONY,
+    two_hands::TOGETHER_SHARE,
+    two_hands::HANDEDNESS,
+];
+
+/// The feature of a name.
+pub fn find(name: &str) -> Option<&'static Feature> {
+    FEATURES.iter().find(|feature| feature.name == name)
+}
+
+/// Measures every feature that `wanted` picks. Each tool's motion is clipped to what is to be measured, or is the
+/// reason why there is none.
+pub fn measure(
+    motions: &[Result<Motion, NotEnough>],
+    settings: &FeatureSettings,
+    wanted: impl Fn(&Feature) -> bool,
+) -> Vec<FeatureValue> {
+    let wanted: Vec<&'static Feature> = FEATURES.iter().filter(|feature| wanted(feature)).collect();
+    let spaces = [Space::ThreeD, Space::Image].map(|space| (space, in_space(motions, space)));
+    let of_feature = |feature: &'static Feature| {
+        let spaces = spaces.iter().filter(|(space, _)| feature.spaces.contains(space));
+        spaces.flat_map(move |(space, motions)| feature.measure(motions, *space, settings)).collect::<Vec<_>>()
+    };
+    wanted.into_iter().flat_map(of_feature).collect()
+}
+
+fn in_space(motions: &[Result<Motion, NotEnough>], space: Space) -> Vec<Result<Motion, NotEnough>> {
+    motions.iter().map(|motion| motion.as_ref().map(|m| m.in_space(space)).map_err(|reason| *reason)).collect()
+}
+
+impl Feature {
+    fn measure(
+        &'static self,
+        motions: &[Result<Motion, NotEnough>],
+        space: Space,
+        settings: &FeatureSettings,
+    ) -> Vec<FeatureValue> {
+        let values = self.measures.iter().flat_map(|measure| measure.apply(motions, settings));
+        values.map(|(tool, value)| FeatureValue { feature: self, tool, space, value: self.in_range(value) }).collect()
+    }
+
+    fn in_range(&self, value: Value) -> Value {
+        let (least, most) = self.range;
+        value.and_then(|v| if (least..=most).contains(&v) { Ok(v) } else { Err(NotEnough::OutOfRange) })
+    }
+}
+
+impl Measure {
+    fn apply(&self, motions: &[Result<Motion, NotEnough>], settings: &FeatureSettings) -> Vec<(Option<usize>, Value)> {
+        let each = |value: &dyn Fn(usize, &Motion) -> Value| {
+            let values = motions.iter().enumerate().map(|(tool, motion)| {
+                (Some(tool), motion.as_ref().map_err(|reason| *reason).and_then(|motion| value(tool, motion)))
+            });
+            values.collect()
+        };
+        match self {
+            Measure::Tool(value) => each(&|_, motion| value(motion, settings)),
+            Measure::Session(value) => {
+                let seen: Vec<Motion> = motions.iter().flatten().cloned().collect();
+                let reason = motions.iter().find_map(|motion| motion.as_ref().err()).unwrap_or(&NotEnough::NeverSeen);
+                vec![(None, if seen.is_empty() { Err(*reason) } else { value(&seen, settings) })]
+            }
+            Measure::Pair(value) => vec![(None, pair(motions).and_then(|(a, b)| value(a, b, settings)))],
+            Measure::EachOfPair(value) => each(&|tool, motion| {
+                let (a, b) = pair(motions)?;
+                value(motion, if tool == 0 { b } else { a }, settings)
+            }),
+        }
+    }
+}
+
+fn pair(motions: &[Result<Motion, NotEnough>]) -> Result<(&Motion, &Motion), NotEnough> {
+    match motions {
+        [a, b] => Ok((a.as_ref().map_err(|r| *r)?, b.as_ref().map_err(|r| *r)?)),
+        _ => Err(NotEnough::NotTwoTools { found: motions.len() }),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,211 @@
+//! A tool's motion on an even time grid: what every feature is measured on.
+//!
+//! Instants are whole multiples of the grid's step, counted from time 0, so the grids of two tools and of two frame
+//! rates coincide. A *span* is a stretch in which the tool was observed with no gap longer than the settings allow;
+//! between spans nothing is assumed. Samples that the tracker predicted count only inside such a stretch.
+
+use nalgebra::{Point3, Vector3};
+
+use super::fit::{MIN_SAMPLES, Series};
+use super::settings::FeatureSettings;
+use super::{NotEnough, Space};
+use crate::pipeline::trajectory::{Sample, SampleState};
+
+/// Largest coordinate, mm, and latest time, s, that is taken for a measurement: ten metres and a week.
+const LARGEST_MM: f64 = 1e4;
+const LATEST_S: f64 = 604_800.0;
+
+/// Fastest mean speed that is taken for a hand's, mm/s. It also bounds the work: a path is never longer than this
+/// times the time it was seen.
+const FASTEST_MM_S: f64 = 5e3;
+
+/// The motion at one instant of the grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// Tip, mm.
+    pub position: Point3<f64>,
+    /// Velocity, mm/s.
+    pub velocity: Vector3<f64>,
+    /// Acceleration, mm/s².
+    pub acceleration: Vector3<f64>,
+}
+
+/// A stretch of motion without a gap: at least two nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Span {
+    /// Grid instant of the first node.
+    pub first: i64,
+    /// One node per instant.
+    pub nodes: Vec<Node>,
+}
+
+/// The grid instants from `first` to `last`, both included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interval {
+    /// First instant.
+    pub first: i64,
+    /// Last instant.
+    pub last: i64,
+}
+
+/// One tool's motion within an interval.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// What is measured, seen or not.
+    pub interval: Interval,
+    /// Where it was seen.
+    pub spans: Vec<Span>,
+    /// The grid's step, s.
+    pub step_s: f64,
+}
+
+impl Span {
+    /// Grid instant of the last node.
+    pub fn last(&self) -> i64 {
+        self.first + self.nodes.len() as i64 - 1
+    }
+
+    /// The part inside an interval, if it has a length.
+    fn clipped(&self, interval: Interval) -> Option<Span> {
+        let (first, last) = (self.first.max(interval.first), self.last().min(interval.last));
+        let index = |instant: i64| usize::try_from(instant - self.first).ok();
+        let nodes = self.nodes.get(index(first)?..=index(last)?).filter(|nodes| nodes.len() > 1)?;
+        Some(Span { first, nodes: nodes.to_vec() })
+    }
+}
+
+impl Interval {
+    /// The smallest interval that holds both.
+    pub fn hull(self, other: Interval) -> Interval {
+        Interval { first: self.first.min(other.first), last: self.last.max(other.last) }
+    }
+
+    /// How many steps long it is.
+    pub fn steps(self) -> i64 {
+        self.last - self.first
+    }
+}
+
+impl Motion {
+    /// Follows one tool's samples, in time order. The interval is the whole time in which the tool was seen.
+    pub fn of_samples(samples: &[Sample], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
+        check(samples)?;
+        let runs = runs(samples, settings.max_gap_s);
+        let spans: Vec<Span> = runs.iter().filter_map(|run| follow(run, settings)).collect();
+        let (Some(first), Some(last)) = (spans.first(), spans.last()) else { return Err(NotEnough::NeverSeen) };
+        let interval = Interval { first: first.first, last: last.last() };
+        Ok(Motion { interval, spans, step_s: settings.step_s })
+    }
+
+    /// The motion within an interval, which may be longer than what was seen.
+    pub fn clipped(&self, interval: Interval) -> Motion {
+        let spans = self.spans.iter().filter_map(|span| span.clipped(interval)).collect();
+        Motion { interval, spans, step_s: self.step_s }
+    }
+
+    /// The motion as a space shows it: whole, or flattened to x and y.
+    pub fn in_space(&self, space: Space) -> Motion {
+        let mut motion = self.clone();
+        if space == Space::Image {
+            for node in motion.spans.iter_mut().flat_map(|span| &mut span.nodes) {
+                (node.position.z, node.velocity.z, node.acceleration.z) = (0.0, 0.0, 0.0);
+            }
+        }
+        motion
+    }
+
+    /// All nodes, span after span.
+    pub fn nodes(&self) -> impl Iterator<Item = &Node> {
+        self.spans.iter().flat_map(|span| &span.nodes)
+    }
+
+    /// Neighbouring nodes: the steps of the path.
+    pub fn steps(&self) -> impl Iterator<Item = (&Node, &Node)> {
+        self.spans.iter().flat_map(|span| span.nodes.iter().zip(&span.nodes[1..]))
+    }
+
+    /// How long the tool was seen, s.
+    pub fn observed_s(&self) -> f64 {
+        self.steps().count() as f64 * self.step_s
+    }
+
+    /// The share of the interval in which the tool was seen, 0 to 1.
+    pub fn seen_share(&self) -> f64 {
+        match self.interval.steps() {
+            steps if steps > 0 => self.steps().count() as f64 / steps as f64,
+            _ => 0.0,
+        }
+    }
+
+    /// The path's length as far as it was seen, mm.
+    pub fn length_mm(&self) -> f64 {
+        self.steps().map(|(a, b)| (b.position - a.position).norm()).sum()
+    }
+
+    /// Refuses a motion of which too little was seen, or that no hand can make.
+    pub fn check_enough(&self, settings: &FeatureSettings) -> Result<(), NotEnough> {
+        let (observed_s, share) = (self.observed_s(), self.seen_share());
+        if self.spans.is_empty() {
+            Err(NotEnough::NeverSeen)
+        } else if observed_s < settings.min_observed_s {
+            Err(NotEnough::TooShort { observed_s, needed_s: settings.min_observed_s })
+        } else if share < settings.min_seen_share {
+            Err(NotEnough::TooLittleSeen { share, needed: settings.min_seen_share })
+        } else if self.length_mm() > FASTEST_MM_S * observed_s {
+            Err(NotEnough::OutOfRange)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+fn check(samples: &[Sample]) -> Result<(), NotEnough> {
+    let usable = |s: &Sample| {
+        s.time_s.abs() <= LATEST_S
+            && s.tip_mm.iter().all(|c| c.abs() <= LARGEST_MM)
+            && s.velocity_mm_s.is_none_or(|v| v.iter().all(|c| c.is_finite()))
+    };
+    let ordered = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
+    if ordered && samples.iter().all(usable) { Ok(()) } else { Err(NotEnough::UnusableSamples) }
+}
+
+/// Cuts the samples where nothing was observed for too long. A run starts and ends with an observation.
+fn runs(samples: &[Sample], max_gap_s: f64) -> Vec<&[Sample]> {
+    let observed = samples.iter().enumerate().filter(|(_, s)| s.state == SampleState::Observed);
+    let mut ranges: Vec<(usize, usize)> = Vec::new();
+    for (index, sample) in observed {
+        match ranges.last_mut() {
+            Some((_, last)) if sample.time_s - samples[*last].time_s <= max_gap_s => *last = index,
+            _ => ranges.push((index, index)),
+        }
+    }
+    ranges.into_iter().map(|(first, last)| &samples[first..=last]).collect()
+}
+
+/// One run on the grid. Velocity and acceleration come from the filter's velocities where every sample has one, else
+/// from the positions.
+fn follow(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
+    let (start, end) = (run.first()?, run.last()?);
+    if run.len() < MIN_SAMPLES {
+        return None;
+    }
+    let times: Vec<f64> = run.iter().map(|s| s.time_s).collect();
+    let positions: Vec<Vector3<f64>> = run.iter().map(|s| s.tip_mm.coords).collect();
+    let velocities: Option<Vec<Vector3<f64>>> = run.iter().map(|s| s.velocity_mm_s).collect();
+    let path = Series { times_s: &times, values: &positions };
+    let speed = velocities.as_ref().map(|values| Series { times_s: &times, values });
+
+    let (first, last) = ((start.time_s / settings.step_s).ceil() as i64, (end.time_s / settings.step_s).floor() as i64);
+    let nodes: Option<Vec<Node>> =
+        (first..=last).map(|i| node(path, speed, i as f64 * settings.step_s, settings.fit_half_window_s)).collect();
+    nodes.filter(|nodes| nodes.len() > 1).map(|nodes| Span { first, nodes })
+}
+
+fn node(path: Series<'_>, speed: Option<Series<'_>>, at_s: f64, half_window_s: f64) -> Option<Node> {
+    let place = path.fit(at_s, half_window_s)?;
+    let (velocity, acceleration) = match speed {
+        Some(series) => series.fit(at_s, half_window_s).map(|v| (v.value, v.first))?,
+        None => (place.first, place.second),
+    };
+    Some(Node { position: Point3::from(place.value), velocity, acceleration })
+}

@@ -1,0 +1,83 @@
+//! Why a feature has no value: said in words, never as a zero.
+
+use std::fmt;
+
+/// Why there was too little to measure a feature.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NotEnough {
+    /// The tool was never seen, or never for long enough to follow its motion.
+    NeverSeen,
+    /// Seen for too short a time.
+    TooShort {
+        /// How long it was seen, s.
+        observed_s: f64,
+        /// How long it must be, s.
+        needed_s: f64,
+    },
+    /// Seen for too small a share of the task.
+    TooLittleSeen {
+        /// Share in which it was seen, 0 to 1.
+        share: f64,
+        /// Share in which it must be.
+        needed: f64,
+    },
+    /// Nothing moved.
+    NoMovement,
+    /// Too few movements of a length that the feature is defined for.
+    TooFewMovements {
+        /// How many there are.
+        found: usize,
+        /// How many it takes.
+        needed: usize,
+    },
+    /// A feature of two hands, but not two tools.
+    NotTwoTools {
+        /// How many tools the trajectory has.
+        found: usize,
+    },
+    /// A position or time that is not a usable number, or rows that are not in time order.
+    UnusableSamples,
+    /// A setting that nothing can be measured with.
+    UnusableSetting(&'static str),
+    /// What came out lies outside the feature's valid range, so the path cannot have been a hand's.
+    OutOfRange,
+}
+
+impl NotEnough {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            NotEnough::NeverSeen => "never_seen",
+            NotEnough::TooShort { .. } => "too_short",
+            NotEnough::TooLittleSeen { .. } => "too_little_seen",
+            NotEnough::NoMovement => "no_movement",
+            NotEnough::TooFewMovements { .. } => "too_few_movements",
+            NotEnough::NotTwoTools { .. } => "not_two_tools",
+            NotEnough::UnusableSamples => "unusable_samples",
+            NotEnough::UnusableSetting(_) => "unusable_setting",
+            NotEnough::OutOfRange => "out_of_range",
+        }
+    }
+}
+
+impl fmt::Display for NotEnough {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            NotEnough::NeverSeen => f.write_str("the tool was never seen for long enough to follow its motion"),
+            NotEnough::TooShort { observed_s, needed_s } => {
+                write!(f, "seen for {observed_s:.2} s; needs {needed_s} s")
+            }
+            NotEnough::TooLittleSeen { share, needed } => {
+                write!(f, "seen for {:.0} % of the time; needs {:.0} %", 100.0 * share, 100.0 * needed)
+            }
+            NotEnough::NoMovement => f.write_str("nothing moved"),
+            NotEnough::TooFewMovements { found, needed } => {
+                write!(f, "{found} movements of a usable length; needs {needed}")
+            }
+            NotEnough::NotTwoTools { found } => write!(f, "compares two tools; the trajectory has {found}"),
+            NotEnough::UnusableSamples => f.write_str("the samples are not finite numbers in time order"),
+            NotEnough::UnusableSetting(name) => write!(f, "the setting {name} cannot be used"),
+            NotEnough::OutOfRange => f.write_str("the path is not one that a hand can make"),
+        }
+    }
+}

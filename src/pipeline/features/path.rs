@@ -1,0 +1,149 @@
+//! Features of the path's shape in space: length, economy, room.
+
+use nalgebra::{Point3, Vector3};
+
+use super::hull;
+use super::motion::Motion;
+use super::smoothness::along;
+use super::{BOTH, Direction, Feature, FeatureSettings, IMAGE, Measure, NotEnough, THREE_D};
+
+/// Longest path that is taken for a hand's, mm: ten kilometres.
+const LONGEST_MM: f64 = 1e7;
+
+/// How far.
+pub const PATH_LENGTH: Feature = Feature {
+    name: "path_length",
+    title: "Path length",
+    unit: "mm",
+    direction: Direction::Lower,
+    description: "Length of the path during the task, as far as it was seen; nothing is added across gaps.",
+    source: "METHOD 6; universal in the field",
+    range: (0.0, LONGEST_MM),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(path_length)],
+};
+
+/// How far towards and away from the camera.
+pub const DEPTH_TRAVELLED: Feature = Feature {
+    name: "depth_travelled",
+    title: "Depth travelled",
+    unit: "mm",
+    direction: Direction::Lower,
+    description: "Sum of the path's steps along the line of sight (z), both ways.",
+    source: "METHOD 6; depth perception of ProMIS and TrEndo, taken along the camera's axis",
+    range: (0.0, LONGEST_MM),
+    spaces: THREE_D,
+    windowed: true,
+    measures: &[Measure::Tool(depth_travelled)],
+};
+
+/// Room for the length, in the picture.
+pub const ECONOMY_OF_AREA: Feature = Feature {
+    name: "economy_of_area",
+    title: "Economy of area",
+    unit: "1",
+    direction: Direction::Higher,
+    description: "Square root of the area of the path's bounding rectangle in x and y, divided by the path's length \
+                  there.",
+    source: "Oropesa 2013 (EVA); METHOD 6",
+    range: (0.0, 1.0),
+    spaces: IMAGE,
+    windowed: false,
+    measures: &[Measure::Tool(economy_of_area)],
+};
+
+/// Room for the length, in space.
+pub const ECONOMY_OF_VOLUME: Feature = Feature {
+    name: "economy_of_volume",
+    title: "Economy of volume",
+    unit: "1",
+    direction: Direction::Higher,
+    description: "Cube root of the volume of the path's bounding box along the camera's axes, divided by the path's \
+                  length.",
+    source: "Oropesa 2013 (EVA); METHOD 6",
+    range: (0.0, 1.0),
+    spaces: THREE_D,
+    windowed: false,
+    measures: &[Measure::Tool(economy_of_volume)],
+};
+
+/// Room used, in the picture.
+pub const WORKING_AREA: Feature = Feature {
+    name: "working_area",
+    title: "Working area",
+    unit: "mm²",
+    direction: Direction::Lower,
+    description: "Area of the convex hull of the path in x and y.",
+    source: "D'Angelo 2016 (working volume), in the plane",
+    range: (0.0, 1e9),
+    spaces: IMAGE,
+    windowed: false,
+    measures: &[Measure::Tool(working_area)],
+};
+
+/// Room used, in space.
+pub const WORKING_VOLUME: Feature = Feature {
+    name: "working_volume",
+    title: "Working volume",
+    unit: "mm³",
+    direction: Direction::Lower,
+    description: "Volume of the convex hull of the path.",
+    source: "D'Angelo 2016",
+    range: (0.0, 1e13),
+    spaces: THREE_D,
+    windowed: false,
+    measures: &[Measure::Tool(working_volume)],
+};
+
+/// Points from which a hull is made, at most: enough that the hull of a minute's path is exact to a millimetre.
+const HULL_POINTS: f64 = 10_000.0;
+
+pub(super) fn path_length(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    Ok(motion.length_mm())
+}
+
+fn depth_travelled(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    Ok(motion.steps().map(|(a, b)| (b.position.z - a.position.z).abs()).sum())
+}
+
+fn economy_of_area(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let length = moved(motion, settings)?;
+    let size = bounding_box(motion);
+    Ok((size.x * size.y).sqrt() / length)
+}
+
+fn economy_of_volume(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let length = moved(motion, settings)?;
+    let size = bounding_box(motion);
+    Ok((size.x * size.y * size.z).cbrt() / length)
+}
+
+fn working_area(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let points: Vec<_> = hull_points(motion, settings)?.iter().map(|p| p.xy()).collect();
+    Ok(hull::area(&points))
+}
+
+fn working_volume(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    Ok(hull::volume(&hull_points(motion, settings)?))
+}
+
+/// The path's length, if it went anywhere.
+fn moved(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let length = path_length(motion, settings)?;
+    if length < settings.smoothness_step_mm { Err(NotEnough::NoMovement) } else { Ok(length) }
+}
+
+fn hull_points(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f64>>, NotEnough> {
+    let length = moved(motion, settings)?;
+    let step = settings.smoothness_step_mm.max(length / HULL_POINTS);
+    Ok(motion.spans.iter().flat_map(|span| along(span, step, 0.0)).collect())
+}
+
+fn bounding_box(motion: &Motion) -> Vector3<f64> {
+    let corners = motion.nodes().map(|node| node.position.coords).map(|p| (p, p));
+    let both = corners.reduce(|(least, most), (p, _)| (least.inf(&p), most.sup(&p)));
+    both.map_or_else(Vector3::zeros, |(least, most)| most - least)
+}

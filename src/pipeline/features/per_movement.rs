@@ -1,0 +1,185 @@
+//! Features of single movements: how many, and how smooth each is.
+//!
+//! Jerk and spectrum are defined for discrete movements of a few seconds, and their authors warn against longer ones.
+//! So they are taken per movement, and the session's value is the median, weighted by the movements' lengths.
+
+use super::motion::Motion;
+use super::movement::{Movement, movements};
+use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough};
+
+/// How many.
+pub const MOVEMENTS: Feature = Feature {
+    name: "movements",
+    title: "Number of movements",
+    unit: "1",
+    direction: Direction::Lower,
+    description: "How many movements the task took: stretches of at least 0.2 s in which the speed stays above 7 mm/s \
+                  and reaches 10 mm/s.",
+    source: "ICSAD's third measure, with PerkTutor's hysteresis",
+    range: (0.0, 1e6),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(movement_count)],
+};
+
+/// Smoothness in time.
+pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
+    name: "log_dimensionless_jerk",
+    title: "Log dimensionless jerk",
+    unit: "1",
+    direction: Direction::Higher,
+    description: "−ln(T³/v² · ∫ (d²s/dt²)² dt) of a movement's speed s with duration T and peak v; median over the \
+                  movements of at most 10 s, weighted by their duration. Closer to 0 is smoother.",
+    source: "Balasubramanian 2012, 2015 (LDLJ)",
+    range: (-50.0, 10.0),
+    spaces: BOTH,
+    windowed: false,
+    measures: &[Measure::Tool(log_dimensionless_jerk)],
+};
+
+/// Smoothness in frequency.
+pub const SPECTRAL_ARC_LENGTH: Feature = Feature {
+    name: "spectral_arc_length",
+    title: "Spectral arc length",
+    unit: "1",
+    direction: Direction::Higher,
+    description: "Minus the length of the curve of a movement's normalised speed spectrum up to 10 Hz; median over the \
+                  movements of at most 10 s, weighted by their duration. Closer to 0 is smoother.",
+    source: "Balasubramanian 2012, 2015 (SPARC; cut-off 10 Hz, threshold 0.05, padding 4)",
+    range: (-1e4, 0.0),
+    spaces: BOTH,
+    windowed: false,
+    measures: &[Measure::Tool(spectral_arc_length)],
+};
+
+/// Highest frequency of the spectrum, Hz.
+const CUT_OFF_HZ: f64 = 10.0;
+
+/// The spectrum ends at the last frequency with this share of the largest amplitude.
+const LEAST_AMPLITUDE: f64 = 0.05;
+
+/// The spectrum is refined by zeros to this power of two times the movement's length.
+const PADDING: u32 = 4;
+
+fn movement_count(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    Ok(movements(motion, settings).len() as f64)
+}
+
+fn log_dimensionless_jerk(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    median_over_movements(motion, settings, ldlj)
+}
+
+fn spectral_arc_length(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    median_over_movements(motion, settings, sparc)
+}
+
+fn median_over_movements(
+    motion: &Motion,
+    settings: &FeatureSettings,
+    of: impl Fn(&[f64], f64) -> Option<f64>,
+) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    let short = |m: &Movement| m.interval.steps() as f64 * motion.step_s <= settings.longest_movement_s;
+    let usable = movements(motion, settings).into_iter().filter(short);
+    let weighted = usable.filter_map(|m| Some((of(&m.speeds, motion.step_s)?, m.interval.steps() as f64)));
+    let values: Vec<(f64, f64)> = weighted.collect();
+    if values.len() < settings.min_movements.max(1) {
+        return Err(NotEnough::TooFewMovements { found: values.len(), needed: settings.min_movements.max(1) });
+    }
+    Ok(weighted_median(values))
+}
+
+/// The value at which half of the weight is reached. `values` are pairs of value and weight, and not empty.
+fn weighted_median(mut values: Vec<(f64, f64)>) -> f64 {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = values.iter().map(|(_, weight)| weight).sum::<f64>() / 2.0;
+    let mut reached = 0.0;
+    let middle = values.iter().find(|(_, weight)| {
+        reached += weight;
+        reached >= half
+    });
+    middle.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
+}
+
+/// Log dimensionless jerk of a speed profile at even steps. `None` for a profile that is too short, at rest, or of
+/// perfectly constant acceleration.
+pub fn ldlj(speeds: &[f64], step_s: f64) -> Option<f64> {
+    let peak = speeds.iter().copied().fold(0.0, f64::max);
+    let duration_s = speeds.len() as f64 * step_s;
+    let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]) / (step_s * step_s);
+    let jerk: f64 = speeds.windows(3).map(|w| second(w).powi(2)).sum::<f64>() * step_s;
+    let value = -(duration_s.powi(3) / (peak * peak) * jerk).ln();
+    value.is_finite().then_some(value)
+}
+
+/// Spectral arc length of a speed profile at even steps. `None` for a profile at rest or of constant speed.
+pub fn sparc(speeds: &[f64], step_s: f64) -> Option<f64> {
+    let spectrum = amplitudes(speeds, step_s)?;
+    let last = spectrum.iter().rposition(|amplitude| *amplitude >= LEAST_AMPLITUDE)?;
+    let first = spectrum.iter().position(|amplitude| *amplitude >= LEAST_AMPLITUDE)?;
+    let bins = (last - first) as f64;
+    let steps = spectrum[first..=last].windows(2).map(|w| (w[1] - w[0]).hypot(1.0 / bins));
+    (last > first).then(|| -steps.sum::<f64>())
+}
+
+/// The amplitudes of the spectrum up to the cut-off, the largest being 1. A speed is never negative, so its largest
+/// amplitude is the one at frequency 0: the sum.
+fn amplitudes(speeds: &[f64], step_s: f64) -> Option<Vec<f64>> {
+    let sum: f64 = speeds.iter().sum();
+    let length = speeds.len().next_power_of_two() << PADDING;
+    let bins = ((CUT_OFF_HZ * step_s * length as f64 + 1e-9) as usize).min(length - 1);
+    let amplitude = |bin: usize| {
+        // Goertzel's recurrence: one pass per frequency, without a table of sines.
+        let turn = 2.0 * (std::f64::consts::TAU * bin as f64 / length as f64).cos();
+        let (s1, s2) = speeds.iter().fold((0.0, 0.0), |(s1, s2), v| (v + turn * s1 - s2, s1));
+        (s1 * s1 + s2 * s2 - turn * s1 * s2).max(0.0).sqrt() / sum
+    };
+    (sum > 0.0).then(|| (0..=bins).map(amplitude).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The reference implementation's example: speed exp(−5t²), t from −1 to 1 (excluded), 100 Hz.
+    fn example() -> Vec<f64> {
+        (0..200).map(|i| f64::from(i) / 100.0 - 1.0).map(|t| (-5.0 * t * t).exp()).collect()
+    }
+
+    #[test]
+    fn the_reference_movement_has_the_published_spectral_arc_length() {
+        assert!((sparc(&example(), 0.01).unwrap() + 1.41403).abs() < 5e-6);
+    }
+
+    #[test]
+    fn the_reference_movement_has_the_published_log_dimensionless_jerk() {
+        assert!((ldlj(&example(), 0.01).unwrap() + 5.81636).abs() < 5e-6);
+    }
+
+    #[test]
+    fn neither_depends_on_the_size_of_the_movement() {
+        let large: Vec<f64> = example().iter().map(|v| 1000.0 * v).collect();
+        assert!((sparc(&large, 0.01).unwrap() - sparc(&example(), 0.01).unwrap()).abs() < 1e-9);
+        assert!((ldlj(&large, 0.01).unwrap() - ldlj(&example(), 0.01).unwrap()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn two_pulses_in_a_row_are_less_smooth_than_one() {
+        let two: Vec<f64> = example().into_iter().chain(example()).collect();
+        assert!(sparc(&two, 0.01) < sparc(&example(), 0.01));
+        assert!(ldlj(&two, 0.01) < ldlj(&example(), 0.01));
+    }
+
+    #[test]
+    fn rest_has_no_smoothness() {
+        assert_eq!((sparc(&[0.0; 50], 0.02), ldlj(&[0.0; 50], 0.02)), (None, None));
+        assert_eq!((sparc(&[], 0.02), ldlj(&[], 0.02)), (None, None));
+    }
+
+    #[test]
+    fn a_long_movement_outweighs_short_ones() {
+        assert_eq!(weighted_median(vec![(1.0, 1.0), (9.0, 10.0), (2.0, 1.0)]), 9.0);
+        assert_eq!(weighted_median(vec![(3.0, 1.0), (1.0, 1.0), (2.0, 1.0)]), 2.0);
+    }
+}

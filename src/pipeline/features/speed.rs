@@ -1,0 +1,93 @@
+//! Features of speed and acceleration.
+
+use super::motion::{Motion, Node};
+use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough};
+
+/// How fast on average.
+pub const MEAN_VELOCITY: Feature = Feature {
+    name: "mean_velocity",
+    title: "Mean velocity",
+    unit: "mm/s",
+    direction: Direction::Neither,
+    description: "Mean over the seen time of the task of the speed. Skilled hands tend to be faster, but noise and haste \
+                  raise it too.",
+    source: "T 4.34",
+    range: (0.0, 5_000.0),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(mean_velocity)],
+};
+
+/// How fast at most, without the outliers.
+pub const PEAK_VELOCITY: Feature = Feature {
+    name: "peak_velocity",
+    title: "Peak velocity (95 %)",
+    unit: "mm/s",
+    direction: Direction::Neither,
+    description: "The speed that is exceeded in 5 % of the seen time of the task.",
+    source: "METHOD 6; the 95 % quantile because a maximum is made of noise",
+    range: (0.0, 5_000.0),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(peak_velocity)],
+};
+
+/// How unsteady.
+pub const JITTER: Feature = Feature {
+    name: "jitter",
+    title: "Jitter",
+    unit: "mm/s²",
+    direction: Direction::Lower,
+    description: "Mean over the seen time of the task of the acceleration's magnitude. It grows with speed: compare \
+                  people of like speed, or take the relative jitter.",
+    source: "T 4.35",
+    range: (0.0, 1e6),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(jitter)],
+};
+
+/// How unsteady for its speed.
+pub const RELATIVE_JITTER: Feature = Feature {
+    name: "relative_jitter",
+    title: "Relative jitter",
+    unit: "1/s",
+    direction: Direction::Lower,
+    description: "Jitter divided by the mean velocity, so that fast hands are not taken for unsteady ones.",
+    source: "PEERS 3.1: mean |a| · T / path length",
+    range: (0.0, 1e4),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(relative_jitter)],
+};
+
+/// Means slower than this are a tool at rest, whose ratio to anything is noise; mm/s.
+const REST_MM_S: f64 = 1.0;
+
+pub(super) fn mean_velocity(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    Ok(mean(motion, |node| node.velocity.norm()))
+}
+
+fn jitter(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    Ok(mean(motion, |node| node.acceleration.norm()))
+}
+
+fn relative_jitter(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let speed = mean_velocity(motion, settings)?;
+    if speed < REST_MM_S { Err(NotEnough::NoMovement) } else { Ok(jitter(motion, settings)? / speed) }
+}
+
+fn peak_velocity(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    let mut speeds: Vec<f64> = motion.nodes().map(|node| node.velocity.norm()).collect();
+    speeds.sort_by(f64::total_cmp);
+    Ok(speeds[((speeds.len() - 1) as f64 * 0.95).round() as usize]) // never empty: enough was seen
+}
+
+/// The mean over time, by the trapezium rule within each span.
+fn mean(motion: &Motion, of: impl Fn(&Node) -> f64) -> f64 {
+    let sum: f64 = motion.steps().map(|(a, b)| (of(a) + of(b)) / 2.0).sum();
+    sum / motion.steps().count() as f64
+}

@@ -1,0 +1,131 @@
+//! Features of time: how long, how much of it at rest, how much of it unseen.
+
+use super::motion::{Motion, Span};
+use super::movement::{extent, movements_of_span};
+use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+
+/// From first to last movement.
+pub const DURATION: Feature = Feature {
+    name: "duration",
+    title: "Duration",
+    unit: "s",
+    direction: Direction::Lower,
+    description: "Time from the start of the first movement to the end of the last, of the tool or, for the session, of \
+                  any tool. A movement is a stretch of at least 0.2 s in which the speed stays above 7 mm/s and reaches \
+                  10 mm/s.",
+    source: "T 4.37; start and end rule after PerkTutor's hysteresis",
+    range: (0.0, 86_400.0),
+    spaces: THREE_D,
+    windowed: false,
+    measures: &[Measure::Session(task_duration), Measure::Tool(tool_duration)],
+};
+
+/// Slower than the threshold.
+pub const THINKING_TIME: Feature = Feature {
+    name: "thinking_time",
+    title: "Thinking time",
+    unit: "s",
+    direction: Direction::Lower,
+    description: "Time during the task in which the tool is seen and its speed is below 5 mm/s.",
+    source: "T 4.36, corrected: below the threshold, not above it; threshold as EndoViS",
+    range: (0.0, 86_400.0),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(thinking_time)],
+};
+
+/// Resting between movements.
+pub const IDLE_SHARE: Feature = Feature {
+    name: "idle_share",
+    title: "Idle share",
+    unit: "1",
+    direction: Direction::Lower,
+    description: "Share of the seen time of the task that lies in rests of at least 1 s between movements.",
+    source: "D'Angelo 2016 (idle time); METHOD 6",
+    range: (0.0, 1.0),
+    spaces: THREE_D,
+    windowed: true,
+    measures: &[Measure::Tool(idle_share)],
+};
+
+/// Neither observed nor bridged.
+pub const NOT_SEEN_SHARE: Feature = Feature {
+    name: "not_seen_share",
+    title: "Share not seen",
+    unit: "1",
+    direction: Direction::Lower,
+    description: "Share of the task in which the tool was neither observed nor in a gap of at most 0.25 s between two \
+                  observations: out of view, hidden, or lost by the tracker.",
+    source: "METHOD 6; SurgTrac's time off-screen",
+    range: (0.0, 1.0),
+    spaces: THREE_D,
+    windowed: true,
+    measures: &[Measure::Tool(not_seen_share)],
+};
+
+fn task_duration(motions: &[Motion], settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let first = motions.first().ok_or(NotEnough::NeverSeen)?;
+    let extents = motions.iter().filter_map(|motion| extent(motion, settings));
+    let task = extents.reduce(|a, b| a.hull(b)).ok_or(NotEnough::NoMovement)?;
+    Ok(task.steps() as f64 * first.step_s)
+}
+
+fn tool_duration(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    let own = extent(motion, settings).ok_or(NotEnough::NoMovement)?;
+    Ok(own.steps() as f64 * motion.step_s)
+}
+
+fn thinking_time(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    let below = |a: f64, b: f64| share_below(a, b, settings.thinking_speed_mm_s);
+    let shares = motion.steps().map(|(a, b)| below(a.velocity.norm(), b.velocity.norm()));
+    Ok(shares.sum::<f64>() * motion.step_s)
+}
+
+/// The share of a step, over which the speed runs straight from `a` to `b`, that lies below a threshold.
+fn share_below(a: f64, b: f64, threshold: f64) -> f64 {
+    let (low, high) = (a.min(b), a.max(b));
+    if high <= threshold {
+        1.0
+    } else if low >= threshold {
+        0.0
+    } else {
+        (threshold - low) / (high - low)
+    }
+}
+
+fn idle_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    let idle_steps: i64 = motion.spans.iter().map(|span| idle_steps(span, settings)).sum();
+    Ok(idle_steps as f64 / motion.steps().count() as f64)
+}
+
+/// Steps of a span that lie in long enough rests: before, between and after its movements.
+fn idle_steps(span: &Span, settings: &FeatureSettings) -> i64 {
+    let movements = movements_of_span(span, settings);
+    let starts = movements.iter().map(|m| m.interval.first).chain([span.last()]);
+    let ends = [span.first].into_iter().chain(movements.iter().map(|m| m.interval.last));
+    let rests = ends.zip(starts).map(|(rest_from, rest_until)| rest_until - rest_from);
+    rests.filter(|steps| *steps as f64 * settings.step_s >= settings.pause_min_s - 1e-9).sum()
+}
+
+fn not_seen_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let task_s = motion.interval.steps() as f64 * motion.step_s;
+    if task_s < settings.min_observed_s {
+        return Err(NotEnough::TooShort { observed_s: task_s, needed_s: settings.min_observed_s });
+    }
+    Ok(1.0 - motion.seen_share())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_that_crosses_the_threshold_counts_in_proportion() {
+        assert_eq!(share_below(0.0, 10.0, 5.0), 0.5);
+        assert_eq!(share_below(8.0, 4.0, 5.0), 0.25);
+        assert_eq!((share_below(5.0, 5.0, 5.0), share_below(6.0, 7.0, 5.0)), (1.0, 0.0));
+    }
+}
