@@ -139,7 +139,8 @@ fn moved(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> 
 fn hull_points(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f64>>, NotEnough> {
     let length = moved(motion, settings)?;
     let step = settings.smoothness_step_mm.max(length / HULL_POINTS);
-    Ok(motion.spans.iter().flat_map(|span| along(span, step, 0.0)).collect())
+    let ends = motion.spans.iter().filter_map(|span| span.nodes.last()).map(|node| node.position);
+    Ok(motion.spans.iter().flat_map(|span| along(span, step, 0.0)).chain(ends).collect())
 }
 
 fn bounding_box(motion: &Motion) -> Vector3<f64> {
