@@ -1,0 +1,176 @@
+//! From light on the sensor to codes in a file: lens blur, vignetting, tone curve, YUV, noise.
+
+use super::super::light::Rgb;
+use super::super::random::Dice;
+use super::super::rig::{Optics, Rig};
+use super::tile::TILE;
+
+/// Pixels of blur on each side.
+pub const REACH: usize = 3;
+/// Pixels along a patch: a tile and what blurs into it.
+pub const PATCH: usize = TILE + 2 * REACH;
+
+const TONES: usize = 2048;
+const BRIGHTEST: f32 = 2.0;
+
+/// Lens and sensor, as tables.
+pub struct Film {
+    taps: [f32; 2 * REACH + 1],
+    tone: Vec<f32>,
+    vignette: Vec<f32>,
+    width: usize,
+}
+
+/// Gamma-encoded red, green, blue in 0..1.
+pub type Encoded = [f32; 3];
+
+impl Film {
+    /// The film of a rig.
+    pub fn new(rig: &Rig) -> Self {
+        let camera = &rig.camera;
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let corner = (camera.cx / camera.fx).hypot(camera.cy / camera.fy);
+        let loss = |u: usize, v: usize| {
+            let radius = ((u as f64 - camera.cx) / camera.fx).hypot((v as f64 - camera.cy) / camera.fy) / corner;
+            (1.0 - rig.optics.vignetting * radius * radius).max(0.05) as f32
+        };
+        let vignette = (0..width * height).map(|i| loss(i % width, i / width)).collect();
+        let tone = (0..=TONES).map(|i| encode(BRIGHTEST * i as f32 / TONES as f32)).collect();
+        Self { taps: taps(rig.optics.blur_px), tone, vignette, width }
+    }
+
+    /// Blurs and encodes the tile in the middle of a patch whose tile begins at pixel (`left`, `top`).
+    pub fn develop(&self, patch: &[Rgb], left: usize, top: usize, size: (usize, usize)) -> Vec<Encoded> {
+        let mut across = [[0.0f32; 3]; PATCH * TILE];
+        for y in 0..size.1 + 2 * REACH {
+            for x in 0..size.0 {
+                across[y * TILE + x] = self.weigh(|k| patch[y * PATCH + x + k]);
+            }
+        }
+        let mut encoded = Vec::with_capacity(size.0 * size.1);
+        for y in 0..size.1 {
+            for x in 0..size.0 {
+                let light = self.weigh(|k| across[(y + k) * TILE + x]);
+                let share = self.vignette[(top + y) * self.width + left + x];
+                encoded.push(light.map(|c| self.tone_of(c * share)));
+            }
+        }
+        encoded
+    }
+
+    #[inline]
+    fn weigh(&self, at: impl Fn(usize) -> Rgb) -> Rgb {
+        let mut sum = [0.0; 3];
+        for (k, tap) in self.taps.iter().enumerate() {
+            let rgb = at(k);
+            for (channel, value) in sum.iter_mut().zip(rgb) {
+                *channel += tap * value;
+            }
+        }
+        sum
+    }
+
+    #[inline]
+    fn tone_of(&self, light: f32) -> f32 {
+        let at = (light * (TONES as f32 / BRIGHTEST)).clamp(0.0, TONES as f32 - 1.0);
+        let (step, share) = (at as usize, at.fract());
+        self.tone[step] + (self.tone[step + 1] - self.tone[step]) * share
+    }
+}
+
+fn taps(sigma: f64) -> [f32; 2 * REACH + 1] {
+    let weights: [f64; 2 * REACH + 1] = std::array::from_fn(|k| {
+        let off = k as f64 - REACH as f64;
+        (-0.5 * (off / sigma.max(1e-3)).powi(2)).exp()
+    });
+    let sum: f64 = weights.iter().sum();
+    weights.map(|w| (w / sum) as f32)
+}
+
+/// sRGB, with a shoulder that lets highlights run out softly.
+fn encode(light: f32) -> f32 {
+    const KNEE: f32 = 0.72;
+    let over = (light - KNEE).max(0.0);
+    let kept = light.min(KNEE) + (1.0 - KNEE) * (1.0 - (-over / (1.0 - KNEE)).exp());
+    if kept <= 0.003_130_8 { 12.92 * kept } else { 1.055 * kept.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Codes of BT.709, limited range, unrounded.
+pub fn yuv(rgb: Encoded) -> [f32; 3] {
+    let [r, g, b] = rgb;
+    let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    [16.0 + 219.0 * y, 128.0 + 224.0 * (b - y) / 1.8556, 128.0 + 224.0 * (r - y) / 1.5748]
+}
+
+/// The sensor's noise: stronger in bright light, but lifted in the dark by the tone curve.
+pub struct Grain {
+    normals: Vec<f32>,
+    sigma: [f32; 256],
+}
+
+/// Noise for one row of samples.
+pub struct GrainRow<'a> {
+    grain: &'a Grain,
+    dice: Dice,
+    bits: u64,
+    left: u32,
+}
+
+const NORMALS_BITS: u32 = 12;
+
+impl Grain {
+    /// The noise of a sensor.
+    pub fn new(optics: &Optics) -> Self {
+        let mut dice = Dice::new(0, "grain");
+        let normals = (0..1 << NORMALS_BITS).map(|_| dice.gauss() as f32).collect();
+        let sigma = std::array::from_fn(|code| sigma_of_code(optics, code as f32));
+        Self { normals, sigma }
+    }
+
+    /// The noise of a row; `key` tells frames and planes apart.
+    pub fn row(&self, seed: u64, key: &str) -> GrainRow<'_> {
+        GrainRow { grain: self, dice: Dice::new(seed, key), bits: 0, left: 0 }
+    }
+}
+
+impl GrainRow<'_> {
+    /// The next standard normal.
+    #[inline]
+    pub fn normal(&mut self) -> f32 {
+        if self.left == 0 {
+            (self.bits, self.left) = (self.dice.bits(), 64 / NORMALS_BITS);
+        }
+        let index = self.bits & ((1 << NORMALS_BITS) - 1);
+        self.bits >>= NORMALS_BITS;
+        self.left -= 1;
+        self.grain.normals[index as usize]
+    }
+
+    /// Noise at a luma code, codes.
+    #[inline]
+    pub fn luma_noise(&mut self, code: f32) -> f32 {
+        self.grain.sigma[code as u8 as usize] * self.normal()
+    }
+
+    /// A luma code with noise, rounded.
+    #[inline]
+    pub fn luma(&mut self, code: f32) -> u8 {
+        (code + self.luma_noise(code) + 0.5) as u8 // saturates at both ends
+    }
+
+    /// A chroma code with noise, rounded.
+    #[inline]
+    pub fn chroma(&mut self, code: f32) -> u8 {
+        const CHROMA_SIGMA: f32 = 0.8; // codes; averaged over four pixels and cleaned by every camera
+        (code + CHROMA_SIGMA * self.normal() + 0.5) as u8
+    }
+}
+
+/// Deviation of a luma code: the linear noise times the slope of the tone curve there.
+fn sigma_of_code(optics: &Optics, code: f32) -> f32 {
+    let encoded = ((code - 16.0) / 219.0).clamp(0.0, 1.0);
+    let linear = if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+    let noise = ((optics.read_noise.powi(2) + optics.shot_noise.powi(2) * f64::from(linear)) as f32).sqrt();
+    let slope = (encode(linear + 0.002) - encode((linear - 0.002).max(0.0))) / (linear + 0.002 - (linear - 0.002).max(0.0));
+    219.0 * noise * slope
+}

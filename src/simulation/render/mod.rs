@@ -1,0 +1,213 @@
+//! A moment of a [`World`] as the planes that its camera would deliver.
+//!
+//! In: a world, a time. Out: 8-bit Y, U, V with perspective, lens distortion, shadows, gloss, motion and lens blur,
+//! vignetting and sensor noise. The empty box is ray-traced once; a frame only looks again at the 16×16 tiles that a
+//! tool or its shadow touches. Silhouettes are those of the exact solids (see [`moving`]); noise is drawn from the seed
+//! and the time alone, so a frame looks the same whatever was rendered before it.
+
+mod film;
+mod moving;
+mod photo;
+mod picture;
+mod rays;
+mod still;
+mod tile;
+
+pub use photo::{Photo, Photographer};
+pub use picture::{Chroma, Rendered};
+
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use self::film::{Encoded, Film, Grain, REACH, yuv};
+use self::moving::{Exposure, hidden};
+use self::picture::chroma_length;
+use self::rays::Rays;
+use self::still::Still;
+use self::tile::{Square, TILE, Tiling};
+use super::light::{LAMPS, Rgb};
+use super::shape::RoundCone;
+use super::world::World;
+
+/// Draws one world.
+pub struct Renderer<'w> {
+    world: &'w World,
+    chroma: Chroma,
+    tiling: Tiling,
+    rays: Rays,
+    still: Still,
+    film: Film,
+    grain: Grain,
+    /// The empty box, developed: what most tiles of every frame are.
+    plates: Vec<Vec<Encoded>>,
+    cones: Vec<Cone>,
+}
+
+/// What a tile looks at.
+struct Cone {
+    unit: nalgebra::Vector3<f64>,
+    sine: f64,
+    middle: Point3<f64>,
+    spread_mm: f64,
+}
+
+type Painted = Option<Vec<Rgb>>;
+
+impl<'w> Renderer<'w> {
+    /// Prepares to draw a world in 4:2:0; looks at all of its scenery once.
+    pub fn new(world: &'w World) -> Self {
+        Self::with_chroma(world, Chroma::Quarter)
+    }
+
+    /// Prepares to draw a world with this chroma resolution.
+    pub fn with_chroma(world: &'w World, chroma: Chroma) -> Self {
+        let camera = &world.rig.camera;
+        let tiling = Tiling::new(camera.width as usize, camera.height as usize);
+        let rays = Rays::new(camera);
+        let still = Still::new(|v| world.scenery.look(v), &rays, tiling.width, tiling.height);
+        let (film, grain) = (Film::new(&world.rig), Grain::new(&world.rig.optics));
+        let cones = (0..tiling.count()).map(|i| Cone::new(tiling.square(i), &rays, &still)).collect();
+        let mut renderer = Self { world, chroma, tiling, rays, still, film, grain, plates: Vec::new(), cones };
+        let empty: Vec<Painted> = vec![None; tiling.count()];
+        renderer.plates = (0..tiling.count()).into_par_iter().map(|i| renderer.develop(i, &empty)).collect();
+        renderer
+    }
+
+    /// The picture whose exposure has its middle at this time, s.
+    pub fn render(&self, time_s: f64) -> Rendered {
+        let exposure = Exposure::new(self.world, time_s, self.world.rig.optics.exposure_s);
+        let painted: Vec<Painted> =
+            (0..self.tiling.count()).into_par_iter().map(|tile| self.paint(tile, &exposure)).collect();
+        let mut picture = Rendered::black(self.tiling.width, self.tiling.height, self.chroma);
+        self.expose(&painted, time_s, &mut picture);
+        picture
+    }
+
+    /// The light in a tile that something moving touches.
+    fn paint(&self, tile: usize, exposure: &Exposure) -> Painted {
+        let cone = &self.cones[tile];
+        let bodies = exposure.near(cone.unit, cone.sine);
+        let rods: Vec<RoundCone> = exposure.rods.iter().map(|(_, rod)| *rod).filter(|r| self.may_shade(cone, r)).collect();
+        if bodies.is_empty() && rods.is_empty() {
+            return None;
+        }
+        let light = |(u, v): (usize, usize)| {
+            let still = self.still.at(u, v);
+            let depth = f64::from(still.depth);
+            let behind = if rods.is_empty() { still.radiance } else { self.shaded(u, v, &rods) };
+            if bodies.is_empty() {
+                return behind;
+            }
+            exposure.paint(self.world, &bodies, &self.rays.of(u, v), (behind, depth))
+        };
+        Some(self.tiling.square(tile).pixels().map(light).collect())
+    }
+
+    fn may_shade(&self, cone: &Cone, rod: &RoundCone) -> bool {
+        self.world.rig.lighting.lamps.iter().any(|lamp| lamp.may_hide(cone.middle, cone.spread_mm, rod))
+    }
+
+    /// The empty box's light at a pixel, less what the rods' shadows take.
+    fn shaded(&self, u: usize, v: usize, rods: &[RoundCone]) -> Rgb {
+        let still = self.still.at(u, v);
+        let point = Point3::from(self.rays.centre(u, v) * f64::from(still.depth));
+        let hidden = hidden(self.world, point, rods.iter());
+        let lost: f32 = (0..LAMPS).map(|lamp| still.from_lamp[lamp] * hidden[lamp]).sum();
+        still.radiance.map(|c| c * (1.0 - lost))
+    }
+
+    /// The tile as the sensor encodes it, without noise.
+    fn develop(&self, tile: usize, painted: &[Painted]) -> Vec<Encoded> {
+        let square = self.tiling.square(tile);
+        let patch = self.tiling.patch(square, REACH, |u, v| self.light_at(u, v, painted));
+        self.film.develop(&patch, square.left, square.top, square.size())
+    }
+
+    fn light_at(&self, u: usize, v: usize, painted: &[Painted]) -> Rgb {
+        match &painted[(v / TILE) * self.tiling.columns + u / TILE] {
+            None => self.still.at(u, v).radiance,
+            Some(lights) => {
+                let tile_width = TILE.min(self.tiling.width - u / TILE * TILE);
+                lights[v % TILE * tile_width + u % TILE]
+            }
+        }
+    }
+
+    /// Fills the planes, one row of tiles at a time.
+    fn expose(&self, painted: &[Painted], time_s: f64, picture: &mut Rendered) {
+        let (width, columns) = (self.tiling.width, self.tiling.columns);
+        let (sx, sy) = self.chroma.shift();
+        let chroma_band = chroma_length(width, sx) * (TILE >> sy);
+        let bands = picture.y.par_chunks_mut(width * TILE);
+        let chroma = picture.u.par_chunks_mut(chroma_band).zip(picture.v.par_chunks_mut(chroma_band));
+        bands.zip(chroma).enumerate().for_each(|(band, (y, (u, v)))| {
+            let mut sheet = vec![[0.0f32; 3]; y.len()];
+            for tile in band * columns..(band + 1) * columns {
+                let square = self.tiling.square(tile);
+                if self.is_still(tile, painted) {
+                    lay(&self.plates[tile], square, width, &mut sheet);
+                } else {
+                    lay(&self.develop(tile, painted), square, width, &mut sheet);
+                }
+            }
+            let key = format!("frame {:016x} band {band}", time_s.to_bits());
+            self.digitise(&sheet, &key, (y, u, v));
+        });
+    }
+
+    fn is_still(&self, tile: usize, painted: &[Painted]) -> bool {
+        let (column, row) = (tile % self.tiling.columns, tile / self.tiling.columns);
+        let (first, last) = (column.saturating_sub(1), (column + 1).min(self.tiling.columns - 1));
+        let mut rows = row.saturating_sub(1)..=(row + 1).min(self.tiling.rows - 1);
+        rows.all(|r| painted[r * self.tiling.columns + first..=r * self.tiling.columns + last].iter().all(Option::is_none))
+    }
+
+    /// Codes with noise; chroma is the mean of the pixels that share it.
+    fn digitise(&self, sheet: &[Encoded], key: &str, (y, u, v): (&mut [u8], &mut [u8], &mut [u8])) {
+        let width = self.tiling.width;
+        let mut grain = self.grain.row(self.world.seed, key);
+        for (code, rgb) in y.iter_mut().zip(sheet) {
+            *code = grain.luma(yuv(*rgb)[0]);
+        }
+        let (sx, sy) = self.chroma.shift();
+        let chroma_width = chroma_length(width, sx);
+        let height = sheet.len() / width;
+        for (i, (u, v)) in u.iter_mut().zip(v).enumerate() {
+            let (left, top) = ((i % chroma_width) << sx, (i / chroma_width) << sy);
+            let (right, bottom) = ((left + (1 << sx)).min(width), (top + (1 << sy)).min(height));
+            let mut sum = [0.0f32; 3];
+            for row in top..bottom {
+                for rgb in &sheet[row * width + left..row * width + right] {
+                    for (channel, value) in sum.iter_mut().zip(rgb) {
+                        *channel += value;
+                    }
+                }
+            }
+            let count = ((right - left) * (bottom - top)) as f32;
+            let [_, blue, red] = yuv(sum.map(|c| c / count));
+            (*u, *v) = (grain.chroma(blue), grain.chroma(red));
+        }
+    }
+}
+
+impl Cone {
+    fn new(square: Square, rays: &Rays, still: &Still) -> Self {
+        let at = |u: usize, v: usize| rays.centre(u, v);
+        let corners = [(square.left, square.top), (square.right - 1, square.top), (square.left, square.bottom - 1), (square.right - 1, square.bottom - 1)];
+        let (middle_u, middle_v) = ((square.left + square.right) / 2, (square.top + square.bottom) / 2);
+        let unit = at(middle_u, middle_v).normalize();
+        let sines = corners.map(|(u, v)| at(u, v).normalize().cross(&unit).norm());
+        let middle = Point3::from(at(middle_u, middle_v) * f64::from(still.at(middle_u, middle_v).depth));
+        let gaps = square.pixels().map(|(u, v)| (Point3::from(at(u, v) * f64::from(still.at(u, v).depth)) - middle).norm());
+        // Half a pixel beyond the corners' centres, and the lens's curvature over a tile.
+        Self { unit, sine: sines.into_iter().fold(0.0, f64::max) * 1.15, middle, spread_mm: gaps.fold(0.0, f64::max) }
+    }
+}
+
+/// Copies a tile into its place in a band.
+fn lay(tile: &[Encoded], square: Square, width: usize, band: &mut [Encoded]) {
+    let (tile_width, _) = square.size();
+    for (row, line) in tile.chunks_exact(tile_width).enumerate() {
+        band[row * width + square.left..][..tile_width].copy_from_slice(line);
+    }
+}

@@ -1,0 +1,233 @@
+//! What moves, at the moments of one exposure: every ray is cast against the exact solids.
+//!
+//! A pixel well inside a tube is looked at once, at the middle of the exposure. A pixel that a border, a band's end or
+//! a jaw touches at any moment is looked at [`LOOKS`] times, each look at its own place in the pixel *and* its own
+//! moment: anti-aliasing and motion blur in one sum, without bias of the borders.
+
+use nalgebra::{Point3, Vector3};
+
+use super::super::light::{LAMPS, Material, Rgb};
+use super::super::shape::{Meeting, RoundCone, Tube, TubePart};
+use super::super::tool::{BLACK, FACE, STEEL, ToolPose};
+use super::super::world::World;
+use super::rays::{LOOKS, PATTERN, PixelRays};
+
+/// The moving solids of one exposure.
+pub struct Exposure {
+    middle: Vec<Body>,
+    ends: [Vec<Body>; 2],
+    looks: Vec<Vec<Body>>,
+    hulls: Vec<RoundCone>,
+    /// Rods that throw shadows, each with its owner.
+    pub rods: Vec<(usize, RoundCone)>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Body {
+    owner: usize,
+    form: Form,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Form {
+    Tube { tube: Tube, tape: Material },
+    Solid { solid: RoundCone, material: Material },
+}
+
+/// What a ray met.
+#[derive(Clone, Copy)]
+struct Met {
+    meeting: Meeting,
+    body: usize,
+    part: Option<TubePart>,
+    material: Material,
+}
+
+/// Bodies that one pixel is looked at for; two tools with all their parts, crossing, with a bead between, are nine.
+const MOST_BODIES: usize = 16;
+
+/// How a body lies in a pixel during the exposure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lie {
+    Outside,
+    Inside,
+    Edge,
+}
+
+impl Exposure {
+    /// The exposure of `exposure_s` whose middle is at `time_s`.
+    pub fn new(world: &World, time_s: f64, exposure_s: f64) -> Self {
+        let at = |share: f64| bodies(world, time_s + (share - 0.5) * exposure_s);
+        let middle = at(0.5);
+        let looks: Vec<Vec<Body>> = PATTERN.iter().map(|look| at(look.moment)).collect();
+        let ends = [at(0.0), at(1.0)];
+        let hulls = middle.iter().zip(ends[0].iter().zip(&ends[1])).map(|(m, (f, l))| hull(m, f, l)).collect();
+        let poses = world.poses(time_s);
+        let of_tool = |(owner, pose): (usize, &ToolPose)| world.tools[owner].design.shadow_rods(pose).map(|r| (owner, r));
+        let carried = world.carried(&poses, time_s);
+        let beads = carried.iter().enumerate().map(|(i, (solid, _))| (world.tools.len() + i, *solid));
+        let rods = poses.iter().enumerate().flat_map(of_tool).chain(beads).collect();
+        Self { middle, ends, looks, hulls, rods }
+    }
+
+    /// Bodies that a ray within the angle `margin` (sine) of `unit` may meet during the exposure.
+    pub fn near(&self, unit: Vector3<f64>, margin: f64) -> Vec<usize> {
+        (0..self.hulls.len()).filter(|i| self.hulls[*i].near(unit, margin)).collect()
+    }
+
+    /// The pixel's light where some of these bodies may be in it; `behind` is the light and depth of what is behind.
+    pub fn paint(&self, world: &World, near: &[usize], pixel: &PixelRays, behind: (Rgb, f64)) -> Rgb {
+        let mut touched = [0; MOST_BODIES];
+        let mut count = 0;
+        let mut edge = false;
+        for body in near {
+            let lie = self.lie(*body, pixel);
+            if lie != Lie::Outside && count < touched.len() {
+                touched[count] = *body;
+                count += 1;
+                edge |= lie == Lie::Edge;
+            }
+        }
+        match (count, edge) {
+            (0, _) => behind.0,
+            (_, false) => self.look_once(world, &touched[..count], pixel.centre, behind),
+            (_, true) => self.look_often(world, &touched[..count], pixel, behind),
+        }
+    }
+
+    fn look_once(&self, world: &World, bodies: &[usize], v: Vector3<f64>, behind: (Rgb, f64)) -> Rgb {
+        let met = nearest(&self.middle, bodies, v).filter(|met| met.meeting.depth < behind.1);
+        met.map_or(behind.0, |met| self.shade(world, &met, v))
+    }
+
+    /// Sixteen looks; each part that they meet is shaded once, since over one pixel only its outline matters.
+    fn look_often(&self, world: &World, bodies: &[usize], pixel: &PixelRays, behind: (Rgb, f64)) -> Rgb {
+        let mut shaded: Vec<(usize, Option<TubePart>, Rgb)> = Vec::with_capacity(4);
+        let mut sum = [0.0f32; 3];
+        for (bodies_then, look) in self.looks.iter().zip(PATTERN) {
+            let v = pixel.at(look.right, look.down);
+            let met = nearest(bodies_then, bodies, v).filter(|met| met.meeting.depth < behind.1);
+            let rgb = match met {
+                None => behind.0,
+                Some(met) => {
+                    let known = shaded.iter().find(|(body, part, _)| (*body, *part) == (met.body, met.part));
+                    known.map(|k| k.2).unwrap_or_else(|| {
+                        let rgb = self.shade(world, &met, v);
+                        shaded.push((met.body, met.part, rgb));
+                        rgb
+                    })
+                }
+            };
+            for (channel, value) in sum.iter_mut().zip(rgb) {
+                *channel += value / LOOKS as f32;
+            }
+        }
+        sum
+    }
+
+    fn shade(&self, world: &World, met: &Met, v: Vector3<f64>) -> Rgb {
+        let point = Point3::from(v * met.meeting.depth);
+        let lit = world.rig.lighting.reflect(point, met.meeting.normal, v, &met.material);
+        let owner = self.middle[met.body].owner;
+        let others = self.rods.iter().filter(|(of, _)| *of != owner);
+        lit.with_hidden(hidden(world, point, others.map(|(_, rod)| rod)))
+    }
+
+    fn lie(&self, body: usize, pixel: &PixelRays) -> Lie {
+        match (&self.middle[body].form, &self.ends[0][body].form, &self.ends[1][body].form) {
+            (Form::Tube { tube, .. }, Form::Tube { tube: first, .. }, Form::Tube { tube: last, .. }) => {
+                lie_in_tube(tube, first, last, pixel)
+            }
+            _ => {
+                let unit = pixel.centre.normalize();
+                if self.hulls[body].near(unit, 1.5 * pixel.pitch()) { Lie::Edge } else { Lie::Outside }
+            }
+        }
+    }
+}
+
+/// Shares of the lamps' light that rods keep from a point.
+pub fn hidden<'a>(world: &World, point: Point3<f64>, rods: impl Iterator<Item = &'a RoundCone> + Clone) -> [f32; LAMPS] {
+    world.rig.lighting.lamps.map(|lamp| {
+        let kept: f64 = rods.clone().map(|rod| lamp.hidden(point, rod)).sum();
+        kept.min(1.0) as f32
+    })
+}
+
+fn lie_in_tube(tube: &Tube, first: &Tube, last: &Tube, pixel: &PixelRays) -> Lie {
+    let v = pixel.centre;
+    // Rays inside both tangent planes meet the infinite tube. The bare tube is a little thinner than the planes say.
+    let margin = 0.9 * pixel.pitch() + (tube.radius - tube.bare_radius) / tube.tip.coords.norm();
+    let side = |of: &Tube, i: usize| of.borders()[i].dot(&v);
+    let outside = |i: usize| side(first, i) < -margin && side(last, i) < -margin;
+    if outside(0) || outside(1) {
+        return Lie::Outside;
+    }
+    let inside = |i: usize| side(first, i) > margin && side(last, i) > margin;
+    let (behind, depth, slant) = tube.along(v);
+    let travel = (first.tip - last.tip).norm();
+    let blur = 1.5 * pixel.pitch() * depth / slant + travel + 0.6 * tube.radius * (1.0 - slant * slant).sqrt();
+    let face = if v.dot(&tube.axis) < 0.0 { 2.0 * tube.radius / slant } else { 0.0 };
+    if behind < -blur - face {
+        Lie::Outside
+    } else if !(inside(0) && inside(1)) || behind < blur || (behind - tube.band_mm).abs() < blur {
+        Lie::Edge
+    } else {
+        Lie::Inside
+    }
+}
+
+fn nearest(all: &[Body], bodies: &[usize], v: Vector3<f64>) -> Option<Met> {
+    let met = bodies.iter().filter_map(|body| all[*body].meet(*body, v));
+    met.min_by(|p, q| p.meeting.depth.total_cmp(&q.meeting.depth))
+}
+
+impl Body {
+    fn meet(&self, body: usize, v: Vector3<f64>) -> Option<Met> {
+        match &self.form {
+            Form::Tube { tube, tape } => tube.meet(v).map(|(meeting, part, _)| {
+                let material = match part {
+                    TubePart::Band => *tape,
+                    TubePart::Shaft => BLACK,
+                    TubePart::Face => FACE,
+                };
+                Met { meeting, body, part: Some(part), material }
+            }),
+            Form::Solid { solid, material } => {
+                solid.meet(v).map(|meeting| Met { meeting, body, part: None, material: *material })
+            }
+        }
+    }
+
+    /// The body as a rod.
+    fn rod(&self) -> RoundCone {
+        match &self.form {
+            Form::Tube { tube, .. } => RoundCone::capsule(tube.tip, tube.tip - tube.axis * tube.length_mm, tube.radius),
+            Form::Solid { solid, .. } => *solid,
+        }
+    }
+}
+
+/// Everything that moves, at one time. Always in the same order.
+fn bodies(world: &World, time_s: f64) -> Vec<Body> {
+    let poses = world.poses(time_s);
+    let mut bodies = Vec::with_capacity(4 * poses.len() + 4);
+    for (owner, (tool, pose)) in world.tools.iter().zip(&poses).enumerate() {
+        let tape = tool.design.tape.material();
+        bodies.push(Body { owner, form: Form::Tube { tube: tool.design.tube(pose), tape } });
+        let jaws = tool.design.jaws(pose).map(|solid| Body { owner, form: Form::Solid { solid, material: STEEL } });
+        bodies.extend(jaws);
+    }
+    for (index, (solid, material)) in world.carried(&poses, time_s).into_iter().enumerate() {
+        bodies.push(Body { owner: world.tools.len() + index, form: Form::Solid { solid, material } });
+    }
+    bodies
+}
+
+/// A rod that holds the body during the whole exposure.
+fn hull(middle: &Body, first: &Body, last: &Body) -> RoundCone {
+    let (m, f, l) = (middle.rod(), first.rod(), last.rod());
+    let travel = |m: Point3<f64>, f: Point3<f64>, l: Point3<f64>| (m - f).norm().max((m - l).norm());
+    let wide = m.radius_a.max(m.radius_b) + travel(m.a, f.a, l.a).max(travel(m.b, f.b, l.b));
+    RoundCone::capsule(m.a, m.b, wide)
+}

@@ -1,0 +1,81 @@
+//! What never moves, looked at once: radiance, depth, and how much of the light a tool's shadow can take off.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::super::board::Sight;
+use super::super::light::{LAMPS, Rgb};
+use super::rays::{LOOKS, PATTERN, Rays};
+
+/// The empty box.
+pub struct Still {
+    width: usize,
+    pixels: Vec<StillPixel>,
+}
+
+/// One pixel of it.
+#[derive(Clone, Copy, Debug)]
+pub struct StillPixel {
+    /// Linear light.
+    pub radiance: Rgb,
+    /// Share of it that comes straight from each lamp.
+    pub from_lamp: [f32; LAMPS],
+    /// Depth at the pixel's centre, mm.
+    pub depth: f32,
+}
+
+impl Still {
+    /// Looks at every pixel once, and again at those on an edge.
+    pub fn new(look: impl Fn(Vector3<f64>) -> Sight + Sync, rays: &Rays, width: usize, height: usize) -> Self {
+        let first = rows(width, height, |u, v| StillPixel::from(look(rays.centre(u, v))));
+        let at = |u: usize, v: usize| &first[v * width + u];
+        let pixels = rows(width, height, |u, v| {
+            let here = *at(u, v);
+            let beside = [(u.wrapping_sub(1), v), (u + 1, v), (u, v.wrapping_sub(1)), (u, v + 1)];
+            let inside = beside.into_iter().filter(|(x, y)| *x < width && *y < height);
+            let edge = inside.into_iter().any(|(x, y)| differ(&here.radiance, &at(x, y).radiance));
+            if edge { StillPixel { radiance: averaged(&look, rays, u, v), ..here } } else { here }
+        });
+        Self { width, pixels }
+    }
+
+    /// The pixel at column `u`, row `v`.
+    #[inline]
+    pub fn at(&self, u: usize, v: usize) -> &StillPixel {
+        &self.pixels[v * self.width + u]
+    }
+}
+
+impl From<Sight> for StillPixel {
+    fn from(sight: Sight) -> Self {
+        let radiance = sight.lit.with_hidden([0.0; LAMPS]);
+        let whole = brightness(&radiance).max(1e-6);
+        let from_lamp = sight.lit.from_lamp.map(|rgb| brightness(&rgb) / whole);
+        Self { radiance, from_lamp, depth: sight.depth as f32 }
+    }
+}
+
+fn rows<T: Send + Copy>(width: usize, height: usize, pixel: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
+    let row = |v: usize| (0..width).map(|u| pixel(u, v)).collect::<Vec<T>>();
+    (0..height).into_par_iter().flat_map_iter(row).collect()
+}
+
+fn averaged(look: impl Fn(Vector3<f64>) -> Sight, rays: &Rays, u: usize, v: usize) -> Rgb {
+    let pixel = rays.of(u, v);
+    let mut sum = [0.0; 3];
+    for offset in PATTERN {
+        let rgb = look(pixel.at(offset.right, offset.down)).lit.with_hidden([0.0; LAMPS]);
+        for (channel, value) in sum.iter_mut().zip(rgb) {
+            *channel += value / LOOKS as f32;
+        }
+    }
+    sum
+}
+
+fn differ(a: &Rgb, b: &Rgb) -> bool {
+    a.iter().zip(b).any(|(a, b)| (a - b).abs() > 0.012 + 0.06 * a.max(*b))
+}
+
+fn brightness(rgb: &Rgb) -> f32 {
+    rgb.iter().sum()
+}

@@ -1,0 +1,108 @@
+//! Scenes that test the measurement rather than the trainee: approach, slide, rest, crossing.
+
+use nalgebra::Point3;
+
+use super::{Cast, Ending, Script};
+use crate::simulation::board::Prop;
+use crate::simulation::light::Material;
+use crate::simulation::motion::Oscillation;
+use crate::simulation::random::Dice;
+use crate::simulation::rig::{View, above};
+use crate::simulation::shape::RoundCone;
+
+const RAIL: Material = Material { matt: [0.34, 0.35, 0.37], gloss: 0.5, sharpness: 26, mirror: 0.25 };
+const CORK: Material = Material { matt: [0.36, 0.22, 0.11], gloss: 0.03, sharpness: 8, mirror: 0.0 };
+
+/// One tool goes straight towards the camera and back: the hardest case for depth.
+pub(super) fn approach(cast: &Cast) -> Script {
+    let (far, near) = match cast.rig.view {
+        View::Top => (above(-6.0, -6.0, 22.0), above(-4.0, 10.0, 128.0)),
+        View::Side => (above(-6.0, -30.0, 22.0), above(-4.0, 52.0, 88.0)),
+    };
+    let mut hand = cast.hand_at(far, "left hand");
+    let mut dice = Dice::new(cast.seed, "approach");
+    hand.wait(0.8);
+    let mut strokes = 0;
+    cast.laps(|| {
+        hand.glide(near, dice.within(2.0, 3.4));
+        hand.wait(0.6);
+        hand.glide(far, dice.within(1.6, 3.0));
+        hand.wait(0.6);
+        strokes += 1;
+        if strokes < 3 { 0.0 } else { hand.now_s() }
+    });
+    Script { hands: vec![(0, hand)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
+}
+
+/// One tool is slid along a rail and back, five times, with a hand's wobble of at most 0.3 mm.
+pub(super) fn slide(cast: &Cast) -> Script {
+    let (start, end) = (above(-48.0, 4.0, 18.0), above(44.0, -26.0, 30.0));
+    let mut dice = Dice::new(cast.seed, "slide");
+    let mut hand = cast.hand_at(start, "left hand").steady();
+    hand.wait(0.6);
+    let mut slides = 0;
+    cast.laps(|| {
+        for target in [end, start] {
+            hand.glide(target, dice.within(1.5, 2.2));
+            hand.wait(0.3);
+        }
+        slides += 1;
+        if slides < 5 { 0.0 } else { hand.now_s() }
+    });
+    let under = |p: Point3<f64>| Point3::new(p.x, p.y, p.z + 4.0);
+    let rod = |a, b, radius| Prop { solid: RoundCone::capsule(a, b, radius), material: RAIL };
+    let post = |p: Point3<f64>| rod(under(p), Point3::new(p.x, p.y, 0.0), 2.2);
+    let props = vec![rod(under(start), under(end), 1.6), post(start), post(end)];
+    Script { hands: vec![(0, hand)], beads: Vec::new(), props, strokes: Vec::new() }
+}
+
+/// Greatest wobble of a guided slide: five sines of this RMS stay below 0.3 mm nearly always.
+pub(crate) fn slide_wobble(seed: u64) -> Oscillation {
+    Oscillation::new(&mut Dice::new(seed, "wobble"), 0.06, 0.5, 4.0)
+}
+
+/// One tool lies on a block of cork and does not move.
+pub(super) fn rest(cast: &Cast) -> Script {
+    let mut dice = Dice::new(cast.seed, "rest");
+    let place = above(dice.within(-14.0, 14.0), dice.within(-22.0, 0.0), 24.0);
+    let mut hand = cast.hand_at(place, "left hand").steady();
+    hand.wait(8.0);
+    let cork = RoundCone::sphere(Point3::new(place.x, place.y + 3.0, -9.0), 9.0);
+    let block = Prop { solid: cork, material: CORK };
+    Script { hands: vec![(0, hand)], beads: Vec::new(), props: vec![block], strokes: Vec::new() }
+}
+
+/// The right tool passes behind the left one three times, then is drawn out of the picture and comes back.
+pub(super) fn crossing(cast: &Cast) -> Script {
+    let (front, behind) = (above(8.0, -20.0, 78.0), [above(34.0, -24.0, 16.0), above(-38.0, -30.0, 16.0)]);
+    let mut left = cast.hand_at(front, "left hand");
+    let mut right = cast.hand_at(behind[0], "right hand");
+    let away = away_from_view(cast, behind[0]);
+    left.wait(0.5);
+    right.wait(0.8);
+    cast.laps(|| {
+        for pass in 0..3 {
+            right.reach(behind[(pass + 1) % 2], Ending::Stop);
+            right.pause();
+        }
+        right.reach(behind[0], Ending::Stop);
+        right.glide(away, 1.3);
+        right.wait(1.2);
+        right.glide(behind[0], 1.5);
+        right.pause();
+        while left.now_s() < right.now_s() - 2.0 {
+            left.reach(above(14.0, -14.0, 72.0), Ending::Flow);
+            left.pause();
+            left.reach(front, Ending::Stop);
+            left.pause();
+        }
+        right.now_s()
+    });
+    Script { hands: vec![(0, left), (1, right)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
+}
+
+/// A point so near to the right trocar that nothing of the tool is in the picture.
+fn away_from_view(cast: &Cast, from: Point3<f64>) -> Point3<f64> {
+    let trocar = cast.rig.camera_from_board.inverse() * cast.rig.fulcrums[1];
+    from + (trocar - from) * 0.8
+}

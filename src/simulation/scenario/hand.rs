@@ -1,0 +1,149 @@
+//! A hand that carries out a task: a cursor in time that leaves reaches behind.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::simulation::motion::Course;
+use crate::simulation::random::Dice;
+use crate::simulation::skill::Skill;
+
+/// How a reach is to end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// At rest on the target.
+    Stop,
+    /// On the way to the next target; a fluent hand begins that early.
+    Flow,
+}
+
+/// Angle between the open jaws, rad.
+const OPEN: f64 = 0.62;
+
+/// A hand, and what it has done so far.
+#[derive(Clone, Debug)]
+pub struct Hand {
+    /// Aim of the closed jaws' point; board frame, mm.
+    pub aim: Course<Vector3<f64>>,
+    /// Angle between the jaws, rad.
+    pub opening: Course<f64>,
+    /// Turn about the axis, rad.
+    pub roll: Course<f64>,
+    /// Does it tremble and wander?
+    pub steady: bool,
+    now_s: f64,
+    at: Vector3<f64>,
+    open: bool,
+    skill: Skill,
+    dice: Dice,
+}
+
+impl Hand {
+    /// A hand at rest, jaws closed.
+    pub fn resting_at(home: Point3<f64>, skill: Skill, mut dice: Dice) -> Self {
+        Self {
+            aim: Course::resting_at(home.coords),
+            opening: Course::resting_at(0.05),
+            roll: Course::resting_at(dice.within(0.2, 1.2)),
+            steady: false,
+            now_s: 0.0,
+            at: home.coords,
+            open: false,
+            skill,
+            dice,
+        }
+    }
+
+    /// The same hand, held by a fixture: no tremor, no detours.
+    pub fn steady(mut self) -> Self {
+        self.steady = true;
+        self
+    }
+
+    /// When the hand is free again, s.
+    pub fn now_s(&self) -> f64 {
+        self.now_s
+    }
+
+    /// Stays for this time, s.
+    pub fn wait(&mut self, seconds: f64) {
+        self.now_s += seconds;
+    }
+
+    /// Stays until this time, s, unless it has passed.
+    pub fn wait_until(&mut self, time_s: f64) {
+        self.now_s = self.now_s.max(time_s);
+    }
+
+    /// Rests as long as this skill does between two movements.
+    pub fn pause(&mut self) {
+        self.now_s += self.skill.pause_s * self.dice.within(0.5, 1.6);
+    }
+
+    /// Reaches for a point as this skill does: detour on the way, a first miss, corrections, rest.
+    pub fn reach(&mut self, target: Point3<f64>, ending: Ending) {
+        let whole = target.coords - self.at;
+        let length = whole.norm();
+        if length < 1e-9 {
+            return;
+        }
+        let corrections = if ending == Ending::Stop { self.skill.corrections } else { 0 };
+        let miss = if corrections > 0 { self.dice.gauss3() * (self.skill.miss * length).min(6.0) } else { Vector3::zeros() };
+        let took = self.bowed(whole + miss, length);
+        let mut left = -miss;
+        for step in 0..corrections {
+            self.now_s += 0.3 * self.skill.pause_s + self.dice.within(0.04, 0.14);
+            let part = if step + 1 == corrections { left } else { left * self.dice.within(0.5, 1.3) };
+            let seconds = self.dice.within(0.22, 0.4);
+            self.straight(part, seconds);
+            left -= part;
+        }
+        match ending {
+            Ending::Stop => {}
+            Ending::Flow => self.now_s -= self.skill.fluency * took,
+        }
+        self.at = target.coords;
+    }
+
+    /// Reaches in a straight line in this time, s, without miss or detour.
+    pub fn glide(&mut self, target: Point3<f64>, seconds: f64) {
+        self.straight(target.coords - self.at, seconds);
+        self.at = target.coords;
+    }
+
+    /// Opens the jaws.
+    pub fn open(&mut self) {
+        self.jaws(true);
+    }
+
+    /// Closes the jaws.
+    pub fn close(&mut self) {
+        self.jaws(false);
+    }
+
+    fn jaws(&mut self, open: bool) {
+        const MOVING_S: f64 = 0.22;
+        if self.open != open {
+            self.opening.reach(self.now_s, MOVING_S, if open { OPEN } else { -OPEN });
+            self.now_s += MOVING_S;
+            self.open = open;
+        }
+    }
+
+    /// Two overlapping reaches over a point beside the straight way; returns the time taken, s.
+    fn bowed(&mut self, whole: Vector3<f64>, length: f64) -> f64 {
+        const SHORTEST_S: f64 = 0.32; // a reach of a few mm still takes about this long
+        let seconds = SHORTEST_S + length / self.skill.reach_speed_mm_s * self.dice.within(0.85, 1.25);
+        let sideways = self.dice.gauss3() * (self.skill.detour * length).min(14.0);
+        let (first, second) = (whole * 0.5 + sideways, whole * 0.5 - sideways);
+        self.aim.reach(self.now_s, 0.72 * seconds, first);
+        self.aim.reach(self.now_s + 0.28 * seconds, 0.72 * seconds, second);
+        let turn = self.dice.gauss() * 0.25;
+        self.roll.reach(self.now_s, seconds, turn);
+        self.now_s += seconds;
+        seconds
+    }
+
+    fn straight(&mut self, by: Vector3<f64>, seconds: f64) {
+        self.aim.reach(self.now_s, seconds, by);
+        self.now_s += seconds;
+    }
+}

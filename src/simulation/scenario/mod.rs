@@ -1,0 +1,150 @@
+//! The scenes that can be simulated: which task, whose hands, what lies on the mat.
+//!
+//! | scene | what | tools |
+//! |---|---|---|
+//! | `wire` | along an m-shaped wire (the thesis's trial 1) | 1 |
+//! | `rectangle` | along a printed rectangle, half each (trial 2) | 2 |
+//! | `approach` | three times towards the camera and back | 1 |
+//! | `slide` | along a straight guide and back, five times (repeatability, T 7.1.3) | 1 |
+//! | `rest` | lying still: what moves in the result is noise | 1 |
+//! | `pegs` | beads handed over from left to right pegs | 2 |
+//! | `crossing` | one tool behind the other, three times, then out of the picture and back | 2 |
+
+mod bench;
+mod hand;
+mod pegs;
+mod tracing;
+
+pub(crate) use bench::slide_wobble;
+pub use hand::{Ending, Hand};
+pub(crate) use pegs::BEAD_MM;
+
+use super::board::{Prop, Stroke};
+use super::random::Dice;
+use super::rig::{Rig, above};
+use super::skill::Skill;
+
+/// A scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scenario {
+    /// Along an m-shaped wire.
+    Wire,
+    /// Along a printed rectangle, half each.
+    Rectangle,
+    /// Towards the camera and back.
+    Approach,
+    /// Along a guide, five times.
+    Slide,
+    /// No movement.
+    Rest,
+    /// Beads from peg to peg, handed over.
+    Pegs,
+    /// One tool behind the other, and out of the picture.
+    Crossing,
+}
+
+impl Scenario {
+    /// Every scene.
+    pub const ALL: [Scenario; 7] = [
+        Scenario::Wire,
+        Scenario::Rectangle,
+        Scenario::Approach,
+        Scenario::Slide,
+        Scenario::Rest,
+        Scenario::Pegs,
+        Scenario::Crossing,
+    ];
+
+    /// The scene of this name.
+    pub fn named(name: &str) -> Option<Scenario> {
+        Self::ALL.into_iter().find(|s| s.name() == name)
+    }
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Scenario::Wire => "wire",
+            Scenario::Rectangle => "rectangle",
+            Scenario::Approach => "approach",
+            Scenario::Slide => "slide",
+            Scenario::Rest => "rest",
+            Scenario::Pegs => "pegs",
+            Scenario::Crossing => "crossing",
+        }
+    }
+
+    /// The scene played by hands of this skill for at least this time; the task is repeated until then.
+    pub fn play(self, rig: &Rig, skill: Skill, seed: u64, at_least_s: f64) -> Script {
+        let cast = Cast { rig, skill, seed, at_least_s };
+        match self {
+            Scenario::Wire => tracing::wire(&cast),
+            Scenario::Rectangle => tracing::rectangle(&cast),
+            Scenario::Approach => bench::approach(&cast),
+            Scenario::Slide => bench::slide(&cast),
+            Scenario::Rest => bench::rest(&cast),
+            Scenario::Pegs => pegs::pegs(&cast),
+            Scenario::Crossing => bench::crossing(&cast),
+        }
+    }
+}
+
+/// What a scene is made of.
+#[derive(Clone, Debug)]
+pub struct Script {
+    /// Hands with the trocar each uses (0 left, 1 right).
+    pub hands: Vec<(usize, Hand)>,
+    /// Things that are carried about.
+    pub beads: Vec<Bead>,
+    /// Things that stand on the mat.
+    pub props: Vec<Prop>,
+    /// Lines printed on the mat.
+    pub strokes: Vec<Stroke>,
+}
+
+/// A bead, and where it is from which time on.
+#[derive(Clone, Debug)]
+pub struct Bead {
+    /// Stays in order of time; the first begins at 0.
+    pub stays: Vec<(f64, Place)>,
+    /// Matt reflectance.
+    pub colour: super::light::Rgb,
+}
+
+/// Where a bead is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// On the board; board frame, mm.
+    At(nalgebra::Point3<f64>),
+    /// Between the jaws of the hand of this index.
+    Held(usize),
+}
+
+/// What every scene needs to know.
+struct Cast<'a> {
+    rig: &'a Rig,
+    skill: Skill,
+    seed: u64,
+    at_least_s: f64,
+}
+
+impl Cast<'_> {
+    /// A hand of this cast's skill at its usual place.
+    fn hand(&self, left: bool) -> Hand {
+        let home = if left { above(-46.0, 30.0, 42.0) } else { above(46.0, 30.0, 42.0) };
+        self.hand_at(home, if left { "left hand" } else { "right hand" })
+    }
+
+    fn hand_at(&self, home: nalgebra::Point3<f64>, purpose: &str) -> Hand {
+        Hand::resting_at(home, self.skill, Dice::new(self.seed, purpose))
+    }
+
+    /// Plays laps until the scene is long enough; at least one.
+    fn laps(&self, mut lap: impl FnMut() -> f64) {
+        const MOST_LAPS: usize = 100_000;
+        for _ in 0..MOST_LAPS {
+            if lap() >= self.at_least_s {
+                break;
+            }
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! What tells a beginner's hands from a surgeon's, as numbers with names.
+//!
+//! The figures are chosen, not measured: they keep the order that the literature reports (novices slower, less direct,
+//! less steady, with longer pauses and one idle hand: T 4.4, T 7.2) with room between the levels.
+
+/// A way of moving.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Skill {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// Mean speed of a reach, mm/s.
+    pub reach_speed_mm_s: f64,
+    /// Mean rest at a target, s.
+    pub pause_s: f64,
+    /// Physiological tremor, 5–11 Hz, RMS per coordinate, mm.
+    pub tremor_mm: f64,
+    /// Slow unsteadiness, 0.4–1.3 Hz, RMS per coordinate, mm.
+    pub wander_mm: f64,
+    /// How far a reach bows out, as a share of its length (standard deviation).
+    pub detour: f64,
+    /// How far a reach first misses its target, as a share of its length (standard deviation).
+    pub miss: f64,
+    /// Corrective movements after a reach that missed.
+    pub corrections: usize,
+    /// Share of a reach's time in which the next one has already begun, where the task allows it.
+    pub fluency: f64,
+    /// Share of two-handed steps that are done by the dominant hand alone.
+    pub one_handedness: f64,
+}
+
+impl Skill {
+    /// First week on the trainer.
+    pub const NOVICE: Skill = Skill {
+        name: "novice",
+        reach_speed_mm_s: 34.0,
+        pause_s: 0.75,
+        tremor_mm: 0.34,
+        wander_mm: 1.1,
+        detour: 0.24,
+        miss: 0.15,
+        corrections: 3,
+        fluency: 0.0,
+        one_handedness: 0.65,
+    };
+
+    /// Some months of practice.
+    pub const INTERMEDIATE: Skill = Skill {
+        name: "intermediate",
+        reach_speed_mm_s: 58.0,
+        pause_s: 0.4,
+        tremor_mm: 0.2,
+        wander_mm: 0.5,
+        detour: 0.12,
+        miss: 0.07,
+        corrections: 1,
+        fluency: 0.12,
+        one_handedness: 0.3,
+    };
+
+    /// Operates daily.
+    pub const EXPERT: Skill = Skill {
+        name: "expert",
+        reach_speed_mm_s: 92.0,
+        pause_s: 0.16,
+        tremor_mm: 0.1,
+        wander_mm: 0.18,
+        detour: 0.04,
+        miss: 0.025,
+        corrections: 1,
+        fluency: 0.3,
+        one_handedness: 0.0,
+    };
+
+    /// Every level, from least to most practised.
+    pub const ALL: [Skill; 3] = [Skill::NOVICE, Skill::INTERMEDIATE, Skill::EXPERT];
+
+    /// The level of this name.
+    pub fn named(name: &str) -> Option<Skill> {
+        Self::ALL.into_iter().find(|s| s.name == name)
+    }
+}

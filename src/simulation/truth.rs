@@ -1,0 +1,70 @@
+//! What is really there at a time: the answer that a tracker is measured against.
+
+use nalgebra::Point3;
+
+use super::shape::RoundCone;
+use super::tool::{Tool, ToolPose, side_of};
+use super::world::World;
+use crate::pipeline::evaluation::TruthTool;
+use crate::pipeline::space::{CameraPoint, Pixel};
+
+/// Every tool at this time. `tip_px` is where its tip is seen, or would be were nothing before it, in the picture or
+/// outside; none where the tip is behind the camera. `visible` is the share of the band's surface facing the camera, by
+/// projected area, that is in the picture and not hidden by another tool or by what stands in the box.
+pub fn at(world: &World, time_s: f64) -> Vec<TruthTool> {
+    let poses = world.poses(time_s);
+    let of_tool = |(index, pose): (usize, &ToolPose)| TruthTool {
+        tool: world.tools[index].design.tape.name.to_owned(),
+        tip_mm: pose.tip,
+        axis: Some(pose.axis),
+        tip_px: world.rig.camera.project(CameraPoint(pose.tip)).map(|pixel| pixel.0),
+        visible: visible_share(world, &poses, index),
+    };
+    poses.iter().enumerate().map(of_tool).collect()
+}
+
+/// Samples the band's surface on a grid of patches of equal size, each weighed by the area that the camera sees of it.
+fn visible_share(world: &World, poses: &[ToolPose], index: usize) -> f64 {
+    const ALONG: usize = 40;
+    const AROUND: usize = 72;
+    let (tool, pose) = (&world.tools[index], &poses[index]);
+    let others: Vec<(&Tool, &ToolPose)> =
+        world.tools.iter().zip(poses).enumerate().filter(|(i, _)| *i != index).map(|(_, pair)| pair).collect();
+    let (mut facing, mut seen) = (0.0, 0.0);
+    for patch in 0..ALONG * AROUND {
+        let behind = (0.5 + (patch / AROUND) as f64) / ALONG as f64 * tool.design.band_mm;
+        let turn = std::f64::consts::TAU * (patch % AROUND) as f64 / AROUND as f64;
+        let normal = side_of(pose.axis, turn);
+        let point = pose.tip - pose.axis * behind + normal * (0.5 * tool.design.diameter_mm);
+        let square = point.coords.norm_squared();
+        let area = (-normal.dot(&point.coords)).max(0.0) / (square * square.sqrt());
+        facing += area;
+        if area > 0.0 && in_picture(world, point) && !is_hidden(world, &others, point) {
+            seen += area;
+        }
+    }
+    if facing > 0.0 { seen / facing } else { 0.0 }
+}
+
+fn in_picture(world: &World, point: Point3<f64>) -> bool {
+    let camera = &world.rig.camera;
+    let inside = |pixel: Pixel| {
+        let (u, v) = (pixel.u(), pixel.v());
+        u > -0.5 && v > -0.5 && u < f64::from(camera.width) - 0.5 && v < f64::from(camera.height) - 0.5
+    };
+    // Beyond the widest angle that the lens takes in, the distortion folds back into the picture.
+    const WIDEST: f64 = 1.5;
+    let Some(seen) = CameraPoint(point).normalised() else { return false };
+    seen.0.coords.norm() < WIDEST && inside(camera.pixel_of(seen))
+}
+
+fn is_hidden(world: &World, others: &[(&Tool, &ToolPose)], point: Point3<f64>) -> bool {
+    const NEARER_MM: f64 = 1e-6;
+    let (v, depth) = (point.coords / point.z, point.z - NEARER_MM);
+    let before = |solid: &RoundCone| solid.meet(v).is_some_and(|met| met.depth < depth);
+    let behind_tool = |(tool, pose): &(&Tool, &ToolPose)| {
+        let tube = tool.design.tube(pose).meet(v).is_some_and(|(met, _, _)| met.depth < depth);
+        tube || tool.design.jaws(pose).iter().any(before)
+    };
+    others.iter().any(behind_tool) || world.scenery.prop_before(v, depth).is_some()
+}

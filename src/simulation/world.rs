@@ -1,0 +1,138 @@
+//! A known world as a pure function of time: what moves is where the seed says, at any moment, in any order.
+
+use nalgebra::Point3;
+
+use super::board::Scenery;
+use super::light::Material;
+use super::motion::Oscillation;
+use super::random::Dice;
+use super::rig::{Rig, View};
+use super::scenario::{Bead, Hand, Place, Scenario, Script};
+use super::shape::RoundCone;
+use super::skill::Skill;
+use super::tool::{Tape, Tool, ToolDesign, ToolPose};
+
+/// What to simulate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setup {
+    /// The task.
+    pub scenario: Scenario,
+    /// Whose hands.
+    pub skill: Skill,
+    /// Where the camera stands.
+    pub view: View,
+    /// Which box: its camera, lens, lamps and mat. Recordings of one box share one calibration.
+    pub rig: u64,
+    /// Chance in the hands' motion and the sensor's noise.
+    pub seed: u64,
+    /// Picture width, pixels.
+    pub width: u32,
+    /// Picture height, pixels.
+    pub height: u32,
+    /// The task is repeated until this time, s; 0 for once.
+    pub at_least_s: f64,
+    /// Tapes of the left and the right tool.
+    pub tapes: [Tape; 2],
+    /// Outer diameter of the tools over the tape, mm.
+    pub diameter_mm: f64,
+}
+
+impl Setup {
+    /// A scene in box 1 at 1280×720 from above, tools of 5 mm with orange and cyan tape, played once.
+    pub fn new(scenario: Scenario, skill: Skill, seed: u64) -> Self {
+        Self {
+            scenario,
+            skill,
+            view: View::Top,
+            rig: 1,
+            seed,
+            width: 1280,
+            height: 720,
+            at_least_s: 0.0,
+            tapes: [Tape::ALL[0], Tape::ALL[1]],
+            diameter_mm: 5.0,
+        }
+    }
+}
+
+/// The world of one recording.
+#[derive(Clone, Debug)]
+pub struct World {
+    /// Camera, lens and light.
+    pub rig: Rig,
+    /// Tools, in the order of the truth.
+    pub tools: Vec<Tool>,
+    /// What stays where it is.
+    pub scenery: Scenery,
+    /// Seed of everything by chance.
+    pub seed: u64,
+    /// Until the task is done, s.
+    pub duration_s: f64,
+    beads: Vec<Bead>,
+}
+
+impl World {
+    /// Builds the world.
+    pub fn new(setup: &Setup) -> Self {
+        let rig = Rig::new(setup.rig, setup.view, setup.width, setup.height);
+        let script = setup.scenario.play(&rig, setup.skill, setup.seed, setup.at_least_s);
+        let duration_s = script.hands.iter().map(|(_, hand)| hand.now_s()).fold(0.0, f64::max);
+        let Script { hands, beads, props, strokes } = script;
+        let tools = hands.into_iter().map(|(side, hand)| tool(setup, &rig, side, hand)).collect();
+        let scenery = Scenery::new(setup.rig, &rig.camera_from_board, rig.lighting, props, strokes);
+        Self { rig, tools, scenery, seed: setup.seed, duration_s, beads }
+    }
+
+    /// Where every tool is at a time.
+    pub fn poses(&self, time_s: f64) -> Vec<ToolPose> {
+        self.tools.iter().map(|tool| tool.pose(&self.rig, time_s)).collect()
+    }
+
+    /// Carried things at a time; camera frame.
+    pub fn carried(&self, poses: &[ToolPose], time_s: f64) -> Vec<(RoundCone, Material)> {
+        let bead = |bead: &Bead| {
+            let material = Material { matt: bead.colour, gloss: 0.2, sharpness: 30, mirror: 0.03 };
+            (RoundCone::sphere(self.place_of(bead, poses, time_s), super::scenario::BEAD_MM), material)
+        };
+        self.beads.iter().map(bead).collect()
+    }
+
+    fn place_of(&self, bead: &Bead, poses: &[ToolPose], time_s: f64) -> Point3<f64> {
+        let begun = bead.stays.iter().rev().find(|(from_s, _)| *from_s <= time_s);
+        match begun.or(bead.stays.first()).map(|(_, place)| *place) {
+            Some(Place::At(point)) => self.rig.camera_from_board * point,
+            Some(Place::Held(hand)) => poses[hand].grip,
+            None => Point3::origin(),
+        }
+    }
+}
+
+fn tool(setup: &Setup, rig: &Rig, side: usize, hand: Hand) -> Tool {
+    const BANDS_MM: [f64; 2] = [26.0, 29.0];
+    let design = ToolDesign {
+        tape: setup.tapes[side],
+        diameter_mm: setup.diameter_mm,
+        band_mm: BANDS_MM[side],
+        jaw_mm: 12.0 + setup.diameter_mm,
+    };
+    Tool {
+        design,
+        fulcrum: rig.fulcrums[side],
+        unsteadiness: unsteadiness(setup, side, &hand),
+        aim: hand.aim,
+        opening: hand.opening,
+        roll: hand.roll,
+    }
+}
+
+fn unsteadiness(setup: &Setup, side: usize, hand: &Hand) -> Vec<Oscillation> {
+    match (setup.scenario, hand.steady) {
+        (Scenario::Slide, _) => vec![super::scenario::slide_wobble(setup.seed)],
+        (_, true) => Vec::new(),
+        (_, false) => {
+            let mut dice = Dice::new(setup.seed, ["left tremor", "right tremor"][side]);
+            let tremor = Oscillation::new(&mut dice, setup.skill.tremor_mm, 5.0, 11.0);
+            vec![tremor, Oscillation::new(&mut dice, setup.skill.wander_mm, 0.4, 1.3)]
+        }
+    }
+}
