@@ -11,7 +11,8 @@ mod child;
 mod evaluate;
 mod score;
 mod serve;
-mod simulate;
+mod progress;
+pub mod simulate;
 mod track;
 
 /// Measures how surgeons move in a laparoscopic box trainer.

@@ -5,7 +5,6 @@ use std::io::{Seek, Write};
 use ff::{Dictionary, Packet, Rational, codec, encoder, format, frame, software::scaling, util::color};
 use ffmpeg_next as ff;
 
-use super::MediaError;
 use crate::pipeline::frame::{Frame, Matrix, Plane, Range};
 
 /// Ticks of a recording's clock in a second; the usual rate of video containers.
@@ -38,6 +37,46 @@ impl Samples {
     }
 }
 
+/// Why a recording cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum EncodeError {
+    /// A frame that is not later than the one before.
+    #[error("the frame at {time_s} s does not come after the one before it")]
+    Order {
+        /// Its time, s.
+        time_s: f64,
+    },
+    /// This FFmpeg cannot write H.264.
+    #[error("this FFmpeg has no libx264 encoder; install a build that has it (Debian: libavcodec59)")]
+    NoEncoder,
+    /// The encoder refuses the size or the sample format.
+    #[error("libx264 cannot encode {width}×{height} pixels in this format ({source}); sizes must be even unless chroma is full")]
+    Refused {
+        /// Picture width, pixels.
+        width: u32,
+        /// Picture height, pixels.
+        height: u32,
+        /// FFmpeg's word.
+        source: ff::Error,
+    },
+    /// Chroma of a resolution that H.264 does not know.
+    #[error("chroma shifted by {x} and {y} cannot be encoded; use 4:2:0, 4:2:2 or 4:4:4")]
+    Chroma {
+        /// Shift across.
+        x: u8,
+        /// Shift down.
+        y: u8,
+    },
+    /// FFmpeg failed.
+    #[error("while {doing}: {source}")]
+    Ffmpeg {
+        /// What was being done.
+        doing: &'static str,
+        /// FFmpeg's word.
+        source: ff::Error,
+    },
+}
+
 /// What a recording is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VideoSettings {
@@ -65,7 +104,7 @@ pub struct VideoWriter {
 
 impl VideoWriter {
     /// Begins a recording. Writes nothing that depends on the clock, the machine or its number of cores.
-    pub fn create(bytes: impl Write + Seek + Send + 'static, settings: VideoSettings) -> Result<Self, MediaError> {
+    pub fn create(bytes: impl Write + Seek + Send + 'static, settings: VideoSettings) -> Result<Self, EncodeError> {
         ff::init().map_err(failed("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
         let io = format::context::StreamIo::from_write_seek(bytes).map_err(failed("opening the recording"))?;
@@ -82,10 +121,10 @@ impl VideoWriter {
     }
 
     /// Adds a frame; its time must lie after the one before.
-    pub fn write(&mut self, picture: &Frame<'_>) -> Result<(), MediaError> {
+    pub fn write(&mut self, picture: &Frame<'_>) -> Result<(), EncodeError> {
         let ticks = ticks(picture.time_s);
         if self.last_ticks.is_some_and(|last| ticks <= last) {
-            return Err(MediaError::Order { time_s: picture.time_s });
+            return Err(EncodeError::Order { time_s: picture.time_s });
         }
         self.last_ticks = Some(ticks);
         let mut video = self.convert(copied(picture)?)?;
@@ -95,13 +134,13 @@ impl VideoWriter {
     }
 
     /// Ends the recording. Without it the file cannot be played.
-    pub fn finish(mut self) -> Result<(), MediaError> {
+    pub fn finish(mut self) -> Result<(), EncodeError> {
         self.encoder.send_eof().map_err(failed("ending the encoder"))?;
         self.drain()?;
         self.output.write_trailer().map_err(failed("writing the recording's end"))
     }
 
-    fn convert(&mut self, video: frame::Video) -> Result<frame::Video, MediaError> {
+    fn convert(&mut self, video: frame::Video) -> Result<frame::Video, EncodeError> {
         let (from, to) = (video.format(), self.settings.samples.pixel());
         if from == to {
             return Ok(video);
@@ -121,7 +160,7 @@ impl VideoWriter {
         Ok(converted)
     }
 
-    fn drain(&mut self) -> Result<(), MediaError> {
+    fn drain(&mut self) -> Result<(), EncodeError> {
         let mut packet = Packet::empty();
         while self.encoder.receive_packet(&mut packet).is_ok() {
             packet.set_stream(0);
@@ -137,8 +176,8 @@ pub fn ticks(time_s: f64) -> i64 {
     (time_s * f64::from(TICKS_PER_S)).round() as i64
 }
 
-fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, MediaError> {
-    let h264 = encoder::find_by_name("libx264").ok_or(MediaError::NoEncoder)?;
+fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError> {
+    let h264 = encoder::find_by_name("libx264").ok_or(EncodeError::NoEncoder)?;
     let mut video =
         codec::Context::new_with_codec(h264).encoder().video().map_err(failed("preparing the encoder"))?;
     video.set_width(settings.width);
@@ -154,7 +193,7 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, MediaError> 
     options.set("preset", "veryfast");
     options.set("crf", &settings.crf.to_string());
     options.set("threads", "2"); // fixed: the number of threads changes the bits
-    video.open_with(options).map_err(|source| MediaError::Encoder {
+    video.open_with(options).map_err(|source| EncodeError::Refused {
         width: settings.width,
         height: settings.height,
         source,
@@ -162,12 +201,12 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, MediaError> 
 }
 
 /// A frame's planes in memory that FFmpeg owns.
-fn copied(picture: &Frame<'_>) -> Result<frame::Video, MediaError> {
+fn copied(picture: &Frame<'_>) -> Result<frame::Video, EncodeError> {
     let pixel = match (picture.shift_x, picture.shift_y) {
         (1, 1) => format::Pixel::YUV420P,
         (1, 0) => format::Pixel::YUV422P,
         (0, 0) => format::Pixel::YUV444P,
-        (x, y) => return Err(MediaError::PixelFormat(format!("with chroma shifted by {x} and {y}"))),
+        (x, y) => return Err(EncodeError::Chroma { x, y }),
     };
     let mut video = frame::Video::new(pixel, picture.width() as u32, picture.height() as u32);
     for (index, plane) in [picture.y, picture.u, picture.v].into_iter().enumerate() {
@@ -193,6 +232,6 @@ fn copy_plane(plane: Plane<'_>, video: &mut frame::Video, index: usize) {
     }
 }
 
-fn failed(doing: &'static str) -> impl Fn(ff::Error) -> MediaError {
-    move |source| MediaError::Ffmpeg { doing, source }
+fn failed(doing: &'static str) -> impl Fn(ff::Error) -> EncodeError {
+    move |source| EncodeError::Ffmpeg { doing, source }
 }

@@ -10,7 +10,7 @@ mod file;
 mod limits;
 mod picture;
 
-pub use encode::{Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
+pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use file::{RecordingInfo, VideoFile};
 pub use limits::Limits;
 pub use picture::Picture;
@@ -58,25 +58,6 @@ pub enum MediaError {
     /// A pixel format that cannot be brought to planar YUV.
     #[error("pixel format {0} cannot be converted")]
     PixelFormat(String),
-    /// A frame to be written is not later than the one before.
-    #[error("a frame at {time_s} s does not come after the one before it")]
-    Order {
-        /// Its time, s.
-        time_s: f64,
-    },
-    /// This FFmpeg cannot write H.264.
-    #[error("this FFmpeg has no libx264 encoder; install a build that has it (Debian: libavcodec59)")]
-    NoEncoder,
-    /// The encoder refuses the size or format.
-    #[error("libx264 cannot encode {width}×{height} pixels in this format ({source}); sizes must be even unless chroma is full")]
-    Encoder {
-        /// Picture width.
-        width: u32,
-        /// Picture height.
-        height: u32,
-        /// FFmpeg's word.
-        source: ffmpeg_next::Error,
-    },
     /// FFmpeg failed.
     #[error("while {doing}: {source}")]
     Ffmpeg {

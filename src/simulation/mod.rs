@@ -24,6 +24,7 @@ pub mod random;
 pub mod render;
 pub mod rig;
 pub mod scenario;
+pub mod schedule;
 pub mod shape;
 pub mod skill;
 pub mod tool;

@@ -1,0 +1,173 @@
+//! `trocar simulate`: a clip, checkerboard photos, camera, annotations and truth of a simulated box.
+
+mod scene;
+
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+
+pub use self::scene::{Progress, SceneOrder, write_scene};
+use super::Failure;
+use super::progress::Meter;
+use crate::media::Samples;
+use crate::simulation::schedule::Evenness;
+use crate::simulation::tool::Tape;
+use crate::simulation::{Scenario, Setup, Skill, View};
+
+/// Arguments of `trocar simulate`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Scene: wire, rectangle, approach, slide, rest, pegs or crossing.
+    #[arg(long)]
+    scene: String,
+    /// Seed of the hands' motion and the sensor's noise; the same seed gives the same pixels.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder to write to; made if need be.
+    #[arg(long)]
+    out: PathBuf,
+    /// Picture size, pixels.
+    #[arg(long, default_value = "1280x720", value_parser = size)]
+    size: (u32, u32),
+    /// Frames to make; without this and --seconds, until the task is done.
+    #[arg(long, conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    frames: Option<u32>,
+    /// Seconds to make; the task is repeated if they are many.
+    #[arg(long, value_parser = seconds)]
+    seconds: Option<f64>,
+    /// Frames a second.
+    #[arg(long, default_value_t = 25.0, value_parser = rate)]
+    fps: f64,
+    /// Whose hands: novice, intermediate or expert.
+    #[arg(long, default_value = "intermediate")]
+    skill: String,
+    /// Where the camera stands: top or side.
+    #[arg(long, default_value = "top")]
+    view: String,
+    /// Which box: its lens, mounting and mat. Clips of one box share one calibration.
+    #[arg(long = "box", default_value_t = 1)]
+    rig: u64,
+    /// Tapes of the left and the right tool, of orange, cyan, magenta, lime, yellow, violet.
+    #[arg(long, default_value = "orange,cyan")]
+    tapes: String,
+    /// Outer diameter of the tools over the tape, mm.
+    #[arg(long, default_value_t = 5.0, value_parser = diameter)]
+    diameter_mm: f64,
+    /// Checkerboard photos to make.
+    #[arg(long, default_value_t = 18, value_parser = clap::value_parser!(u16).range(0..=99))]
+    boards: u16,
+    /// Bend the board on the last three photos.
+    #[arg(long)]
+    bent: bool,
+    /// Uneven time stamps and lost frames, as from a live feed.
+    #[arg(long)]
+    uneven: bool,
+    /// Samples of the clip: yuv420p, yuv422p, yuv444p, yuv420p10 or yuv444p10.
+    #[arg(long, default_value = "yuv420p")]
+    pixels: String,
+    /// Show no progress.
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let order = order(&args).map_err(Failure::Input)?;
+    let mut meter = Meter::new(args.quiet);
+    let times = write_scene(&args.out, &order, &mut |what, done, all| meter.show(what, done, all))?;
+    meter.finish(&format!("{} frames of `{}` in {}", times.len(), args.scene, args.out.display()));
+    Ok(())
+}
+
+fn order(args: &Args) -> anyhow::Result<SceneOrder> {
+    let scenario = one_of("scene", &args.scene, Scenario::ALL.map(Scenario::name), Scenario::named)?;
+    let skill = one_of("skill", &args.skill, Skill::ALL.map(|s| s.name), Skill::named)?;
+    let frames = args.frames.map(|n| n as usize).or(args.seconds.map(|s| (s * args.fps).round().max(1.0) as usize));
+    let setup = Setup {
+        view: one_of("view", &args.view, ["top", "side"], view)?,
+        rig: args.rig,
+        width: args.size.0,
+        height: args.size.1,
+        at_least_s: frames.map_or(0.0, |n| n as f64 / args.fps),
+        tapes: tapes(&args.tapes)?,
+        diameter_mm: args.diameter_mm,
+        ..Setup::new(scenario, skill, args.seed)
+    };
+    let names = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10", "yuv444p10"];
+    let samples = one_of("pixels", &args.pixels, names, samples)?;
+    if samples != Samples::Yuv444 && samples != Samples::Yuv444Deep && (args.size.0 % 2 == 1 || args.size.1 % 2 == 1) {
+        return Err(anyhow!("--size {}x{}: an odd size needs --pixels yuv444p", args.size.0, args.size.1));
+    }
+    Ok(SceneOrder {
+        frames,
+        fps: args.fps,
+        evenness: if args.uneven { Evenness::Uneven } else { Evenness::Even },
+        samples,
+        boards: usize::from(args.boards),
+        bent: if args.bent { 3.min(usize::from(args.boards)) } else { 0 },
+        ..SceneOrder::new(setup)
+    })
+}
+
+fn one_of<T, const N: usize>(
+    what: &str,
+    name: &str,
+    names: [&str; N],
+    find: impl Fn(&str) -> Option<T>,
+) -> anyhow::Result<T> {
+    find(name).ok_or_else(|| anyhow!("no {what} is called `{name}`; there are {}", names.join(", ")))
+}
+
+fn view(name: &str) -> Option<View> {
+    match name {
+        "top" => Some(View::Top),
+        "side" => Some(View::Side),
+        _ => None,
+    }
+}
+
+fn samples(name: &str) -> Option<Samples> {
+    match name {
+        "yuv420p" => Some(Samples::Yuv420),
+        "yuv422p" => Some(Samples::Yuv422),
+        "yuv444p" => Some(Samples::Yuv444),
+        "yuv420p10" => Some(Samples::Yuv420Deep),
+        "yuv444p10" => Some(Samples::Yuv444Deep),
+        _ => None,
+    }
+}
+
+fn tapes(text: &str) -> anyhow::Result<[Tape; 2]> {
+    let names = Tape::ALL.map(|t| t.name);
+    let found: Vec<Tape> =
+        text.split(',').map(|name| one_of("tape", name.trim(), names, Tape::named)).collect::<anyhow::Result<_>>()?;
+    match found[..] {
+        [left, right] if left != right => Ok([left, right]),
+        _ => Err(anyhow!("--tapes {text}: give two different tapes, as in orange,cyan")),
+    }
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    const RANGE: std::ops::RangeInclusive<u32> = 64..=4096;
+    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    sides
+        .filter(|(w, h)| RANGE.contains(w) && RANGE.contains(h))
+        .ok_or_else(|| "expected WIDTHxHEIGHT, each 64 to 4096, as in 1280x720".to_owned())
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    number(text, 0.01, 36_000.0)
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    number(text, 1.0, 240.0)
+}
+
+fn diameter(text: &str) -> Result<f64, String> {
+    number(text, 1.0, 20.0)
+}
+
+fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    value.filter(|v| (least..=most).contains(v)).ok_or_else(|| format!("expected a number from {least} to {most}"))
+}

@@ -1,0 +1,169 @@
+//! Writes a simulated scene to a folder, in the formats of the contract.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, ToolSize, View as FileView};
+use crate::domain::files::camera::CameraFile;
+use crate::domain::files::truth::TruthFile;
+use crate::media::{Samples, TICKS_PER_S, VideoSettings, VideoWriter};
+use crate::pipeline::evaluation::{Truth, TruthFrame};
+use crate::simulation::checkerboard;
+use crate::simulation::marks::{self, Mark};
+use crate::simulation::render::{Chroma, Photographer, Renderer};
+use crate::simulation::schedule::{Evenness, frame_times};
+use crate::simulation::{Setup, View, World, truth};
+
+/// A scene to be written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneOrder {
+    /// What to simulate.
+    pub setup: Setup,
+    /// Frames in the clip; `None` until the task is done.
+    pub frames: Option<usize>,
+    /// Usual frame rate, Hz.
+    pub fps: f64,
+    /// How even the frames are.
+    pub evenness: Evenness,
+    /// How the clip stores its samples.
+    pub samples: Samples,
+    /// Compression, 0 to 51.
+    pub crf: u8,
+    /// Checkerboard photos.
+    pub boards: usize,
+    /// How many of them show a bent board.
+    pub bent: usize,
+}
+
+impl SceneOrder {
+    /// The whole task at 25 frames a second, with 18 photos of a flat board.
+    pub fn new(setup: Setup) -> Self {
+        Self {
+            setup,
+            frames: None,
+            fps: 25.0,
+            evenness: Evenness::Even,
+            samples: Samples::Yuv420,
+            crf: 20,
+            boards: 18,
+            bent: 0,
+        }
+    }
+}
+
+/// What is being written, for progress: name, how much is done, how much there is.
+pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize);
+
+/// Names of the files in the folder.
+pub const CLIP: &str = "clip.mp4";
+
+/// Writes the scene; returns the clip's frame times, s. An interrupted run leaves files that are named in full only
+/// when they are whole, except the clip.
+pub fn write_scene(folder: &Path, order: &SceneOrder, progress: Progress) -> anyhow::Result<Vec<f64>> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let world = World::new(&order.setup);
+    let count = order.frames.unwrap_or_else(|| (world.duration_s * order.fps).ceil() as usize).max(1);
+    let times = frame_times(count, order.fps, order.evenness, order.setup.seed, f64::from(TICKS_PER_S));
+    write_text(&folder.join("camera.json"), &CameraFile::from(world.rig.camera).to_json())?;
+    write_boards(&folder.join("boards"), &world, order, progress)?;
+    write_text(&folder.join("truth.json"), &TruthFile::new(order.fps, &truth_of(&world, &times)).to_json())?;
+    write_text(&folder.join("annotations.json"), &annotations_of(&world, &order.setup, &times)?)?;
+    write_clip(&folder.join(CLIP), &world, order, &times, progress)?;
+    Ok(times)
+}
+
+fn write_clip(
+    path: &Path,
+    world: &World,
+    order: &SceneOrder,
+    times: &[f64],
+    progress: Progress,
+) -> anyhow::Result<()> {
+    let settings = VideoSettings {
+        width: order.setup.width,
+        height: order.setup.height,
+        fps: order.fps,
+        samples: order.samples,
+        crf: order.crf,
+    };
+    let in_clip = || format!("cannot write {}", path.display());
+    let file = File::create(path).with_context(in_clip)?;
+    let mut writer = VideoWriter::create(file, settings).with_context(in_clip)?;
+    let renderer = Renderer::with_chroma(world, chroma_of(order.samples));
+    for (index, time_s) in times.iter().enumerate() {
+        let picture = renderer.render(*time_s);
+        writer.write(&picture.frame(index as u64, *time_s)).with_context(in_clip)?;
+        progress("frames", index + 1, times.len());
+    }
+    writer.finish().with_context(in_clip)
+}
+
+fn chroma_of(samples: Samples) -> Chroma {
+    match samples {
+        Samples::Yuv420 | Samples::Yuv420Deep => Chroma::Quarter,
+        Samples::Yuv422 => Chroma::Half,
+        Samples::Yuv444 | Samples::Yuv444Deep => Chroma::Full,
+    }
+}
+
+fn write_boards(folder: &Path, world: &World, order: &SceneOrder, progress: Progress) -> anyhow::Result<()> {
+    if order.boards == 0 {
+        return Ok(());
+    }
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let photographer = Photographer::new(&world.rig);
+    let held = checkerboard::poses(&world.rig, order.setup.rig, order.boards, order.bent);
+    for (index, held) in held.iter().enumerate() {
+        let photo = checkerboard::photo(&photographer, &world.rig.lighting, held, index as u64);
+        let path = folder.join(format!("board_{:02}.jpg", index + 1));
+        let mut bytes = Vec::new();
+        JpegEncoder::new_with_quality(&mut bytes, 94)
+            .write_image(&photo.rgb, photo.width, photo.height, ExtendedColorType::Rgb8)
+            .with_context(|| format!("cannot encode {}", path.display()))?;
+        fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        progress("boards", index + 1, order.boards);
+    }
+    Ok(())
+}
+
+fn truth_of(world: &World, times: &[f64]) -> Truth {
+    let frame = |(index, time_s): (usize, &f64)| TruthFrame {
+        frame: index as u64,
+        time_s: *time_s,
+        tools: truth::at(world, *time_s),
+    };
+    Truth { frames: times.iter().enumerate().map(frame).collect() }
+}
+
+fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result<String> {
+    let size = |tool: &crate::simulation::tool::Tool| ToolSize {
+        tool: tool.design.tape.name.to_owned(),
+        diameter_mm: Some(tool.design.diameter_mm),
+        band_length_mm: Some(tool.design.band_mm),
+    };
+    let file = AnnotationsFile {
+        tool_diameter_mm: Some(setup.diameter_mm),
+        band_length_mm: None,
+        view: Some(match setup.view {
+            View::Top => FileView::Top,
+            View::Side => FileView::Side,
+        }),
+        video: Some(CLIP.to_owned()),
+        tools: world.tools.iter().map(size).collect(),
+        labels: marks::of_recording(world, times).into_iter().map(rectangle).collect(),
+    };
+    Ok(serde_json::to_string_pretty(&file)? + "\n")
+}
+
+fn rectangle(mark: Mark) -> LabelledRectangle {
+    let Mark { frame, label, x, y, w, h } = mark;
+    LabelledRectangle { frame: frame as u64, label: label.to_owned(), x, y, w, h }
+}
+
+fn write_text(path: &PathBuf, text: &str) -> anyhow::Result<()> {
+    fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+}
