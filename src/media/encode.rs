@@ -50,7 +50,9 @@ pub enum EncodeError {
     #[error("this FFmpeg has no libx264 encoder; install a build that has it (Debian: libavcodec59)")]
     NoEncoder,
     /// The encoder refuses the size or the sample format.
-    #[error("libx264 cannot encode {width}×{height} pixels in this format ({source}); sizes must be even unless chroma is full")]
+    #[error(
+        "libx264 cannot encode {width}×{height} pixels in this format ({source}); sizes must be even unless chroma is full"
+    )]
     Refused {
         /// Picture width, pixels.
         width: u32,
@@ -178,8 +180,7 @@ pub fn ticks(time_s: f64) -> i64 {
 
 fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError> {
     let h264 = encoder::find_by_name("libx264").ok_or(EncodeError::NoEncoder)?;
-    let mut video =
-        codec::Context::new_with_codec(h264).encoder().video().map_err(failed("preparing the encoder"))?;
+    let mut video = codec::Context::new_with_codec(h264).encoder().video().map_err(failed("preparing the encoder"))?;
     video.set_width(settings.width);
     video.set_height(settings.height);
     video.set_format(settings.samples.pixel());

@@ -194,7 +194,13 @@ impl Form {
     /// Is the point (−½..½) part of the figure?
     fn covers(self, u: f64, v: f64) -> bool {
         match self {
-            Form::Triangle { falling } => if falling { v > u } else { v > -u },
+            Form::Triangle { falling } => {
+                if falling {
+                    v > u
+                } else {
+                    v > -u
+                }
+            }
             Form::Disc => u.hypot(v) < 0.36,
             Form::Ring => (0.2..0.38).contains(&u.hypot(v)),
             Form::Diamond => u.abs() + v.abs() < 0.44,
@@ -241,7 +247,8 @@ fn grain(x: f64, y: f64, size: f64, depth: f32) -> f32 {
 
 /// A fixed value in −1..1 for every lattice point (a 64-bit mix of its coordinates).
 fn lattice(column: i64, row: i64) -> f32 {
-    let mut bits = (column as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (row as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
+    let mut bits =
+        (column as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (row as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
     bits = (bits ^ (bits >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     ((bits >> 40) as f32) / (1u32 << 23) as f32 - 1.0
 }

@@ -123,7 +123,8 @@ impl Lighting {
     pub fn reflect(&self, point: Point3<f64>, normal: Vector3<f64>, v: Vector3<f64>, material: &Material) -> Lit {
         let eye = -v.normalize();
         let facing = eye.dot(&normal).max(0.0);
-        let grazing = material.mirror + (1.0 - material.mirror) * (1.0 - facing as f32).powi(5) * material.gloss.min(1.0);
+        let grazing =
+            material.mirror + (1.0 - material.mirror) * (1.0 - facing as f32).powi(5) * material.gloss.min(1.0);
         let mirrored = normal * (2.0 * eye.dot(&normal)) - eye;
         let surroundings = blend(self.below, self.above, (0.5 + 0.5 * mirrored.dot(&self.up)) as f32);
         let openness = (0.75 + 0.25 * normal.dot(&self.up)) as f32;

@@ -59,7 +59,14 @@ fn of_frame(world: &World, dice: &mut Dice, frame: usize, time_s: f64) -> Vec<Ma
 }
 
 /// The largest square round a point of the axis that stays on the tube, with a fifth of its width to spare.
-fn on_axis(world: &World, pose: &ToolPose, behind: f64, radius: f64, label: &'static str, frame: usize) -> Option<Mark> {
+fn on_axis(
+    world: &World,
+    pose: &ToolPose,
+    behind: f64,
+    radius: f64,
+    label: &'static str,
+    frame: usize,
+) -> Option<Mark> {
     let camera = &world.rig.camera;
     let point = pose.tip - pose.axis * behind;
     let seen = camera.project(CameraPoint(point))?;
@@ -87,9 +94,8 @@ fn background(world: &World, poses: &[ToolPose], dice: &mut Dice, frame: usize) 
 fn distance_to_tools(world: &World, poses: &[ToolPose], pixel: Pixel) -> f64 {
     const STEPS: usize = 60;
     let camera = &world.rig.camera;
-    let on_axis = |pose: &ToolPose, step: usize| -> Point3<f64> {
-        pose.grip - pose.axis * (step as f64 / STEPS as f64 * 160.0)
-    };
+    let on_axis =
+        |pose: &ToolPose, step: usize| -> Point3<f64> { pose.grip - pose.axis * (step as f64 / STEPS as f64 * 160.0) };
     let points = poses.iter().flat_map(|pose| (0..STEPS).map(move |step| on_axis(pose, step)));
     let seen = points.filter_map(|point| camera.project(CameraPoint(point)));
     seen.map(|p| (p.0 - pixel.0).norm()).fold(f64::INFINITY, f64::min)

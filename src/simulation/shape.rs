@@ -67,8 +67,7 @@ impl RoundCone {
             let y = from_a.dot(&axis);
             let on_side = y >= self.radius_a * slope && y <= length + self.radius_b * slope;
             let outwards = from_a - axis * y;
-            (depth > 0.0 && on_side)
-                .then(|| Meeting { depth, normal: outwards.normalize() * cosine + axis * slope })
+            (depth > 0.0 && on_side).then(|| Meeting { depth, normal: outwards.normalize() * cosine + axis * slope })
         })
     }
 
@@ -127,13 +126,7 @@ pub struct Tube {
 
 impl Tube {
     /// A tube in the camera frame.
-    pub fn new(
-        tip: Point3<f64>,
-        axis: Vector3<f64>,
-        radii: (f64, f64),
-        band_mm: f64,
-        length_mm: f64,
-    ) -> Self {
+    pub fn new(tip: Point3<f64>, axis: Vector3<f64>, radii: (f64, f64), band_mm: f64, length_mm: f64) -> Self {
         let along_tip = tip.coords.dot(&axis);
         let borders = tangent_planes(tip, axis, radii.0).unwrap_or_default();
         let tip_squared = tip.coords.norm_squared();
@@ -189,8 +182,7 @@ impl Tube {
     fn meet_face(&self, v: Vector3<f64>, va: f64) -> Option<(Meeting, TubePart, f64)> {
         let depth = self.along_tip / va;
         let inside = (v * depth - self.tip.coords).norm_squared() <= self.radius * self.radius;
-        (va < 0.0 && depth > 0.0 && inside)
-            .then_some((Meeting { depth, normal: self.axis }, TubePart::Face, 0.0))
+        (va < 0.0 && depth > 0.0 && inside).then_some((Meeting { depth, normal: self.axis }, TubePart::Face, 0.0))
     }
 }
 

@@ -76,13 +76,7 @@ pub fn write_scene(folder: &Path, order: &SceneOrder, progress: Progress) -> any
     Ok(times)
 }
 
-fn write_clip(
-    path: &Path,
-    world: &World,
-    order: &SceneOrder,
-    times: &[f64],
-    progress: Progress,
-) -> anyhow::Result<()> {
+fn write_clip(path: &Path, world: &World, order: &SceneOrder, times: &[f64], progress: Progress) -> anyhow::Result<()> {
     let settings = VideoSettings {
         width: order.setup.width,
         height: order.setup.height,

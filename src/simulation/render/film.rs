@@ -171,6 +171,7 @@ fn sigma_of_code(optics: &Optics, code: f32) -> f32 {
     let encoded = ((code - 16.0) / 219.0).clamp(0.0, 1.0);
     let linear = if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
     let noise = ((optics.read_noise.powi(2) + optics.shot_noise.powi(2) * f64::from(linear)) as f32).sqrt();
-    let slope = (encode(linear + 0.002) - encode((linear - 0.002).max(0.0))) / (linear + 0.002 - (linear - 0.002).max(0.0));
+    let slope =
+        (encode(linear + 0.002) - encode((linear - 0.002).max(0.0))) / (linear + 0.002 - (linear - 0.002).max(0.0));
     219.0 * noise * slope
 }

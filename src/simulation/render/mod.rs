@@ -87,7 +87,8 @@ impl<'w> Renderer<'w> {
     fn paint(&self, tile: usize, exposure: &Exposure) -> Painted {
         let cone = &self.cones[tile];
         let bodies = exposure.near(cone.unit, cone.sine);
-        let rods: Vec<RoundCone> = exposure.rods.iter().map(|(_, rod)| *rod).filter(|r| self.may_shade(cone, r)).collect();
+        let rods: Vec<RoundCone> =
+            exposure.rods.iter().map(|(_, rod)| *rod).filter(|r| self.may_shade(cone, r)).collect();
         if bodies.is_empty() && rods.is_empty() {
             return None;
         }
@@ -159,7 +160,9 @@ impl<'w> Renderer<'w> {
         let (column, row) = (tile % self.tiling.columns, tile / self.tiling.columns);
         let (first, last) = (column.saturating_sub(1), (column + 1).min(self.tiling.columns - 1));
         let mut rows = row.saturating_sub(1)..=(row + 1).min(self.tiling.rows - 1);
-        rows.all(|r| painted[r * self.tiling.columns + first..=r * self.tiling.columns + last].iter().all(Option::is_none))
+        rows.all(|r| {
+            painted[r * self.tiling.columns + first..=r * self.tiling.columns + last].iter().all(Option::is_none)
+        })
     }
 
     /// Codes with noise; chroma is the mean of the pixels that share it.
@@ -193,12 +196,18 @@ impl<'w> Renderer<'w> {
 impl Cone {
     fn new(square: Square, rays: &Rays, still: &Still) -> Self {
         let at = |u: usize, v: usize| rays.centre(u, v);
-        let corners = [(square.left, square.top), (square.right - 1, square.top), (square.left, square.bottom - 1), (square.right - 1, square.bottom - 1)];
+        let corners = [
+            (square.left, square.top),
+            (square.right - 1, square.top),
+            (square.left, square.bottom - 1),
+            (square.right - 1, square.bottom - 1),
+        ];
         let (middle_u, middle_v) = ((square.left + square.right) / 2, (square.top + square.bottom) / 2);
         let unit = at(middle_u, middle_v).normalize();
         let sines = corners.map(|(u, v)| at(u, v).normalize().cross(&unit).norm());
         let middle = Point3::from(at(middle_u, middle_v) * f64::from(still.at(middle_u, middle_v).depth));
-        let gaps = square.pixels().map(|(u, v)| (Point3::from(at(u, v) * f64::from(still.at(u, v).depth)) - middle).norm());
+        let gaps =
+            square.pixels().map(|(u, v)| (Point3::from(at(u, v) * f64::from(still.at(u, v).depth)) - middle).norm());
         // Half a pixel beyond the corners' centres, and the lens's curvature over a tile.
         Self { unit, sine: sines.into_iter().fold(0.0, f64::max) * 1.15, middle, spread_mm: gaps.fold(0.0, f64::max) }
     }

@@ -63,7 +63,8 @@ impl Exposure {
         let ends = [at(0.0), at(1.0)];
         let hulls = middle.iter().zip(ends[0].iter().zip(&ends[1])).map(|(m, (f, l))| hull(m, f, l)).collect();
         let poses = world.poses(time_s);
-        let of_tool = |(owner, pose): (usize, &ToolPose)| world.tools[owner].design.shadow_rods(pose).map(|r| (owner, r));
+        let of_tool =
+            |(owner, pose): (usize, &ToolPose)| world.tools[owner].design.shadow_rods(pose).map(|r| (owner, r));
         let carried = world.carried(&poses, time_s);
         let beads = carried.iter().enumerate().map(|(i, (solid, _))| (world.tools.len() + i, *solid));
         let rods = poses.iter().enumerate().flat_map(of_tool).chain(beads).collect();
@@ -147,7 +148,11 @@ impl Exposure {
 }
 
 /// Shares of the lamps' light that rods keep from a point.
-pub fn hidden<'a>(world: &World, point: Point3<f64>, rods: impl Iterator<Item = &'a RoundCone> + Clone) -> [f32; LAMPS] {
+pub fn hidden<'a>(
+    world: &World,
+    point: Point3<f64>,
+    rods: impl Iterator<Item = &'a RoundCone> + Clone,
+) -> [f32; LAMPS] {
     world.rig.lighting.lamps.map(|lamp| {
         let kept: f64 = rods.clone().map(|rod| lamp.hidden(point, rod)).sum();
         kept.min(1.0) as f32

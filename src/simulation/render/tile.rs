@@ -47,7 +47,8 @@ impl Tiling {
         let mut patch = Vec::with_capacity(side * side);
         for row in 0..side {
             let v = (square.top + row).saturating_sub(more).min(self.height - 1);
-            patch.extend((0..side).map(|column| at((square.left + column).saturating_sub(more).min(self.width - 1), v)));
+            patch
+                .extend((0..side).map(|column| at((square.left + column).saturating_sub(more).min(self.width - 1), v)));
         }
         patch
     }

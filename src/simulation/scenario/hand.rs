@@ -86,7 +86,8 @@ impl Hand {
             return;
         }
         let corrections = if ending == Ending::Stop { self.skill.corrections } else { 0 };
-        let miss = if corrections > 0 { self.dice.gauss3() * (self.skill.miss * length).min(6.0) } else { Vector3::zeros() };
+        let miss =
+            if corrections > 0 { self.dice.gauss3() * (self.skill.miss * length).min(6.0) } else { Vector3::zeros() };
         let took = self.bowed(whole + miss, length);
         let mut left = -miss;
         for step in 0..corrections {

@@ -47,7 +47,8 @@ pub(super) fn pegs(cast: &Cast) -> Script {
 }
 
 fn beads() -> Vec<Bead> {
-    let bead = |((x, y), colour): ((f64, f64), Rgb)| Bead { stays: vec![(0.0, Place::At(above(-x, y, BEAD_UP_MM)))], colour };
+    let bead =
+        |((x, y), colour): ((f64, f64), Rgb)| Bead { stays: vec![(0.0, Place::At(above(-x, y, BEAD_UP_MM)))], colour };
     PEGS.into_iter().zip(COLOURS).map(bead).collect()
 }
 

@@ -76,8 +76,7 @@ fn trace_half(hand: &mut Hand, side: f64) {
 
 fn rectangle_strokes() -> Vec<Stroke> {
     let corners = [(-HALF_WIDTH, FAR), (HALF_WIDTH, FAR), (HALF_WIDTH, NEAR), (-HALF_WIDTH, NEAR)];
-    let sides = |width: f64, colour| {
-        (0..4).map(move |i| Stroke { from: corners[i], to: corners[(i + 1) % 4], width, colour })
-    };
+    let sides =
+        |width: f64, colour| (0..4).map(move |i| Stroke { from: corners[i], to: corners[(i + 1) % 4], width, colour });
     sides(4.2, [0.03, 0.03, 0.03]).chain(sides(2.4, [0.72, 0.7, 0.66])).collect()
 }
