@@ -13,7 +13,13 @@ pub mod protocol;
 
 mod attempt;
 mod diagnostics;
+mod orders;
+mod product;
 mod receipt;
+mod settings;
+mod worker;
 
 pub use attempt::{Attempt, Failure, attempt};
 pub use receipt::Heard;
+pub use settings::AnalysisSettings;
+pub use worker::Workshop;

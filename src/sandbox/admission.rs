@@ -12,7 +12,7 @@ use super::budget::LandlockPolicy;
 use super::confinement::{self, Confinement, ConfinementError, Enforced, system};
 
 /// Most descriptors handed to one child (the kernel passes at most 253 with a message).
-pub(super) const MOST_INPUTS: usize = 128;
+pub const MOST_INPUTS: usize = 250;
 
 /// What a confined child has to work with.
 pub struct Admission {

@@ -28,7 +28,7 @@ mod record;
 mod stop;
 mod syscalls;
 
-pub use admission::{Admission, admit};
+pub use admission::{Admission, MOST_INPUTS, admit};
 pub use budget::{Budget, LandlockPolicy};
 pub use confinement::{ConfinementError, Enforced};
 pub use outcome::{Cost, Ended, Limit, Outcome};

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 pub use rows::{PathRow, ReasonShape, SeenRow};
 pub use shapes::{
-    BoardShape, CalibrationShape, CameraShape, MarkShape, PaletteShape, QualityShape, ToolShape, ViewShape,
+    BoardShape, CalibrationShape, CameraShape, MarkShape, PaletteShape, QualityShape, ToolQualityShape, ToolShape, ViewShape,
 };
 
 use crate::domain::problem::Problem;
@@ -74,6 +74,8 @@ pub struct CalibrateWork {
     pub board: BoardShape,
     /// Name of each photo, for the report; `None`: the one input is a video.
     pub photos: Option<Vec<String>>,
+    /// The moment that the calibration is to bear, RFC 3339: a child has no clock.
+    pub calibrated_at: String,
 }
 
 /// What a child answers.

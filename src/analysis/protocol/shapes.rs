@@ -191,6 +191,6 @@ impl From<&Quality> for QualityShape {
 /// A calibration, as camera.json holds it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationShape {
-    /// The file's content, but for the moment, which the parent sets.
+    /// The file's content.
     pub camera_json: String,
 }

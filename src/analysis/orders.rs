@@ -1,0 +1,113 @@
+//! From a job to what its child is told: rows and files looked up, nothing decided.
+
+use std::fs::File;
+
+use super::protocol::{
+    self, BoardShape, CalibrateWork, MarkShape, PaletteShape, PaletteWork, ToolShape, TrackWork, ViewShape, Work,
+};
+use super::worker::WorkError;
+use crate::domain::boxes::BoxTool;
+use crate::domain::files::annotations::{LabelledRectangle, View};
+use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, TrackInput};
+use crate::domain::problem::Problem;
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::ids::BoxId;
+use crate::sandbox::MOST_INPUTS;
+use crate::store::Store;
+use crate::vault::Vault;
+
+/// Work for a child and the files that go with it.
+pub(super) struct Orders {
+    /// What it is to do.
+    pub(super) work: Work,
+    /// On which files.
+    pub(super) inputs: Vec<File>,
+}
+
+impl Orders {
+    /// Looks up what a job needs.
+    pub(super) async fn for_job(job: &JobInput, store: &Store, vault: &Vault, now: &str) -> Result<Self, WorkError> {
+        let blobs = job.blobs();
+        if blobs.len() > MOST_INPUTS {
+            return Err(too_many_files(blobs.len()).into());
+        }
+        let mut inputs = Vec::with_capacity(blobs.len());
+        for blob in blobs {
+            inputs.push(vault.open_blob(blob.hash).await?.0);
+        }
+        let work = match job {
+            JobInput::Track(input) => Work::Track(track(input, store).await?),
+            JobInput::Palette(input) => Work::Palette(palette(input)?),
+            JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
+        };
+        Ok(Self { work, inputs })
+    }
+}
+
+async fn track(input: &TrackInput, store: &Store) -> Result<TrackWork, WorkError> {
+    let scope = Scope::service();
+    let calibration = store.calibrations().get(&scope, input.calibration).await?;
+    let palette = store.palettes().get(&scope, input.palette).await?;
+    let view = match palette.annotations.view {
+        Some(view) => Some(view),
+        None => view_of(palette.box_id, store).await?,
+    };
+    Ok(TrackWork {
+        camera: calibration.camera.camera().into(),
+        tools: palette.tools.into_iter().map(ToolShape::from).collect(),
+        palette: protocol::decode::<PaletteShape>(&palette.samples).map_err(|_| unreadable_palette())?,
+        view: view.map(ViewShape::from),
+    })
+}
+
+async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
+    Ok(store.boxes().get(&Scope::service(), &Key::from(&of)).await?.view)
+}
+
+fn palette(input: &PaletteInput) -> Result<PaletteWork, WorkError> {
+    let marks = input.annotations.labels.iter().map(mark).collect::<Result<_, _>>()?;
+    Ok(PaletteWork { marks, frames: (!input.is_video).then(|| input.frames.clone()) })
+}
+
+fn mark(label: &LabelledRectangle) -> Result<MarkShape, Problem> {
+    let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(u32::try_from);
+    match (x, y, w, h) {
+        (Ok(x), Ok(y), Ok(w), Ok(h)) => {
+            Ok(MarkShape { frame: label.frame, label: label.label.clone(), x_y_w_h: [x, y, w, h] })
+        }
+        _ => Err(outside(label)),
+    }
+}
+
+fn calibrate(input: &CalibrateInput, now: &str) -> CalibrateWork {
+    let CalibrateInput { board, square_mm, .. } = *input;
+    let names = || input.files.iter().map(|file| file.name.clone()).collect();
+    CalibrateWork {
+        board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
+        photos: (!input.is_video).then(names),
+        calibrated_at: now.to_owned(),
+    }
+}
+
+impl From<BoxTool> for ToolShape {
+    fn from(BoxTool { name, diameter_mm, band_length_mm }: BoxTool) -> Self {
+        Self { name, diameter_mm, band_length_mm }
+    }
+}
+
+fn outside(label: &LabelledRectangle) -> Problem {
+    let LabelledRectangle { frame, label, x, y, w, h } = label;
+    let detail =
+        format!("the rectangle `{label}` on frame {frame} begins at x {x}, y {y} and measures {w}×{h}: outside any frame");
+    Problem::new("mark-outside", "A rectangle leaves the frame", detail)
+}
+
+fn unreadable_palette() -> Problem {
+    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the tools' tape again")
+}
+
+fn too_many_files(given: usize) -> Problem {
+    let detail = format!("{given} files were sent; at most {MOST_INPUTS} can be looked at together");
+    Problem::new("too-many-files", "Too many files for one job", detail)
+}

@@ -1,0 +1,47 @@
+//! What a piece of work may use.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::sandbox::{Budget, LandlockPolicy};
+
+/// Limits of the children that decode and track.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AnalysisSettings {
+    /// Decoder threads of each child. More than two seldom help; workers times threads should not exceed the cores. Usually 2.
+    pub decoder_threads: usize,
+    /// Memory a child may take beyond the program's own, MiB. Less refuses large pictures and long recordings, more lets a
+    /// hostile file take more. 448 decodes 4096×2304 and tracks an hour of two tools.
+    pub memory_mib: u64,
+    /// Longest a child may work, s. It is then ended and tried again, three times in all. Usually 14400.
+    pub longest_s: u64,
+    /// Longest a child may go without a sign of progress, s. Usually 60.
+    pub silence_s: u64,
+    /// Refuse to look at recordings where the kernel does not enforce Landlock, instead of going on behind the system call
+    /// filter alone.
+    pub require_landlock: bool,
+}
+
+impl Default for AnalysisSettings {
+    fn default() -> Self {
+        Self { decoder_threads: 2, memory_mib: 448, longest_s: 4 * 3600, silence_s: 60, require_landlock: false }
+    }
+}
+
+impl AnalysisSettings {
+    /// A child's budget.
+    pub fn budget(&self) -> Budget {
+        let landlock = if self.require_landlock { LandlockPolicy::Required } else { LandlockPolicy::IfAvailable };
+        Budget {
+            memory_bytes: self.memory_mib << 20,
+            // All its threads together may compute for as long as it may run.
+            cpu: Duration::from_secs(self.longest_s.saturating_mul(self.decoder_threads as u64 + 1)),
+            wall: Duration::from_secs(self.longest_s),
+            silence: Duration::from_secs(self.silence_s),
+            landlock,
+            ..Budget::default()
+        }
+    }
+}

@@ -1,0 +1,286 @@
+//! Workers: each takes one job at a time, runs its child, and saves what came of it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::watch;
+
+use super::attempt::{Attempt, Failure, attempt};
+use super::orders::Orders;
+use super::product::{self, Tracked};
+use super::protocol::{Request, Work};
+use super::receipt::Heard;
+use super::settings::AnalysisSettings;
+use crate::domain::job::{JobInput, TrackInput};
+use crate::domain::problem::Problem;
+use crate::domain::session::NewResult;
+use crate::queue::{Held, Queue, is_lost};
+use crate::sandbox::{Budget, Program, Stop};
+use crate::shutdown::Shutdown;
+use crate::store::{Store, StoreError};
+use crate::time::{SharedClock, to_rfc3339};
+use crate::vault::{Kept, Vault, VaultError};
+
+/// Progress is written at most this often: each time is a commit.
+const WORD: Duration = Duration::from_secs(1);
+
+/// How long a worker rests after the disk, the database or the system failed it.
+const REST: Duration = Duration::from_secs(5);
+
+/// What workers work with.
+pub struct Workshop {
+    /// Rows.
+    pub store: Store,
+    /// Files.
+    pub vault: Vault,
+    /// Where the jobs come from.
+    pub queue: Queue,
+    /// Waits and the moment of a calibration.
+    pub clock: SharedClock,
+    /// What a child may use.
+    pub settings: AnalysisSettings,
+    /// The child's program: [`Workshop::this_program`] but in tests.
+    pub program: Program,
+}
+
+/// Why a job could not be worked on to its end.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum WorkError {
+    /// The job itself cannot be done.
+    #[error("{}", .0.detail)]
+    Impossible(Problem),
+    /// The store failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The vault failed.
+    #[error(transparent)]
+    Vault(#[from] VaultError),
+    /// The system refused a thread, a descriptor or memory.
+    #[error("while preparing the work: {0}")]
+    System(#[from] std::io::Error),
+}
+
+impl From<Problem> for WorkError {
+    fn from(problem: Problem) -> Self {
+        WorkError::Impossible(problem)
+    }
+}
+
+impl Workshop {
+    /// This program as a child.
+    pub fn this_program() -> Program {
+        Program::this(&["child"])
+    }
+
+    /// Starts so many workers; they work until the service ends, and then hand back what they hold.
+    pub fn open(self, workers: usize, shutdown: &Shutdown) {
+        let shop = Arc::new(self);
+        for number in 1..=workers {
+            let (shop, ending) = (shop.clone(), shutdown.clone());
+            let name = format!("worker {number} of process {}", std::process::id());
+            shutdown.spawn(async move { shop.work(&name, &ending).await });
+        }
+    }
+
+    /// One worker's life.
+    async fn work(&self, name: &str, shutdown: &Shutdown) {
+        while let Some(held) = self.queue.next(name, shutdown).await {
+            let job = held.job().id;
+            match self.attend(held, shutdown).await {
+                Ok(()) => {}
+                Err(WorkError::Store(error)) if is_lost(&error) => {
+                    tracing::info!(%job, worker = name, "somebody else has the job now; what was done counts for nothing");
+                }
+                Err(error) => {
+                    tracing::error!(%error, %job, worker = name, "working on a job");
+                    tokio::select! { () = shutdown.begun() => {}, () = self.clock.sleep(REST) => {} }
+                }
+            }
+        }
+    }
+
+    /// Works on one job to its end, whatever that is.
+    async fn attend(&self, mut held: Held, shutdown: &Shutdown) -> Result<(), WorkError> {
+        let now = to_rfc3339(self.clock.now_ms());
+        let orders = match Orders::for_job(&held.job().input, &self.store, &self.vault, &now).await {
+            Ok(orders) => orders,
+            Err(error) => return self.stumble(held, error).await,
+        };
+        let tools = tool_names(&orders.work);
+        match self.accompany(&mut held, orders, shutdown).await {
+            Ok(Ok(heard)) => self.save(held, tools, heard).await,
+            Ok(Err(Failure::Explained(problem))) => Ok(held.fail(problem).await.map(drop)?),
+            Ok(Err(Failure::Crashed(reason))) => Ok(held.crashed(crashed(&reason)).await.map(drop)?),
+            Ok(Err(Failure::Stopped)) => Ok(held.give_back().await?),
+            Err(error) => self.stumble(held, error.into()).await,
+        }
+    }
+
+    /// A job that cannot be done fails. Where the machine failed, the job is handed back and nothing is counted against it.
+    async fn stumble(&self, held: Held, error: WorkError) -> Result<(), WorkError> {
+        match error {
+            WorkError::Impossible(problem) => Ok(held.fail(problem).await.map(drop)?),
+            WorkError::Store(StoreError::NotFound { what }) => Ok(held.fail(gone(what)).await.map(drop)?),
+            WorkError::Vault(VaultError::NotFound) => Ok(held.fail(gone("file")).await.map(drop)?),
+            error => {
+                held.give_back().await?;
+                Err(error)
+            }
+        }
+    }
+
+    /// Runs the child, and meanwhile passes on its progress and keeps the lease.
+    async fn accompany(
+        &self,
+        held: &mut Held,
+        orders: Orders,
+        shutdown: &Shutdown,
+    ) -> std::io::Result<Result<Heard, Failure>> {
+        let stop = Stop::new()?;
+        let (tell, mut told) = watch::channel(0.0);
+        let mut child = self.start(orders, stop.clone(), tell);
+        let mut beat = self.clock.sleep(held.heartbeat());
+        let mut rest = self.clock.sleep(Duration::ZERO);
+        let mut rested = true;
+        loop {
+            let kept = tokio::select! {
+                ended = &mut child => return Ok(ended.unwrap_or_else(|e| Err(Failure::Crashed(e.to_string())))),
+                () = shutdown.begun() => { stop.pull(); return Ok(child.await.unwrap_or(Err(Failure::Stopped))) }
+                () = &mut beat => {
+                    beat = self.clock.sleep(held.heartbeat());
+                    held.beat().await
+                }
+                () = &mut rest, if !rested => {
+                    rested = true;
+                    Ok(())
+                }
+                Ok(()) = told.changed(), if rested => {
+                    (rest, rested) = (self.clock.sleep(WORD), false);
+                    let progress = *told.borrow_and_update();
+                    held.progress(progress).await
+                }
+            };
+            match kept {
+                Ok(()) => {}
+                Err(error) if is_lost(&error) => stop.pull(),
+                // The lease lasts for some beats; if the store stays away longer, it is lost by then.
+                Err(error) => tracing::warn!(%error, job = %held.job().id, "giving word of a job"),
+            }
+        }
+    }
+
+    /// Starts the child on a thread of its own, which lives as long as the child does.
+    fn start(
+        &self,
+        orders: Orders,
+        stop: Stop,
+        tell: watch::Sender<f64>,
+    ) -> tokio::task::JoinHandle<Result<Heard, Failure>> {
+        let (program, budget, threads) = (self.program.clone(), self.settings.budget(), self.settings.decoder_threads);
+        tokio::task::spawn_blocking(move || run(&program, &budget, threads, orders, &stop, &tell))
+    }
+
+    /// Stores what came of the job and ends it, in one transaction; files first, row second.
+    async fn save(&self, held: Held, tools: Vec<String>, heard: Heard) -> Result<(), WorkError> {
+        match held.job().input.clone() {
+            JobInput::Track(input) => self.save_tracking(held, input, tools, heard).await,
+            JobInput::Palette(input) => match product::palette(&input.annotations, heard) {
+                Ok(new) => {
+                    held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await?;
+                    Ok(())
+                }
+                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+            },
+            JobInput::Calibrate(input) => match product::calibration(input.is_video, heard) {
+                Ok(new) => {
+                    held.finish(async |store, lease| store.jobs().finish_calibration(lease, new).await).await?;
+                    Ok(())
+                }
+                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+            },
+        }
+    }
+
+    async fn save_tracking(
+        &self,
+        held: Held,
+        input: TrackInput,
+        tools: Vec<String>,
+        heard: Heard,
+    ) -> Result<(), WorkError> {
+        let assessed = tokio::task::spawn_blocking(move || Tracked::new(&input, tools, heard)).await;
+        let tracked = match assessed {
+            Ok(Ok(tracked)) => tracked,
+            Ok(Err(error)) => return Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+            Err(panic) => return Ok(held.crashed(crashed(&panic.to_string())).await.map(drop)?),
+        };
+        match self.keep(tracked).await {
+            Ok((result, _kept)) => {
+                Ok(held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await?)
+            }
+            Err(error) => self.stumble(held, error.into()).await,
+        }
+    }
+
+    /// Puts a result's files into the vault, where they are kept until their row is there.
+    async fn keep(&self, tracked: Tracked) -> Result<(NewResult, Vec<Kept>), VaultError> {
+        let trajectory = self.vault.put(&tracked.paths).await?;
+        let diagnostics = self.vault.put(&tracked.diagnostics).await?;
+        let preview = match &tracked.preview {
+            Some(jpeg) => Some(self.vault.put(jpeg).await?),
+            None => None,
+        };
+        let result = NewResult {
+            versions: tracked.versions,
+            video: tracked.video,
+            tools: tracked.tools,
+            features: tracked.features,
+            quality: tracked.quality,
+            score: None,
+            trajectory: trajectory.blob(),
+            diagnostics: diagnostics.blob(),
+            preview: preview.as_ref().map(Kept::blob),
+        };
+        Ok((result, [Some(trajectory), Some(diagnostics), preview].into_iter().flatten().collect()))
+    }
+}
+
+fn run(
+    program: &Program,
+    budget: &Budget,
+    threads: usize,
+    orders: Orders,
+    stop: &Stop,
+    tell: &watch::Sender<f64>,
+) -> Result<Heard, Failure> {
+    let request = Request { threads, work: orders.work };
+    let (result, cost) = attempt(Attempt { program, request, inputs: orders.inputs, budget, stop }, |progress| {
+        tell.send_replace(progress);
+    });
+    tracing::debug!(
+        wall_ms = cost.wall.as_millis() as u64,
+        cpu_ms = cost.cpu.as_millis() as u64,
+        peak_rss_bytes = cost.peak_rss_bytes,
+        output_bytes = cost.output_bytes,
+        "a child has ended"
+    );
+    result
+}
+
+/// The tools in the order in which the child counts them.
+fn tool_names(work: &Work) -> Vec<String> {
+    match work {
+        Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
+        Work::Probe | Work::Palette(_) | Work::Calibrate(_) => Vec::new(),
+    }
+}
+
+fn crashed(reason: &str) -> Problem {
+    let detail = format!("the process that worked on it {reason}; after three times it is not tried again by itself");
+    Problem::new("analysis-crashed", "The analysis did not survive this file", detail)
+}
+
+fn gone(what: &str) -> Problem {
+    let detail = format!("the {what} that this work needs has been deleted");
+    Problem::new("input-gone", "What the work needs is gone", detail)
+}
