@@ -39,16 +39,16 @@ export function Player({ address, size, track, playback, hidden }) {
         <canvas ref=${canvas} aria-hidden="true"></canvas>
         ${unplayable && html`<p class="words" role="alert">${words.noVideo}</p>`}
       </div>
-      <${Transport} playback=${playback} onFull=${() => (document.fullscreenElement ? document.exitFullscreen() : screen.current.requestFullscreen())} />
-      ${track && html`
-        <div class="row layers" role="group" aria-label=${words.overlay}>
-          <span class="label">${words.overlay}</span>
-          ${LAYERS.map(layer => html`<button key=${layer} type="button" class="button" aria-pressed=${show[layer]} onClick=${() => setShow({ ...show, [layer]: !show[layer] })}>${words.show[layer]}</button>`)}
-        </div>`}
+      <${Transport} playback=${playback} onFull=${() => (document.fullscreenElement ? document.exitFullscreen() : screen.current.requestFullscreen())}>
+        ${track && html`
+          <div class="row layers" role="group" aria-label=${words.overlay}>
+            ${LAYERS.map(layer => html`<button key=${layer} type="button" class="button" aria-pressed=${show[layer]} onClick=${() => setShow({ ...show, [layer]: !show[layer] })}>${words.show[layer]}</button>`)}
+          </div>`}
+      <//>
     </div>`;
 }
 
-function Transport({ playback, onFull }) {
+function Transport({ playback, onFull, children }) {
   const slider = useRef(null);
   const reading = useRef(null);
   const [playing, setPlaying] = useState(false);
@@ -80,6 +80,7 @@ function Transport({ playback, onFull }) {
           <button class="button" type="button" aria-label=${words.forward} title=${`${words.forward} (.)`} onClick=${() => playback.step(1)}><${icons.forward} /></button>
           <span ref=${reading} class="clock"></span>
         </div>
+        ${children}
         <div class="row">
           <select class="select" aria-label=${words.rate} value=${String(rate)} onChange=${change}>
             ${RATES.map(value => html`<option key=${value} value=${String(value)} selected=${value === rate}>${words.rateOf(value)}</option>`)}

@@ -13,7 +13,7 @@ const AXES = [
   ['z', 'z_mm'],
   ['speed', 'speed'],
 ];
-const HEIGHT = 128;
+const HEIGHT = 132;
 /** How close to the ends of the shown span the line may come, as a share of the span. */
 const EDGE = 0.1;
 
@@ -29,7 +29,7 @@ export function Plots({ track, playback, hidden, span }) {
     const plots = AXES.map(([name, field]) => makePlot(uPlot, places.current[name], track, field, hidden, playback));
     const resize = new ResizeObserver(() => plots.forEach(plot => plot.chart.setSize({ width: plot.place.clientWidth, height: HEIGHT })));
     resize.observe(places.current.x);
-    const follow = playback.onTick(() => plots.forEach(plot => moveTo(plot, track, playback.time, span)));
+    const follow = playback.onTick(() => plots.forEach(plot => turnPage(plot, track, playback.time, span)));
     return () => {
       follow();
       resize.disconnect();
@@ -60,6 +60,7 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
       height: HEIGHT,
       padding: [16, 8, isLast ? 0 : 4, 0],
       legend: { show: false },
+      hooks: { draw: [chart => placeHead(chart, track, playback.time)] }, // At first, and after every change of size or span.
       cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
       select: { show: false },
       scales: { x: { time: false, range: (_, low, high) => [low, high] } },
@@ -75,7 +76,8 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
   const head = document.createElement('div');
   head.className = 'playhead';
   chart.over.append(head);
-  return { chart, place, head, end: connect(chart, playback) };
+  placeHead(chart, track, playback.time);
+  return { chart, place, end: connect(chart, playback) };
 }
 
 const stroke = (tool, dashed) => ({ stroke: tool.ink(), width: 1.75, dash: dashed ? [5, 4] : undefined, spanGaps: false, points: { show: false } });
@@ -108,14 +110,20 @@ function connect(chart, playback) {
 }
 
 /** Moves the line; with a span, also the part of the time axis that is shown. */
-function moveTo({ chart, head }, track, time, span) {
-  const all = [track.times[0], track.times[track.times.length - 1]];
-  if (span) {
-    const { min, max } = chart.scales.x;
-    const near = time > min + span * EDGE && time < max - span * EDGE;
-    const start = Math.min(Math.max(all[0], time - span / 2), Math.max(all[0], all[1] - span));
-    // Turned over like a page, not at every picture: drawing the curves anew costs more than anything else here.
-    if (max - min > span * 1.01 || (!near && min !== start)) chart.setScale('x', { min: start, max: Math.min(start + span, all[1]) });
-  }
-  head.style.transform = `translateX(${chart.valToPos(Math.min(Math.max(time, all[0]), all[1]), 'x')}px)`;
+function turnPage({ chart }, track, time, span) {
+  placeHead(chart, track, time);
+  if (!span) return;
+  const [first, last] = [track.times[0], track.times[track.times.length - 1]];
+  const { min, max } = chart.scales.x;
+  const near = time > min + span * EDGE && time < max - span * EDGE;
+  const start = Math.min(Math.max(first, time - span / 2), Math.max(first, last - span));
+  // Turned over like a page, not at every picture: drawing the curves anew costs more than anything else here.
+  if (max - min > span * 1.01 || (!near && min !== start)) chart.setScale('x', { min: start, max: Math.min(start + span, last) });
+}
+
+function placeHead(chart, track, time) {
+  const head = chart.over.querySelector('.playhead');
+  if (!head) return; // uPlot draws once before we have added the line.
+  const within = Math.min(Math.max(time, track.times[0]), track.times[track.times.length - 1]);
+  head.style.transform = `translateX(${chart.valToPos(within, 'x')}px)`;
 }

@@ -39,38 +39,41 @@ export function Review({ session, trajectory, diagnostics, start }) {
   return html`
     <div class="review">
       <div class="stack">
-        <section class="card">
+        <section class="card first">
           <${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track} playback=${playback} hidden=${hidden} />
           ${track && html`<${Readouts} track=${track} playback=${playback} />`}
           <p class="small muted keys">${words.keys}</p>
         </section>
-        ${track && html`
-          <section class="card">
-            <header>
-              <h2>${words.curves}</h2>
-              <div class="row">
-                <${ToolSwitches} track=${track} hidden=${hidden} onToggle=${toggle} />
-                <select class="select" aria-label=${words.span} value=${span} onChange=${event => setSpan(event.target.value)}>
-                  ${SPANS.map(key => html`<option key=${key} value=${key} selected=${key === span}>${words.spans[key]}</option>`)}
-                </select>
-              </div>
-            </header>
-            <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)} />
-            <p class="small muted keys">${words.curvesHint}</p>
-          </section>`}
+        ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback} hidden=${hidden} /><//>`}
         <div class="pair">
           ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality} quality=${session.quality} /><//>`}
           <${Card} title=${words.versions}><${Made} session=${session} /><//>
         </div>
       </div>
       <div class="stack">
-        ${track && html`<${Card} title=${words.space}><${Path3d} track=${track} playback=${playback} hidden=${hidden} /><//>`}
-        ${session.status === 'done' && html`<section class="card"><header><h2>${words.features}</h2></header><${Features} features=${session.features} tools=${session.tools} /></section>`}
+        ${track && html`
+          <section class="card second">
+            <header>
+              <h2>${words.curves}</h2>
+              <div class="row">
+                <${ToolSwitches} track=${track} hidden=${hidden} onToggle=${toggle} />
+                <${SpanChoice} span=${span} onChange=${setSpan} />
+              </div>
+            </header>
+            <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)} />
+            <p class="small muted keys">${words.curvesHint}</p>
+          </section>`}
+        ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header><${Features} features=${session.features} tools=${session.tools} /></section>`}
       </div>
     </div>`;
 }
 
-const Card = ({ title, children }) => html`<section class="card"><header><h2>${title}</h2></header><div class="body">${children}</div></section>`;
+const SpanChoice = ({ span, onChange }) => html`
+  <select class="select" aria-label=${words.span} value=${span} onChange=${event => onChange(event.target.value)}>
+    ${SPANS.map(key => html`<option key=${key} value=${key} selected=${key === span}>${words.spans[key]}</option>`)}
+  </select>`;
+
+const Card = ({ title, place = '', children }) => html`<section class=${`card ${place}`}><header><h2>${title}</h2></header><div class="body">${children}</div></section>`;
 
 /** A deep link's `?t=`: go there as soon as the recording can. */
 function startAt(playback, seconds) {

@@ -135,6 +135,13 @@ test('a click in a curve goes to that moment, and the keys step by one frame', a
   await page.waitForFunction(wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`), at);
 });
 
+test('a link to a moment leads to it, in the video and in the curves', async () => {
+  await page.goto(`${url}/sessions/${session}?t=1.5`);
+  await page.locator('.plots canvas').first().waitFor();
+  await page.waitForFunction(() => Math.abs(document.querySelector('video')?.currentTime - 1.5) < 0.05);
+  await page.waitForFunction(() => new DOMMatrix(getComputedStyle(document.querySelector('.playhead')).transform).e > 10);
+});
+
 test('every page is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
   const { trainee, box } = await ask(`sessions/${session}`);
   const pages = { today: '/', sessions: '/sessions', session: `/sessions/${session}?t=1.5`, upload: '/upload', trainees: '/trainees', trainee: `/trainees/${trainee.id}`, tasks: '/tasks', boxes: '/boxes', box: `/boxes/${box.id}`, people: '/people', account: '/account' };
