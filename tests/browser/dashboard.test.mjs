@@ -67,9 +67,10 @@ test('a recording is uploaded, and the page leads to its session', async () => {
   }
   await page.setInputFiles('.drop input[type=file]', clip);
   const entry = page.locator('.sending li', { hasText: basename(clip) }).first();
-  await entry.getByText('Arrived').waitFor({ timeout: patience });
+  const open = entry.getByRole('link', { name: 'Open the session' });
+  await open.waitFor({ timeout: patience });
   await picture('02-uploaded');
-  await entry.getByRole('link', { name: 'Open the session' }).click();
+  await open.click();
   await page.waitForURL('**/sessions/*');
   session = new URL(page.url()).pathname.split('/').pop();
   const told = await ask(`sessions/${session}`);
