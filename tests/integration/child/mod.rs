@@ -7,6 +7,7 @@ mod forge;
 mod mutation;
 mod recordings;
 mod tracking;
+mod workers;
 
 use std::fs::File;
 use std::path::Path;
