@@ -25,7 +25,6 @@ CREATE TABLE upload (
     task_id        TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,     -- what they did
     box_id         TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- where
     filename       TEXT NOT NULL CHECK (length(filename) BETWEEN 1 AND 255), -- the recording's name at the sender's
-    media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- its type, as video/mp4
     metadata       TEXT NOT NULL CHECK (length(metadata) <= 8192),           -- Upload-Metadata as it was sent, to be sent back
     recorded_at_ms INTEGER,                                                  -- when it was recorded, epoch ms; NULL: not said
     length         INTEGER NOT NULL CHECK (length >= 0),                     -- bytes to come in all

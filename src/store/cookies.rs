@@ -63,6 +63,14 @@ impl Cookies<'_> {
         Ok(Some(row.person))
     }
 
+    /// Whether this cookie still counts, without noting that anybody was here: for what runs on unattended.
+    pub async fn counts(&self, secret: SecretHash, lasts: Cookie) -> StoreResult<bool> {
+        let now_ms = self.0.now_ms();
+        let sql = "SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
+        let row = sqlx::query(sql).bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
+        Ok(row.fetch_optional(self.0.readers()).await?.is_some())
+    }
+
     /// Signs one browser out; unknown cookies are as good as signed out.
     pub async fn delete(&self, secret: SecretHash) -> StoreResult<()> {
         self.0

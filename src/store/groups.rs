@@ -26,7 +26,7 @@ pub struct Group {
 }
 
 /// Who is in a group.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Members {
     /// The instructors who teach it.

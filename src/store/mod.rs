@@ -66,7 +66,7 @@ pub use sessions::{Session, SessionFilter, SessionResult, Sessions};
 pub use tasks::{Task, Tasks};
 pub use tokens::{ActsAs, NewToken, Token, Tokens};
 pub use trainees::{Trainee, Trainees};
-pub use uploads::{NewUpload, Upload, Uploads};
+pub use uploads::{Finished, NewUpload, Upload, Uploads};
 
 use crate::domain::scope::Scope;
 use crate::time::SharedClock;

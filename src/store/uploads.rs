@@ -29,8 +29,6 @@ pub struct Upload {
     pub box_id: BoxId,
     /// The recording's name at the sender's.
     pub filename: FileName,
-    /// Its media type, such as `video/mp4`.
-    pub media_type: String,
     /// `Upload-Metadata` as it was sent.
     pub metadata: String,
     /// When it was recorded, epoch ms, if said.
@@ -52,6 +50,8 @@ pub struct Upload {
 /// A recording that is about to arrive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewUpload {
+    /// Its id: the name of its file, which is there before the row.
+    pub id: UploadId,
     /// Who trained.
     pub trainee: TraineeId,
     /// What they did.
@@ -60,8 +60,6 @@ pub struct NewUpload {
     pub in_box: BoxId,
     /// The recording's name at the sender's.
     pub filename: FileName,
-    /// Its media type, such as `video/mp4`.
-    pub media_type: String,
     /// `Upload-Metadata` as it was sent, at most 8 KiB.
     pub metadata: String,
     /// When it was recorded, epoch ms, if said.
@@ -72,10 +70,19 @@ pub struct NewUpload {
     pub expires_at_ms: i64,
 }
 
+/// What became of a whole upload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Finished {
+    /// Its session.
+    pub session: SessionId,
+    /// Made now; otherwise the session was there: the upload was finished before, or the recording is known.
+    pub is_new: bool,
+}
+
 macro_rules! upload_columns {
     () => {
         "upload.id, upload.person_id, upload.trainee_id, upload.task_id, upload.box_id, upload.filename, \
-         upload.media_type, upload.metadata, upload.recorded_at_ms, upload.length, upload.received, \
+         upload.metadata, upload.recorded_at_ms, upload.length, upload.received, \
          upload.session_id, upload.created_at_ms, upload.expires_at_ms"
     };
 }
@@ -95,14 +102,14 @@ impl Uploads<'_> {
             .write(async move |tx| {
                 require_trainee(tx, &scope, new.trainee).await?;
                 let row = sqlx::query_as(concat!(
-                    "INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, media_type, metadata,
-                                         recorded_at_ms, length, created_at_ms, expires_at_ms)
-                     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12) RETURNING ",
+                    "INSERT INTO upload (id, person_id, trainee_id, task_id, box_id, filename, metadata, recorded_at_ms,
+                                         length, created_at_ms, expires_at_ms)
+                     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) RETURNING ",
                     upload_columns!()
                 ));
-                let row = row.bind(UploadId::at(now_ms)).bind(scope.person());
+                let row = row.bind(new.id).bind(scope.person());
                 let row = row.bind(new.trainee).bind(new.task).bind(new.in_box);
-                let row = row.bind(new.filename).bind(new.media_type).bind(new.metadata).bind(new.recorded_at_ms);
+                let row = row.bind(new.filename).bind(new.metadata).bind(new.recorded_at_ms);
                 let row = row.bind(integer(new.length)).bind(now_ms).bind(new.expires_at_ms);
                 row.fetch_one(tx).await.map_err(missing("task or box"))
             })
@@ -145,12 +152,12 @@ impl Uploads<'_> {
             .await
     }
 
-    /// Makes the session of a whole upload and queues its tracking, in one transaction. Again gives the same session.
-    /// The same recording of the same trainee, task and box is [`StoreError::Taken`] with the session that has it.
-    pub async fn finish(&self, scope: &Scope, id: UploadId, video: Blob) -> StoreResult<SessionId> {
+    /// Makes the session of a whole upload and queues its tracking, in one transaction. Again gives the same session; so
+    /// does the same recording of the same trainee, task and box under another upload.
+    pub async fn finish(&self, scope: &Scope, id: UploadId, video: Blob, media_type: String) -> StoreResult<Finished> {
         let upload = self.get(scope, id).await?;
         if let Some(session) = upload.session_id {
-            return Ok(session);
+            return Ok(Finished { session, is_new: false });
         }
         if upload.received != upload.length || video.bytes != upload.length {
             let (received, length) = (upload.received, upload.length);
@@ -164,14 +171,14 @@ impl Uploads<'_> {
             filename: upload.filename,
             recorded_at_ms: upload.recorded_at_ms,
             video,
-            media_type: upload.media_type,
+            media_type,
         };
         self.0
             .write(async move |tx| {
-                let session = sessions::insert(tx, &scope, new, now_ms, attempts).await?;
+                let finished = made_or_found(sessions::insert(tx, &scope, new, now_ms, attempts).await)?;
                 let sql = "UPDATE upload SET session_id = $2 WHERE id = $1 AND session_id IS NULL";
-                let linked = sqlx::query(sql).bind(id).bind(session).execute(&mut *tx).await?;
-                if linked.rows_affected() == 1 { Ok(session) } else { Err(not_found("upload")) }
+                let linked = sqlx::query(sql).bind(id).bind(finished.session).execute(&mut *tx).await?;
+                if linked.rows_affected() == 1 { Ok(finished) } else { Err(not_found("upload")) }
             })
             .await
     }
@@ -197,9 +204,28 @@ impl Uploads<'_> {
         Ok(sqlx::query_scalar(sql).bind(self.0.now_ms()).bind(most).fetch_all(self.0.readers()).await?)
     }
 
+    /// How many uploads are unfinished, of all senders.
+    pub async fn count_unfinished(&self) -> StoreResult<u64> {
+        let sql = "SELECT count(*) FROM upload WHERE session_id IS NULL";
+        let count: i64 = sqlx::query_scalar(sql).fetch_one(self.0.readers()).await?;
+        Ok(count.unsigned_abs())
+    }
+
     /// All uploads that have a file: those that have not become a session.
     pub async fn unfinished(&self) -> StoreResult<Vec<Upload>> {
         let rows = sqlx::query_as(concat!("SELECT ", upload_columns!(), " FROM upload WHERE session_id IS NULL"));
         Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+}
+
+/// A recording that is known already is no error here: its sender is told of the session that it became then.
+fn made_or_found(inserted: StoreResult<SessionId>) -> StoreResult<Finished> {
+    match inserted {
+        Ok(session) => Ok(Finished { session, is_new: true }),
+        Err(StoreError::Taken { what, existing: Some(id) }) => match id.parse() {
+            Ok(session) => Ok(Finished { session, is_new: false }),
+            Err(_) => Err(StoreError::Taken { what, existing: Some(id) }),
+        },
+        Err(other) => Err(other),
     }
 }

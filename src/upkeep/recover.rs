@@ -6,6 +6,7 @@ use super::UpkeepResult;
 use super::collect::{collect, remove};
 use crate::domain::scope::Scope;
 use crate::ids::UploadId;
+use crate::intake::{self, IntakeError};
 use crate::store::{Store, StoreError, Upload};
 use crate::vault::{Vault, VaultError};
 
@@ -65,13 +66,16 @@ async fn recover_upload(store: &Store, vault: &Vault, upload: Upload, recovered:
 
 /// Makes the session of a whole upload, as its last request would have done.
 async fn finish(store: &Store, vault: &Vault, upload: &Upload) -> UpkeepResult<bool> {
-    let kept = vault.keep_upload(upload.id).await?;
-    match store.uploads().finish(&Scope::service(), upload.id, kept.blob()).await {
-        Ok(_) => vault.delete_upload(upload.id).await?,
-        Err(StoreError::Taken { .. } | StoreError::Refused { .. }) => return Ok(false), // its sender will be told
-        Err(error) => return Err(error.into()),
+    match intake::finish(store, vault, &Scope::service(), upload).await {
+        Ok(finished) => Ok(finished.is_new),
+        Err(IntakeError::Store(StoreError::Refused { .. })) => Ok(false), // its sender will be told
+        Err(IntakeError::Store(error)) => Err(error.into()),
+        Err(IntakeError::Vault(error)) => Err(error.into()),
+        Err(other) => {
+            tracing::warn!(upload = %upload.id, error = %other, "a whole upload did not become a session");
+            Ok(false)
+        }
     }
-    Ok(true)
 }
 
 /// Blobs that got their name but never a row: found only by looking at the folder.

@@ -5,7 +5,8 @@ use crate::domain::blob::Blob;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
-use crate::store::{NewUpload, StoreError};
+use crate::ids::UploadId;
+use crate::store::{Finished, NewUpload, StoreError};
 
 #[tokio::test]
 async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
@@ -13,22 +14,24 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
     let (store, service) = (&centre.store, Scope::service());
     let trainee = centre.trainee("Ana").await;
     let new = NewUpload {
+        id: UploadId::at(NOW_MS),
         trainee: trainee.id,
         task: centre.task.id,
         in_box: centre.the_box.id,
         filename: "clip.mp4".parse().unwrap(),
-        media_type: "video/mp4".to_owned(),
         metadata: "filename Y2xpcC5tcDQ=".to_owned(),
         recorded_at_ms: Some(NOW_MS - 60_000),
         length: 5,
         expires_at_ms: NOW_MS + 1_000,
     };
     let upload = store.uploads().create(&service, new).await.unwrap();
-    let early = store.uploads().finish(&service, upload.id, Blob::of(b"video")).await;
+    let uploads = store.uploads();
+    let finish = || uploads.finish(&service, upload.id, Blob::of(b"video"), "video/mp4".to_owned());
+    let early = finish().await;
     assert!(matches!(early, Err(StoreError::Refused { .. })), "{early:?}");
     store.uploads().advance(upload.id, 5, NOW_MS + 2_000).await.unwrap();
-    let id = store.uploads().finish(&service, upload.id, Blob::of(b"video")).await.unwrap();
-    assert_eq!(store.uploads().finish(&service, upload.id, Blob::of(b"video")).await.unwrap(), id);
+    let Finished { session: id, is_new: true } = finish().await.unwrap() else { panic!("there was none before") };
+    assert_eq!(finish().await.unwrap(), Finished { session: id, is_new: false });
 
     let session = store.sessions().get(&service, id).await.unwrap();
     assert_eq!((session.status(), session.queue_position), (SessionStatus::Queued, Some(1)));
