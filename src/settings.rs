@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::{Table, Value};
 
+use crate::http::settings::HttpSettings;
 use crate::queue::QueueSettings;
 use crate::store::StoreSettings;
 
@@ -35,6 +36,8 @@ pub struct Settings {
     pub store: StoreSettings,
     /// The queue.
     pub queue: QueueSettings,
+    /// Connections, requests and sign-ins.
+    pub http: HttpSettings,
     /// Recordings that arrive.
     pub uploads: UploadSettings,
     /// Clearing up behind the work.
@@ -70,6 +73,7 @@ impl Default for Settings {
             workers: 0,
             store: StoreSettings::default(),
             queue: QueueSettings::default(),
+            http: HttpSettings::default(),
             uploads: UploadSettings::default(),
             upkeep: UpkeepSettings::default(),
         }
@@ -182,7 +186,7 @@ impl Settings {
     }
 
     fn check(&self) -> Result<(), SettingsError> {
-        let Settings { store, queue, uploads, upkeep, .. } = self;
+        let Settings { store, queue, http, uploads, upkeep, .. } = self;
         within("store.readers", store.readers.into(), 1, 64)?;
         within("store.waiting_writes", store.waiting_writes as u64, 1, 100_000)?;
         within("store.writes_per_commit", store.writes_per_commit as u64, 1, 10_000)?;
@@ -191,6 +195,15 @@ impl Settings {
         within("queue.heartbeat_s", queue.heartbeat_s, 1, 3_600)?;
         within("queue.sweep_s", queue.sweep_s, 1, 3_600)?;
         within("queue.look_s", queue.look_s, 1, 3_600)?;
+        within("http.max_connections", http.max_connections as u64, 1, 1_000_000)?;
+        within("http.min_body_rate", http.min_body_rate, 1, 1 << 30)?;
+        within("http.max_json_bytes", http.max_json_bytes as u64, 1_024, 64 << 20)?;
+        within("http.max_form_bytes", http.max_form_bytes, 1_024, 1 << 50)?;
+        within("http.idle_min", http.idle_min, 1, 24 * 60)?;
+        within("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
+        within("http.attempts_per_min", http.attempts_per_min.into(), 1, 10_000)?;
+        within("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
+        within("http.page_items", http.page_items.into(), 1, 200)?;
         within("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
         within("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
         within("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;

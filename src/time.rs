@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use jiff::Timestamp;
+use jiff::fmt::rfc2822::DateTimePrinter;
 use tokio::sync::watch;
 
 /// A clock that the whole process shares.
@@ -87,6 +88,13 @@ pub fn to_rfc3339(time_ms: i64) -> String {
     Timestamp::from_millisecond(time_ms).unwrap_or(nearest).to_string()
 }
 
+/// Epoch milliseconds as HTTP writes dates, such as `Sat, 21 Nov 2026 20:14:00 GMT`.
+pub fn to_http_date(time_ms: i64) -> String {
+    let clamped = time_ms.clamp(0, Timestamp::MAX.as_millisecond());
+    let printed = Timestamp::from_millisecond(clamped).map(|t| DateTimePrinter::new().timestamp_to_rfc9110_string(&t));
+    printed.ok().and_then(Result::ok).unwrap_or_default() // clamped: cannot fail
+}
+
 /// RFC 3339 text with any offset, as epoch milliseconds.
 pub fn from_rfc3339(text: &str) -> Option<i64> {
     text.parse::<Timestamp>().ok().map(|t| t.as_millisecond())
@@ -103,6 +111,11 @@ mod tests {
         }
         assert_eq!(from_rfc3339("2026-11-21T21:14:00+01:00"), Some(1_795_292_040_000));
         assert_eq!(from_rfc3339("yesterday"), None);
+    }
+
+    #[test]
+    fn http_dates_are_those_of_the_standard() {
+        assert_eq!(to_http_date(784_111_777_000), "Sun, 06 Nov 1994 08:49:37 GMT");
     }
 
     #[test]

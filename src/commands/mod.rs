@@ -10,7 +10,7 @@ mod calibrate;
 mod child;
 mod evaluate;
 mod score;
-mod serve;
+pub mod serve;
 mod progress;
 pub mod simulate;
 mod track;

@@ -1,12 +1,200 @@
-//! `trocar serve`: under construction.
+//! `trocar serve`: the whole service: HTTP, dashboard, queue and workers.
+//!
+//! The first start makes the data folder, the schema and an administrator, and prints the address and a password once.
+//! Every start puts files and database in step before it listens. SIGTERM and SIGINT end it within ten seconds: open
+//! requests finish, partial uploads are kept, leases are handed back.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use anyhow::Context;
+use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
+use tokio::task::JoinHandle;
+use tracing_subscriber::EnvFilter;
 
 use super::Failure;
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::secret::Password;
+use crate::events::Events;
+use crate::http::auth::throttle::Throttle;
+use crate::http::state::{App, Parts};
+use crate::http::{router, server};
+use crate::intake::Intake;
+use crate::queue::Queue;
+use crate::settings::{Flags, Settings};
+use crate::shutdown::Shutdown;
+use crate::store::{NewPerson, Store};
+use crate::time::{SharedClock, System};
+use crate::upkeep;
+use crate::vault::{Lock, Vault};
+
+/// How long everything may take to end, once asked to.
+const GRACE: Duration = Duration::from_secs(9);
+/// The first administrator's login.
+const ADMINISTRATOR: &str = "administrator";
 
 /// Arguments of `trocar serve`.
 #[derive(clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// Folder of database, recordings and results; made at the first start [default: trocar-data]
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Address to listen on [default: 127.0.0.1:8080]
+    #[arg(long)]
+    listen: Option<SocketAddr>,
+    /// Recordings tracked at the same time [default: half the cores]
+    #[arg(long)]
+    workers: Option<usize>,
+    /// Settings file [default: trocar.toml in the data folder]
+    #[arg(long)]
+    settings: Option<PathBuf>,
+    /// What to log, as `info` or `trocar=debug`
+    #[arg(long, env = "TROCAR_LOG", default_value = "info")]
+    log: String,
+    /// Log one JSON object per line
+    #[arg(long)]
+    log_json: bool,
+}
 
 /// Runs the command.
-pub fn run(_args: Args) -> Result<(), Failure> {
-    Err(Failure::Failed(anyhow::anyhow!("not built yet")))
+pub fn run(args: Args) -> Result<(), Failure> {
+    start_log(&args.log, args.log_json)?;
+    let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
+    let settings = Settings::load(flags).map_err(Failure::input)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
+    let served = runtime.block_on(serve(settings));
+    runtime.shutdown_timeout(Duration::from_millis(500));
+    Ok(served?)
+}
+
+/// Logs go to stderr: stdout is for the address and the first password.
+fn start_log(filter: &str, json: bool) -> Result<(), Failure> {
+    let filter = EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(Failure::input)?;
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    if json { log.json().init() } else { log.init() }
+    Ok(())
+}
+
+async fn serve(settings: Settings) -> anyhow::Result<()> {
+    let password = Password::random();
+    let running = start(settings, Arc::new(System), &password).await?;
+    running.shutdown.begin_on_signals().context("listening for signals")?;
+    greet(running.address, running.is_first.then_some(&password));
+    running.ended().await;
+    Ok(())
+}
+
+/// A service that runs.
+pub struct Running {
+    /// Where it listens.
+    pub address: SocketAddr,
+    /// Its end.
+    pub shutdown: Shutdown,
+    /// Whether there was nobody yet, so that the given password is now the first administrator's.
+    pub is_first: bool,
+    served: JoinHandle<()>,
+    _lock: Lock,
+}
+
+impl Running {
+    /// Waits until the service has ended, once something began its end.
+    pub async fn ended(self) {
+        if self.served.await.is_err() {
+            tracing::error!("the accept loop had died");
+        }
+        if !self.shutdown.finished(GRACE).await {
+            tracing::warn!("some work did not end in time; the next start recovers it");
+        }
+    }
+
+    /// Ends the service.
+    pub async fn stop(self) {
+        self.shutdown.begin();
+        self.ended().await;
+    }
+}
+
+/// Starts a service: recovered, listening, with its workers. `password` becomes the first administrator's if there is
+/// nobody yet.
+pub async fn start(settings: Settings, clock: SharedClock, password: &Password) -> anyhow::Result<Running> {
+    let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
+    let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
+    let store = Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
+    let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;
+    tracing::info!(?recovered, "recovered");
+    let events = Events::new();
+    let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
+    queue.recover().await.context("recovering the queue")?;
+    let is_first = make_first_administrator(&store, password).await.context("making the first administrator")?;
+    let listener = TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
+    let address = listener.local_addr().context("asking for the address")?;
+    let shutdown = Shutdown::new();
+    let rooms = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
+    let intake = Intake::new(rooms.0, rooms.1, clock.clone(), shutdown.clone(), settings.uploads.clone());
+    let parts = Parts {
+        throttle: Throttle::new(settings.http.attempts_per_min, clock.clone()),
+        streams: Arc::new(Semaphore::new(settings.http.max_event_streams)),
+        metrics: metrics().context("starting the metrics")?,
+        settings: settings.http.clone(),
+        shutdown: shutdown.clone(),
+        store,
+        vault,
+        intake,
+        queue,
+        events,
+        clock,
+    };
+    let app = App::new(parts);
+    keep_up(&app, &shutdown);
+    let (http, stop) = (settings.http, shutdown.clone());
+    let served = tokio::spawn(async move { server::serve(listener, router::routes(app), &http, &stop).await });
+    Ok(Running { address, shutdown, is_first, served, _lock: lock })
+}
+
+/// Starts what runs beside the requests.
+fn keep_up(app: &App, shutdown: &Shutdown) {
+    let (queue, stop) = (app.queue.clone(), shutdown.clone());
+    shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
+}
+
+/// Makes the first administrator, if there is nobody yet.
+async fn make_first_administrator(store: &Store, password: &Password) -> anyhow::Result<bool> {
+    if store.people().count().await? > 0 {
+        return Ok(false);
+    }
+    let administrator = NewPerson {
+        login: ADMINISTRATOR.parse()?,
+        name: "Administrator".parse()?,
+        role: Role::Administrator,
+        password: password.hash(),
+        trainee: None,
+    };
+    store.people().create(&Scope::service(), administrator).await?;
+    Ok(true)
+}
+
+/// Tells where the service is and, at the first start, how to sign in: on stdout, and nowhere else.
+#[expect(clippy::print_stdout, reason = "the command's result; a log would keep the password")]
+fn greet(address: SocketAddr, password: Option<&Password>) {
+    println!("Trocar listens on http://{address}/");
+    if let Some(password) = password {
+        println!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal());
+        println!("It is shown this once and kept nowhere: change it after signing in.");
+    }
+}
+
+/// The process's metrics; services of one process share them.
+fn metrics() -> anyhow::Result<PrometheusHandle> {
+    static SHARED: Mutex<Option<PrometheusHandle>> = Mutex::new(None);
+    let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+    let handle = match shared.take() {
+        Some(handle) => handle,
+        None => PrometheusBuilder::new().install_recorder()?,
+    };
+    Ok(shared.insert(handle).clone())
 }

@@ -6,7 +6,7 @@ use super::files::annotations::{MarkedTool, View};
 use super::text::{Code, Name, Paragraphs};
 
 /// A box to be registered.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewBox {
     /// What people call it.
@@ -20,7 +20,7 @@ pub struct NewBox {
 }
 
 /// Changes to a box; what is absent stays.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxChange {
     /// New name.
@@ -34,7 +34,7 @@ pub struct BoxChange {
 }
 
 /// A tool as it is known in a box.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct BoxTool {
     /// Marker's name, such as `orange`.
     pub name: String,

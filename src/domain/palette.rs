@@ -18,7 +18,7 @@ pub struct NewPalette {
 }
 
 /// How many colour samples a label gave.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LabelCount {
     /// Marker's name, or `background`, `shaft`, …
     pub label: String,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// A problem that is stored with a job and shown to people. HTTP sends it as `application/problem+json`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Problem {
     /// Stable short name, `a–z 0–9 -`: the last part of the problem's `type`, such as `not-a-video`.
     pub slug: String,

@@ -57,7 +57,7 @@ pub struct NewSession {
 }
 
 /// Everything that a result depends on besides the recording.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Versions {
     /// [`crate::pipeline::PIPELINE_VERSION`] of the program that made it.
     pub pipeline: String,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::text::{Code, Name, Paragraphs};
 
 /// A task to be registered.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewTask {
     /// What people call it.
@@ -17,7 +17,7 @@ pub struct NewTask {
 }
 
 /// Changes to a task; what is absent stays.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TaskChange {
     /// New name.

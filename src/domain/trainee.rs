@@ -31,7 +31,7 @@ named! {
 }
 
 /// A trainee to be registered.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewTrainee {
     /// Their name.
@@ -47,7 +47,7 @@ pub struct NewTrainee {
 }
 
 /// Changes to a trainee; what is absent stays.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TraineeChange {
     /// New name.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
 
 /// From where the camera looks (T 6.4); tells which end of a band is distal where the picture does not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum View {
     /// Camera above the box.
@@ -16,7 +16,7 @@ pub enum View {
 }
 
 /// One marked rectangle, in pixels of the recorded frame. `x`, `y` is the first pixel inside.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LabelledRectangle {
     /// Decoded frame, from 0.
     pub frame: u64,
@@ -33,7 +33,7 @@ pub struct LabelledRectangle {
 }
 
 /// A tool's own sizes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ToolSize {
     /// Marker's name.
     pub tool: String,
@@ -46,7 +46,7 @@ pub struct ToolSize {
 }
 
 /// The whole file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct AnnotationsFile {
     /// Outer diameter over the tape of every tool without a size of its own, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]

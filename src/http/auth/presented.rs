@@ -1,0 +1,104 @@
+//! What a request brings to say who asks: the cookie of a sign-in, or a program's token.
+
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum_extra::extract::cookie::{Cookie, SameSite};
+
+use crate::domain::secret::{Secret, SecretHash};
+
+/// Name of the cookie; the prefix makes browsers insist on `Secure`, `Path=/` and this host.
+pub const COOKIE: &str = "__Host-trocar";
+
+/// What a request brought, hashed: the secret itself goes no further.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Presented {
+    /// `Authorization: Bearer trc_…`.
+    Token(SecretHash),
+    /// The cookie of a sign-in.
+    Cookie(SecretHash),
+    /// Nothing that could be ours.
+    Nothing,
+}
+
+impl Presented {
+    /// Reads the headers; a token wins over a cookie.
+    pub fn in_headers(headers: &HeaderMap) -> Self {
+        match (token(headers), cookie(headers)) {
+            (Some(token), _) => Presented::Token(token.hash()),
+            (None, Some(cookie)) => Presented::Cookie(cookie.hash()),
+            (None, None) => Presented::Nothing,
+        }
+    }
+}
+
+fn token(headers: &HeaderMap) -> Option<Secret> {
+    let (scheme, token) = headers.get(header::AUTHORIZATION)?.to_str().ok()?.split_once(' ')?;
+    if scheme.eq_ignore_ascii_case("bearer") { Secret::from_token(token.trim()) } else { None }
+}
+
+fn cookie(headers: &HeaderMap) -> Option<Secret> {
+    headers
+        .get_all(header::COOKIE)
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(Cookie::split_parse)
+        .filter_map(Result::ok)
+        .find(|cookie| cookie.name() == COOKIE)
+        .and_then(|cookie| Secret::from_cookie(cookie.value()))
+}
+
+/// The header that gives the browser a cookie; it ends with the browser or with the sign-in, whichever is first.
+pub fn set_cookie(secret: &Secret) -> HeaderValue {
+    header_value(cookie_with(secret.as_cookie()))
+}
+
+/// The header that takes the cookie away.
+pub fn clear_cookie() -> HeaderValue {
+    let mut cookie = cookie_with(String::new());
+    cookie.make_removal();
+    header_value(cookie)
+}
+
+fn cookie_with(value: String) -> Cookie<'static> {
+    Cookie::build((COOKIE, value)).path("/").secure(true).http_only(true).same_site(SameSite::Strict).build()
+}
+
+fn header_value(cookie: Cookie<'static>) -> HeaderValue {
+    // Name, base64 and attributes are visible ASCII, so this never fails; an empty header would only sign nobody in.
+    HeaderValue::try_from(cookie.to_string()).unwrap_or(HeaderValue::from_static(""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn presented(name: header::HeaderName, value: &str) -> Presented {
+        Presented::in_headers(&HeaderMap::from_iter([(name, HeaderValue::from_str(value).unwrap())]))
+    }
+
+    #[test]
+    fn a_cookie_has_every_attribute_that_protects_it() {
+        let text = set_cookie(&Secret::random()).to_str().unwrap().to_owned();
+        for attribute in ["__Host-trocar=", "HttpOnly", "Secure", "SameSite=Strict", "Path=/"] {
+            assert!(text.contains(attribute), "{attribute} in {text}");
+        }
+        assert!(!text.contains("Domain"));
+    }
+
+    #[test]
+    fn what_was_given_is_recognised_by_its_hash() {
+        let secret = Secret::random();
+        let token = presented(header::AUTHORIZATION, &format!("bearer {}", secret.as_token()));
+        assert_eq!(token, Presented::Token(secret.hash()));
+        let cookie = presented(header::COOKIE, &format!("a=b; {COOKIE}={}; c=d", secret.as_cookie()));
+        assert_eq!(cookie, Presented::Cookie(secret.hash()));
+    }
+
+    #[test]
+    fn hostile_headers_present_nothing() {
+        let long = format!("Bearer trc_{}", "x".repeat(100_000));
+        for value in ["", "Bearer", "Bearer abc", "Bearer trc_", "Basic dHJjXzE6", &long] {
+            assert_eq!(presented(header::AUTHORIZATION, value), Presented::Nothing);
+        }
+        assert_eq!(presented(header::COOKIE, &format!("{COOKIE}={}", "x".repeat(100_000))), Presented::Nothing);
+    }
+}

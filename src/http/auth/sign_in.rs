@@ -1,0 +1,131 @@
+//! Coming in, going out, and changing one's password.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use axum::extract::{ConnectInfo, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{AppendHeaders, IntoResponse};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::password;
+use super::presented::{Presented, clear_cookie, set_cookie};
+use super::signed_in::{Member, SignedIn};
+use crate::domain::secret::{Password, PasswordHash, Secret};
+use crate::domain::text::Login;
+use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::people::Person;
+use crate::http::read::Json;
+use crate::http::state::App;
+use crate::store;
+
+/// Login and password.
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Credentials {
+    /// What one types to sign in.
+    login: String,
+    /// The password.
+    #[schema(format = Password)]
+    password: String,
+}
+
+/// Who signed in.
+#[derive(Serialize, ToSchema)]
+pub struct Welcome {
+    person: Person,
+}
+
+/// Sign in: answers with a cookie
+#[utoipa::path(post, path = "/sign-in", tag = "sign-in", request_body = Credentials, security(()),
+    responses((status = OK, body = Welcome, headers(("Set-Cookie" = String, description = "`__Host-trocar`, until idle for 30 minutes and for 12 hours at most")))))]
+pub async fn sign_in(
+    State(app): State<App>,
+    ConnectInfo(peer): ConnectInfo<SocketAddr>,
+    headers: HeaderMap,
+    Json(tried): Json<Credentials>,
+) -> Answer<impl IntoResponse> {
+    let attempt = app.throttle.attempt(&tried.login, peer.ip()).map_err(slow_down)?;
+    let person = person_of(&app, tried).await?;
+    attempt.succeeded();
+    forget_cookie(&app, &headers).await?;
+    let secret = Secret::random();
+    app.store.cookies().create(secret.hash(), person.id, app.sign_in_lasts()).await?;
+    tracing::info!(person = %person.id, "signed in");
+    Ok((give(set_cookie(&secret)), Json(Welcome { person: person.into() })))
+}
+
+/// Sign out: the cookie ends here and in the browser
+#[utoipa::path(post, path = "/sign-out", tag = "sign-in", responses((status = NO_CONTENT)))]
+pub async fn sign_out(State(app): State<App>, _who: SignedIn, headers: HeaderMap) -> Answer<impl IntoResponse> {
+    forget_cookie(&app, &headers).await?;
+    Ok((StatusCode::NO_CONTENT, give(clear_cookie())))
+}
+
+/// Old and new password.
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PasswordChange {
+    /// The password until now.
+    #[schema(format = Password)]
+    old: String,
+    /// The password from now on, 10 to 256 bytes.
+    #[schema(format = Password, min_length = 10, max_length = 256)]
+    new: String,
+}
+
+/// Change one's own password: every browser of the account is signed out
+#[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange, responses((status = NO_CONTENT)))]
+pub async fn change_password(
+    State(app): State<App>,
+    ConnectInfo(peer): ConnectInfo<SocketAddr>,
+    member: Member,
+    Json(change): Json<PasswordChange>,
+) -> Answer<StatusCode> {
+    let id = member.scope.person().ok_or_else(Problem::not_found)?;
+    let person = app.store.people().get(&member.scope, id).await?;
+    let new = Password::new(change.new)?;
+    let attempt = app.throttle.attempt(person.login.as_str(), peer.ip()).map_err(slow_down)?;
+    person_of(&app, Credentials { login: person.login.to_string(), password: change.old }).await?;
+    attempt.succeeded();
+    app.store.people().set_password(&member.scope, id, password::hash(new).await?).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The account that these credentials open. Takes the same time whether the login exists or not.
+async fn person_of(app: &App, tried: Credentials) -> Answer<store::Person> {
+    let found = match tried.login.parse::<Login>() {
+        Ok(login) => app.store.people().by_login(&login).await?,
+        Err(_) => None,
+    };
+    let (person, stored): (Option<store::Person>, Option<PasswordHash>) = found.unzip();
+    let password = Password::tried(tried.password).ok_or_else(wrong)?;
+    match (password::matches(password, stored).await?, person) {
+        (true, Some(person)) => Ok(person),
+        _ => Err(wrong()),
+    }
+}
+
+fn wrong() -> Problem {
+    Refusal::WrongCredentials.with("Check both; an administrator can set a new password.")
+}
+
+fn slow_down(wait: Duration) -> Problem {
+    let seconds = wait.as_secs() + 1;
+    Refusal::TooMany
+        .with(format!("Too many attempts to sign in. Try again in {seconds} s."))
+        .header(header::RETRY_AFTER, seconds)
+}
+
+/// Ends the sign-in that these headers carry, if any: a cookie is never used beyond a new sign-in.
+async fn forget_cookie(app: &App, headers: &HeaderMap) -> Answer<()> {
+    if let Presented::Cookie(secret) = Presented::in_headers(headers) {
+        app.store.cookies().delete(secret).await?;
+    }
+    Ok(())
+}
+
+fn give(cookie: HeaderValue) -> AppendHeaders<[(header::HeaderName, HeaderValue); 1]> {
+    AppendHeaders([(header::SET_COOKIE, cookie)])
+}

@@ -1,0 +1,158 @@
+//! How often a sign-in may fail: a few times a minute per login and address, more per address alone.
+//!
+//! An attempt takes a place before the password is looked at, so that many at once gain nothing, and a right password
+//! gives it back, so that a room full of people behind one address signs in freely. (`governor` has no giving back.)
+//! Places come back evenly: the generic cell rate algorithm, one number per key.
+
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::net::IpAddr;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use crate::time::SharedClock;
+
+/// Keys remembered at most. When they are so many, those that have recovered are forgotten, and if none has, nobody new
+/// may try: then somebody is trying with ten thousand logins at once.
+const REMEMBERED: usize = 10_000;
+/// One address may fail this many times as often as one login from it: an instructor's room shares one.
+const LOGINS_PER_ADDRESS: u32 = 12;
+
+/// Remembers failures.
+pub struct Throttle {
+    clock: SharedClock,
+    by_login: Mutex<Places<(String, IpAddr)>>,
+    by_address: Mutex<Places<IpAddr>>,
+}
+
+/// An attempt that took its place.
+pub struct Attempt<'t> {
+    throttle: &'t Throttle,
+    login: (String, IpAddr),
+}
+
+impl Throttle {
+    /// Allows `per_min` failures a minute for a login from an address.
+    pub fn new(per_min: u32, clock: SharedClock) -> Self {
+        Self {
+            clock,
+            by_login: Mutex::new(Places::new(per_min)),
+            by_address: Mutex::new(Places::new(per_min.saturating_mul(LOGINS_PER_ADDRESS))),
+        }
+    }
+
+    /// Takes a place; without one left it says how long to wait.
+    pub fn attempt(&self, login: &str, address: IpAddr) -> Result<Attempt<'_>, Duration> {
+        let (login, now_ms) = ((login.to_lowercase(), address), self.clock.now_ms());
+        lock(&self.by_address).take(&address, now_ms)?;
+        lock(&self.by_login).take(&login, now_ms)?;
+        Ok(Attempt { throttle: self, login })
+    }
+}
+
+impl Attempt<'_> {
+    /// The password was right: as if nothing had been tried.
+    pub fn succeeded(self) {
+        lock(&self.throttle.by_address).give_back(&self.login.1);
+        lock(&self.throttle.by_login).give_back(&self.login);
+    }
+}
+
+fn lock<T>(places: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    places.lock().unwrap_or_else(PoisonError::into_inner) // numbers only: no panic leaves them half changed
+}
+
+/// Places of many keys, each with `per_min` that come back one by one.
+struct Places<K> {
+    /// When a key has all its places again, epoch ms.
+    full_at_ms: HashMap<K, i64>,
+    /// Time in which one place comes back, ms.
+    one_ms: i64,
+    /// Places of a key.
+    most: i64,
+}
+
+impl<K: Eq + Hash + Clone> Places<K> {
+    fn new(per_min: u32) -> Self {
+        let most = i64::from(per_min.max(1));
+        Self { full_at_ms: HashMap::new(), one_ms: (60_000 / most).max(1), most }
+    }
+
+    fn take(&mut self, key: &K, now_ms: i64) -> Result<(), Duration> {
+        if self.full_at_ms.len() >= REMEMBERED && !self.full_at_ms.contains_key(key) {
+            self.full_at_ms.retain(|_, full_at_ms| *full_at_ms > now_ms);
+            if self.full_at_ms.len() >= REMEMBERED {
+                return Err(Duration::from_secs(60));
+            }
+        }
+        let full_at_ms = self.full_at_ms.get(key).map_or(now_ms, |at_ms| now_ms.max(*at_ms)) + self.one_ms;
+        let wait_ms = full_at_ms - now_ms - self.one_ms * self.most;
+        if wait_ms > 0 {
+            return Err(Duration::from_millis(wait_ms.unsigned_abs()));
+        }
+        self.full_at_ms.insert(key.clone(), full_at_ms);
+        Ok(())
+    }
+
+    fn give_back(&mut self, key: &K) {
+        if let Some(full_at_ms) = self.full_at_ms.get_mut(key) {
+            *full_at_ms -= self.one_ms;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::time::Manual;
+
+    const HERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
+    const THERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::BROADCAST);
+
+    fn throttle() -> (Throttle, Arc<Manual>) {
+        let clock = Manual::at(1_000_000);
+        (Throttle::new(5, clock.clone()), clock)
+    }
+
+    #[test]
+    fn one_login_from_one_address_is_slowed_and_others_are_not() {
+        let (throttle, clock) = throttle();
+        for _ in 0..5 {
+            throttle.attempt("ada", HERE).map(drop).unwrap();
+        }
+        assert_eq!(throttle.attempt("Ada", HERE).err(), Some(Duration::from_secs(12)));
+        assert!(throttle.attempt("bob", HERE).is_ok());
+        assert!(throttle.attempt("ada", THERE).is_ok());
+        clock.advance(Duration::from_secs(12));
+        assert!(throttle.attempt("ada", HERE).is_ok());
+        assert!(throttle.attempt("ada", HERE).is_err());
+    }
+
+    #[test]
+    fn a_right_password_costs_nothing() {
+        let (throttle, _clock) = throttle();
+        for _ in 0..1000 {
+            throttle.attempt("ada", HERE).map(Attempt::succeeded).unwrap();
+        }
+    }
+
+    #[test]
+    fn trying_many_logins_from_one_address_is_slowed_too() {
+        let (throttle, _clock) = throttle();
+        let refused = (0..100).filter(|n| throttle.attempt(&format!("login{n}"), HERE).is_err()).count();
+        assert_eq!(refused, 40);
+    }
+
+    #[test]
+    fn what_is_remembered_is_bounded() {
+        let (throttle, clock) = throttle();
+        let addresses = |from: u32| (from..from + 10_000).map(|n| IpAddr::from(n.to_be_bytes()));
+        assert_eq!(addresses(0).filter(|a| throttle.attempt("ada", *a).is_err()).count(), 0);
+        assert!(throttle.attempt("ada", HERE).is_err(), "full");
+        clock.advance(Duration::from_secs(60));
+        assert!(throttle.attempt("ada", HERE).is_ok(), "recovered keys are forgotten");
+        assert!(lock(&throttle.by_address).full_at_ms.len() <= REMEMBERED);
+    }
+}

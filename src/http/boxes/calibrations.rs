@@ -1,0 +1,154 @@
+//! A box's camera: sent as camera.json, or computed from pictures of a checkerboard.
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::response::IntoResponse;
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::form::{Form, Pictures};
+use crate::domain::calibration::{BoardSize, CalibrationSource, NewCalibration};
+use crate::domain::files::camera::CameraFile;
+use crate::domain::job::{CalibrateInput, JobInput};
+use crate::http::auth::signed_in::{Member, Staff};
+use crate::http::error::{Answer, Problem};
+use crate::http::jobs::Queued;
+use crate::http::read::{At, Json};
+use crate::http::show::{Page, Time};
+use crate::http::state::App;
+use crate::ids::CalibrationId;
+use crate::store;
+
+/// A version of a box's camera.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Calibration {
+    id: CalibrationId,
+    /// 1, 2, … within the box; the highest is in use.
+    version: i64,
+    source: CalibrationSource,
+    /// Picture width, pixels.
+    width: u32,
+    /// Picture height, pixels.
+    height: u32,
+    /// Reprojection error, pixels, if said.
+    rms_px: Option<f64>,
+    /// Which photos were used, and why others were not, if computed here.
+    photos: Option<Value>,
+    created_at: Time,
+}
+
+impl From<store::Calibration> for Calibration {
+    fn from(mut found: store::Calibration) -> Self {
+        Self {
+            id: found.id,
+            version: found.version,
+            source: found.source,
+            width: found.camera.width,
+            height: found.camera.height,
+            rms_px: found.rms_px,
+            photos: found.camera.more.remove("photos"),
+            created_at: Time(found.created_at_ms),
+        }
+    }
+}
+
+/// Read the camera in use, as camera.json
+#[utoipa::path(get, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, description = "camera.json in OpenCV's convention", body = Object)))]
+pub async fn camera(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<CameraFile>> {
+    let of = app.store.boxes().get(&by.scope, &key).await?;
+    let latest = app.store.calibrations().latest(&by.scope, of.id).await?;
+    latest.map(|found| Json(found.camera)).ok_or_else(Problem::not_found)
+}
+
+/// Put a camera.json: it becomes the box's next camera
+#[utoipa::path(put, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
+    request_body(content = Object, description = "camera.json: width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3"),
+    responses((status = OK, body = Calibration)))]
+pub async fn put_camera(
+    State(app): State<App>,
+    by: Staff,
+    At(key): At,
+    Json(camera): Json<CameraFile>,
+) -> Answer<Json<Calibration>> {
+    let camera = CameraFile::parse(&camera.to_json()).map_err(|error| Problem::invalid("camera", error))?;
+    let of = app.store.boxes().get(&by.scope, &key).await?;
+    let new = NewCalibration { camera, source: CalibrationSource::File };
+    let added = app.store.calibrations().add(&by.scope, of.id, new).await?;
+    app.queue.work_arrived();
+    Ok(Json(added.into()))
+}
+
+/// List the versions of a box's camera, newest first
+#[utoipa::path(get, path = "/boxes/{id}/calibrations", tag = "boxes",
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Calibration>)))]
+pub async fn calibrations(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Calibration>>> {
+    let of = app.store.boxes().get(&by.scope, &key).await?;
+    let versions = app.store.calibrations().list(&by.scope, of.id).await?;
+    Ok(Json(Page::whole(versions.into_iter().map(Calibration::from))))
+}
+
+/// Pictures of a checkerboard.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "describes the form; Form reads it part by part")]
+pub struct BoardForm {
+    /// Inner corners as COLUMNSxROWS, such as `9x6`.
+    board: String,
+    /// Side of a square, mm.
+    square_mm: f64,
+    /// Photos, JPEG or PNG: 3 to 100.
+    #[schema(value_type = Vec<String>, format = Binary)]
+    photo: Vec<Vec<u8>>,
+    /// Or a video, instead of photos.
+    #[schema(value_type = Option<String>, format = Binary)]
+    video: Option<Vec<u8>>,
+}
+
+/// Send pictures of a checkerboard: a job computes the box's next camera
+#[utoipa::path(post, path = "/boxes/{id}/calibrations", tag = "boxes",
+    params(("id" = String, Path, description = "id or code")),
+    request_body(content = BoardForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
+pub async fn calibrate(State(app): State<App>, by: Staff, At(key): At, form: Form) -> Answer<impl IntoResponse> {
+    let of = app.store.boxes().get(&by.scope, &key).await?;
+    let Board { board, square_mm, pictures } = Board::read(form).await?;
+    let Pictures { ref files, is_video, .. } = pictures;
+    let input = CalibrateInput { of: of.id, board, square_mm, files: files.clone(), is_video };
+    let job = app.store.jobs().enqueue(&by.scope, JobInput::Calibrate(input)).await?;
+    app.queue.work_arrived();
+    Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
+}
+
+/// What a [`BoardForm`] says.
+struct Board {
+    board: BoardSize,
+    square_mm: f64,
+    pictures: Pictures,
+}
+
+impl Board {
+    async fn read(mut form: Form) -> Answer<Self> {
+        let (mut board, mut square_mm, mut pictures) = (None, None, Pictures::default());
+        while let Some(part) = form.next().await? {
+            match part.name.as_str() {
+                "board" => board = Some(part.text().await?.trim().parse()?),
+                "square_mm" => square_mm = Some(square(&part.text().await?)?),
+                "photo" => pictures.add_picture(part, None).await?,
+                "video" => pictures.add_video(part).await?,
+                _ => return Err(part.unexpected("board, square_mm, and photo (several) or video")),
+            }
+        }
+        if pictures.files.is_empty() {
+            return Err(Problem::invalid("photo", "is missing; send photos of the board from several sides, or a video"));
+        }
+        let board = board.ok_or_else(|| Problem::invalid("board", "is missing; say its inner corners, such as 9x6"))?;
+        let square_mm = square_mm.ok_or_else(|| Problem::invalid("square_mm", "is missing; say a square's side, mm"))?;
+        Ok(Self { board, square_mm, pictures })
+    }
+}
+
+fn square(text: &str) -> Answer<f64> {
+    let side: Option<f64> = text.trim().parse().ok();
+    let possible = side.filter(|side| side.is_finite() && *side > 0.0 && *side <= 1000.0);
+    possible.ok_or_else(|| Problem::invalid("square_mm", "expected a number of mm above 0 and at most 1000"))
+}

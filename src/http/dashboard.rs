@@ -1,0 +1,83 @@
+//! The pages: files under `static/`, embedded in the program, with an ETag each.
+//!
+//! In debug builds they are read from the source tree at each request, so that a page's author sees a change at once.
+
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use base64::Engine;
+use base64::engine::general_purpose::URL_SAFE_NO_PAD;
+use rust_embed::{EmbeddedFile, RustEmbed};
+
+use super::error::{Problem, Refusal};
+
+#[derive(RustEmbed)]
+#[folder = "static/"]
+struct Pages;
+
+/// The page of the dashboard; its own script decides by the address what it shows.
+const INDEX: &str = "index.html";
+
+/// Answers everything that no route of the interface does: a file, or the dashboard for an address of its own.
+pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
+    let path = uri.path().trim_start_matches('/');
+    if is_reserved(path) {
+        return Problem::not_found().into_response();
+    }
+    if method != Method::GET && method != Method::HEAD {
+        return Refusal::MethodNotAllowed.with("Pages are read with GET.").into_response();
+    }
+    let path = if path.is_empty() { INDEX } else { path };
+    match Pages::get(path) {
+        Some(file) => answer(path, file, &headers),
+        None if is_view(path) => Pages::get(INDEX)
+            .map_or_else(|| Problem::not_found().into_response(), |index| answer(INDEX, index, &headers)),
+        None => Problem::not_found().into_response(),
+    }
+}
+
+/// Addresses of the interface, where a missing thing is a problem document and never a page.
+fn is_reserved(path: &str) -> bool {
+    ["api", "docs", "problems"].contains(&path.split('/').next().unwrap_or_default())
+}
+
+/// An address of the dashboard itself, like `sessions/42`, and not a file that is missing, like `chart.js`.
+fn is_view(path: &str) -> bool {
+    !path.rsplit('/').next().unwrap_or_default().contains('.')
+}
+
+fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
+    let etag = format!("\"{}\"", URL_SAFE_NO_PAD.encode(&file.metadata.sha256_hash()[..16]));
+    let known = headers.get(header::IF_NONE_MATCH).and_then(|v| v.to_str().ok()).is_some_and(|v| v.contains(&etag));
+    let mut response = if known {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        let mut response = Body::from(file.data).into_response();
+        response.headers_mut().insert(header::CONTENT_TYPE, media_type(path, file.metadata.mimetype()));
+        response
+    };
+    // Ask again each time: answers are 304 mostly, and a new version of the program shows at once.
+    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    if let Ok(etag) = HeaderValue::try_from(etag) {
+        response.headers_mut().insert(header::ETAG, etag);
+    }
+    response
+}
+
+fn media_type(path: &str, guessed: &str) -> HeaderValue {
+    let text = guessed.starts_with("text/") || path.ends_with(".js") || path.ends_with(".mjs") || path.ends_with(".json");
+    let value = if text { format!("{guessed}; charset=utf-8") } else { guessed.to_owned() };
+    HeaderValue::try_from(value).unwrap_or(HeaderValue::from_static("application/octet-stream"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_view_is_told_from_a_missing_file() {
+        assert!(is_view("sessions/0193"));
+        assert!(!is_view("vendor/chart.js"));
+        assert!(is_reserved("api/v2/x") && is_reserved("docs/none") && !is_reserved("apiary"));
+    }
+}

@@ -1,0 +1,45 @@
+//! `/docs`: the interface's description to read and try, from files inside the program, so without the internet.
+
+use std::sync::Arc;
+
+use axum::extract::Path;
+use axum::http::{HeaderName, HeaderValue, header};
+use axum::response::{IntoResponse, Redirect, Response};
+use utoipa_swagger_ui::{Config, SwaggerFile};
+
+use super::error::{Answer, Problem};
+
+/// Where the description lies.
+pub const OPENAPI: &str = "/api/v1/openapi.json";
+
+/// `/docs` itself: its files are named relative to `/docs/`.
+pub async fn entry() -> Redirect {
+    Redirect::permanent("/docs/")
+}
+
+/// The first page.
+pub async fn index() -> Answer<Response> {
+    file("index.html")
+}
+
+/// One of the viewer's files.
+pub async fn asset(Path(path): Path<String>) -> Answer<Response> {
+    file(&path)
+}
+
+fn file(path: &str) -> Answer<Response> {
+    let found = utoipa_swagger_ui::serve(path, Arc::new(Config::from(OPENAPI)));
+    let file = found.map_err(|cause| Problem::internal("showing the docs", cause.to_string()))?;
+    file.map(answer).ok_or_else(Problem::not_found)
+}
+
+fn answer(file: SwaggerFile<'static>) -> Response {
+    let header = |name: HeaderName, value: &str| Some((name, HeaderValue::from_str(value).ok()?));
+    let encoding = if file.gzpipped { header(header::CONTENT_ENCODING, "gzip") } else { None };
+    let headers = [header(header::CONTENT_TYPE, &file.content_type), header(header::CACHE_CONTROL, "no-cache"), encoding];
+    let mut response = file.bytes.into_owned().into_response();
+    headers.into_iter().flatten().for_each(|(name, value)| {
+        response.headers_mut().insert(name, value);
+    });
+    response
+}

@@ -1,0 +1,126 @@
+//! Sends a stored file: whole, in part, or only its headers, in pieces of bounded size.
+
+use std::io::SeekFrom;
+
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use tokio::fs::File;
+use tokio::io::{AsyncReadExt, AsyncSeekExt};
+use tokio_util::io::ReaderStream;
+
+use super::error::{Answer, Problem, Refusal};
+use super::range::{Asked, asked};
+
+/// Bytes read from the disk at once; what one slow download holds in memory.
+const PIECE: usize = 128 * 1024;
+
+/// A file that never changes, and how to call it.
+pub struct StoredFile {
+    /// Open for reading.
+    pub file: File,
+    /// Its length, bytes.
+    pub length: u64,
+    /// Its content's name, quoted.
+    pub etag: String,
+    /// Its media type.
+    pub media_type: String,
+    /// `Content-Disposition`.
+    pub disposition: String,
+}
+
+impl StoredFile {
+    /// Answers a GET or HEAD.
+    pub async fn answer(mut self, method: &Method, headers: &HeaderMap) -> Answer<Response> {
+        if self.is_known(headers) {
+            return Ok(self.described(StatusCode::NOT_MODIFIED.into_response()));
+        }
+        let (status, first, count) = match asked(headers, self.length, &self.etag) {
+            Asked::Whole => (StatusCode::OK, 0, self.length),
+            Asked::Part { first, last } => (StatusCode::PARTIAL_CONTENT, first, last - first + 1),
+            Asked::Outside => return Err(self.outside()),
+        };
+        let body = if *method == Method::HEAD { Body::empty() } else { self.part(first, count).await? };
+        let mut response = self.described((status, body).into_response());
+        set(&mut response, header::CONTENT_LENGTH, &count.to_string());
+        if status == StatusCode::PARTIAL_CONTENT {
+            let range = format!("bytes {first}-{}/{}", first + count - 1, self.length);
+            set(&mut response, header::CONTENT_RANGE, &range);
+        }
+        Ok(response)
+    }
+
+    async fn part(&mut self, first: u64, count: u64) -> Answer<Body> {
+        let unreadable = |cause| Problem::internal("reading a stored file", cause);
+        self.file.seek(SeekFrom::Start(first)).await.map_err(unreadable)?;
+        let file = self.file.try_clone().await.map_err(unreadable)?;
+        Ok(Body::from_stream(ReaderStream::with_capacity(file.take(count), PIECE)))
+    }
+
+    fn is_known(&self, headers: &HeaderMap) -> bool {
+        let known = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
+        known.is_some_and(|known| known.split(',').any(|tag| tag.trim().trim_start_matches("W/") == self.etag))
+    }
+
+    fn outside(&self) -> Problem {
+        Refusal::RangeNotSatisfiable
+            .with(format!("The file has {} bytes; ask for a range inside.", self.length))
+            .header(header::CONTENT_RANGE, format!("bytes */{}", self.length))
+    }
+
+    fn described(&self, mut response: Response) -> Response {
+        set(&mut response, header::CONTENT_TYPE, &self.media_type);
+        set(&mut response, header::CONTENT_DISPOSITION, &self.disposition);
+        set(&mut response, header::ETAG, &self.etag);
+        set(&mut response, header::ACCEPT_RANGES, "bytes");
+        // It never changes, but the right to see it may end: ask each time, and be told 304.
+        set(&mut response, header::CACHE_CONTROL, "private, no-cache");
+        response
+    }
+}
+
+fn set(response: &mut Response, name: HeaderName, value: &str) {
+    if let Ok(value) = HeaderValue::from_str(value) {
+        response.headers_mut().insert(name, value);
+    }
+}
+
+/// `Content-Disposition` for a name that a stranger chose: the plain form with only harmless characters, the exact name
+/// percent-encoded beside it (RFC 6266).
+pub fn disposition(kind: &str, filename: &str) -> String {
+    let harmless = |c: char| if c.is_ascii_alphanumeric() || " ._-()".contains(c) { c } else { '_' };
+    let plain: String = filename.chars().map(harmless).collect();
+    let encoded: String = filename.bytes().map(percent).collect();
+    format!("{kind}; filename=\"{plain}\"; filename*=UTF-8''{encoded}")
+}
+
+fn percent(byte: u8) -> String {
+    match byte {
+        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'.' | b'_' | b'-' => char::from(byte).to_string(),
+        _ => format!("%{byte:02X}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_hostile_name_stays_inside_its_quotes() {
+        let text = disposition("attachment", "a\"; filename=evil.html\r\nX: y/../ä.mp4");
+        assert_eq!(
+            text,
+            "attachment; filename=\"a__ filename_evil.html__X_ y_.._._.mp4\"; \
+             filename*=UTF-8''a%22%3B%20filename%3Devil.html%0D%0AX%3A%20y%2F..%2F%C3%A4.mp4"
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn any_name_gives_a_header(name in "\\PC{0,300}|.{0,300}") {
+            prop_assert!(HeaderValue::from_str(&disposition("inline", &name)).is_ok());
+        }
+    }
+}

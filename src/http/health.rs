@@ -1,0 +1,46 @@
+//! What the people who run the service look at: alive, ready, and numbers.
+
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::IntoResponse;
+use metrics::gauge;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::error::{Answer, busy};
+use super::read::Json;
+use super::state::App;
+
+/// Is the process alive?
+#[utoipa::path(get, path = "/healthz", tag = "operation", security(()), responses((status = OK, body = String)))]
+pub async fn healthz() -> &'static str {
+    "ok\n"
+}
+
+/// Whether requests can be served.
+#[derive(Serialize, ToSchema)]
+pub struct Ready {
+    ready: bool,
+    version: &'static str,
+}
+
+/// Can requests be served? Asks the database, and is no from the moment the service begins to end
+#[utoipa::path(get, path = "/readyz", tag = "operation", security(()), responses((status = OK, body = Ready)))]
+pub async fn readyz(State(app): State<App>) -> Answer<Json<Ready>> {
+    if app.shutdown.is_begun() {
+        return Err(busy("The service is ending. Ask another one, or this one in a minute."));
+    }
+    app.store.people().count().await?;
+    Ok(Json(Ready { ready: true, version: env!("CARGO_PKG_VERSION") }))
+}
+
+/// Numbers in Prometheus' text form
+#[utoipa::path(get, path = "/metrics", tag = "operation", security(()), responses((status = OK, body = String)))]
+pub async fn metrics(State(app): State<App>) -> Answer<impl IntoResponse> {
+    let counts = app.store.jobs().counts().await?;
+    gauge!("trocar_jobs", "state" => "queued").set(counts.queued as f64);
+    gauge!("trocar_jobs", "state" => "running").set(counts.running as f64);
+    let free = app.streams.available_permits();
+    gauge!("trocar_event_streams").set(app.settings.max_event_streams.saturating_sub(free) as f64);
+    Ok((StatusCode::OK, [(header::CONTENT_TYPE, "text/plain; version=0.0.4")], app.metrics.render()))
+}

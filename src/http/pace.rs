@@ -1,0 +1,171 @@
+//! The minimum rate of a request's body.
+//!
+//! A body at one byte a second passes a timeout that starts anew with every frame. Here each byte earns time, waiting
+//! spends it, and what is saved never exceeds the grace: a fast start does not buy a long stall. Only time in which we
+//! wait for the client counts, so a slow disk of ours never ends an upload.
+
+use std::pin::Pin;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use axum::extract::{Request, State};
+use axum::middleware::Next;
+use axum::response::Response;
+use hyper::body::{Body as HttpBody, Frame, SizeHint};
+use tokio::time::{Instant, Sleep};
+
+use super::settings::HttpSettings;
+
+/// Middleware: puts every request's body under the minimum rate.
+pub async fn keep_pace(State(pace): State<Pace>, request: Request, next: Next) -> Response {
+    next.run(request.map(|body| Body::new(PacedBody::new(body, pace)))).await
+}
+
+/// How slow a body may be.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Bytes per second.
+    pub rate: u64,
+    /// Longest stall that a good client may have.
+    pub grace: Duration,
+}
+
+impl From<&HttpSettings> for Pace {
+    fn from(settings: &HttpSettings) -> Self {
+        Self { rate: settings.min_body_rate.max(1), grace: settings.body_grace() }
+    }
+}
+
+/// The body came more slowly than the minimum rate.
+#[derive(Debug, thiserror::Error)]
+#[error("The body came more slowly than {0} bytes per second")]
+pub struct TooSlow(pub u64);
+
+/// The time that a client may still stall: waiting spends it, bytes earn it, the grace caps it.
+#[derive(Debug)]
+struct Credit {
+    pace: Pace,
+    left: Duration,
+}
+
+impl Credit {
+    fn new(pace: Pace) -> Self {
+        Self { pace, left: pace.grace }
+    }
+
+    fn spend(&mut self, waited: Duration) {
+        self.left = self.left.saturating_sub(waited);
+    }
+
+    fn earn(&mut self, bytes: usize) {
+        let earned = Duration::from_secs_f64(bytes as f64 / self.pace.rate as f64);
+        self.left = self.left.saturating_add(earned).min(self.pace.grace);
+    }
+}
+
+/// A body that ends with [`TooSlow`] when the client has used up its credit.
+pub struct PacedBody<B> {
+    body: B,
+    credit: Credit,
+    /// Since when we wait for the client, and the alarm at the end of its credit.
+    waiting: Option<(Instant, Pin<Box<Sleep>>)>,
+}
+
+impl<B> PacedBody<B> {
+    /// Puts `body` under `pace`.
+    pub fn new(body: B, pace: Pace) -> Self {
+        Self { body, credit: Credit::new(pace), waiting: None }
+    }
+
+    fn received(&mut self, bytes: usize) {
+        if let Some((since, _)) = self.waiting.take() {
+            self.credit.spend(since.elapsed());
+        }
+        self.credit.earn(bytes);
+    }
+}
+
+impl<B> HttpBody for PacedBody<B>
+where
+    B: HttpBody<Data = Bytes, Error = axum::Error> + Unpin,
+{
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let this = &mut *self;
+        if let Poll::Ready(frame) = Pin::new(&mut this.body).poll_frame(cx) {
+            this.received(bytes_in(&frame));
+            return Poll::Ready(frame);
+        }
+        let left = this.credit.left;
+        let (_, alarm) = this.waiting.get_or_insert_with(|| (Instant::now(), Box::pin(tokio::time::sleep(left))));
+        match alarm.as_mut().poll(cx) {
+            Poll::Pending => Poll::Pending,
+            Poll::Ready(()) => Poll::Ready(Some(Err(axum::Error::new(TooSlow(this.credit.pace.rate))))),
+        }
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+fn bytes_in(frame: &Option<Result<Frame<Bytes>, axum::Error>>) -> usize {
+    match frame {
+        Some(Ok(frame)) => frame.data_ref().map_or(0, Bytes::len),
+        Some(Err(_)) | None => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+
+    use http_body_util::BodyExt;
+
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+    const PACE: Pace = Pace { rate: 1000, grace: Duration::from_secs(10) };
+
+    #[test]
+    fn a_byte_a_second_uses_the_grace_up() {
+        let mut credit = Credit::new(PACE);
+        for _ in 0..11 {
+            credit.spend(SECOND);
+            credit.earn(1);
+        }
+        assert!(credit.left < SECOND / 2, "{credit:?}");
+    }
+
+    #[test]
+    fn the_minimum_rate_itself_is_enough_for_ever() {
+        let mut credit = Credit::new(PACE);
+        for _ in 0..100_000 {
+            credit.spend(SECOND);
+            credit.earn(1000);
+        }
+        assert_eq!(credit.left, PACE.grace);
+    }
+
+    #[test]
+    fn a_fast_start_buys_no_longer_stall() {
+        let mut credit = Credit::new(PACE);
+        credit.earn(1_000_000_000);
+        assert_eq!(credit.left, PACE.grace);
+    }
+
+    #[tokio::test]
+    async fn a_body_that_never_comes_is_ended_and_says_why() {
+        let silent = Body::from_stream(futures_util::stream::pending::<io::Result<Bytes>>());
+        let pace = Pace { rate: 1000, grace: Duration::from_millis(1) };
+        let error = PacedBody::new(silent, pace).collect().await.unwrap_err();
+        assert!(std::error::Error::source(&error).is_some_and(|cause| cause.is::<TooSlow>()), "{error:?}");
+    }
+}

@@ -1,0 +1,112 @@
+//! Byte ranges of a file (RFC 9110, section 14): one range, `If-Range`, and what the answer's headers say.
+
+use axum::http::{HeaderMap, header};
+
+/// Which bytes of a file are asked for.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// All of it: no range, one that we may ignore, or a file that changed since the client's part.
+    Whole,
+    /// `first..=last`, both inside the file.
+    Part {
+        /// First byte, from 0.
+        first: u64,
+        /// Last byte, included.
+        last: u64,
+    },
+    /// A range outside the file.
+    Outside,
+}
+
+/// Reads `Range` and `If-Range` for a file of this length and ETag.
+///
+/// Several ranges at once are answered with the whole file, as the RFC allows: no player asks for them, and they are
+/// a known way to make a server work hard.
+pub fn asked(headers: &HeaderMap, length: u64, etag: &str) -> Asked {
+    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+    if text(header::IF_RANGE).is_some_and(|condition| condition != etag) {
+        return Asked::Whole;
+    }
+    let Some(range) = text(header::RANGE).and_then(|range| range.trim().strip_prefix("bytes=")) else {
+        return Asked::Whole;
+    };
+    match range.trim().split_once('-') {
+        Some(("", suffix)) => number(suffix).map_or(Asked::Whole, |count| last_bytes(count, length)),
+        Some((first, last)) => match (number(first), number(last)) {
+            (Some(first), None) if last.is_empty() => part(first, u64::MAX, length),
+            (Some(first), Some(last)) if first <= last => part(first, last, length),
+            _ => Asked::Whole,
+        },
+        None => Asked::Whole,
+    }
+}
+
+/// Digits only: `+1` and ` 1` are numbers to Rust but not to HTTP.
+fn number(text: &str) -> Option<u64> {
+    if text.is_empty() || !text.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    Some(text.parse().unwrap_or(u64::MAX)) // more digits than fit are still a number, far outside any file
+}
+
+fn part(first: u64, last: u64, length: u64) -> Asked {
+    if first >= length { Asked::Outside } else { Asked::Part { first, last: last.min(length - 1) } }
+}
+
+fn last_bytes(count: u64, length: u64) -> Asked {
+    if count == 0 || length == 0 {
+        return Asked::Outside;
+    }
+    Asked::Part { first: length.saturating_sub(count), last: length - 1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::HeaderValue;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn ask(range: &str, length: u64) -> Asked {
+        let headers = HeaderMap::from_iter([(header::RANGE, HeaderValue::from_str(range).unwrap())]);
+        asked(&headers, length, "\"x\"")
+    }
+
+    #[test]
+    fn the_forms_of_the_standard_are_understood() {
+        assert_eq!(ask("bytes=0-499", 1000), Asked::Part { first: 0, last: 499 });
+        assert_eq!(ask("bytes=500-", 1000), Asked::Part { first: 500, last: 999 });
+        assert_eq!(ask("bytes=-1", 1000), Asked::Part { first: 999, last: 999 });
+        assert_eq!(ask("bytes=-5000", 1000), Asked::Part { first: 0, last: 999 });
+        assert_eq!(ask("bytes=999-99999999999999999999999", 1000), Asked::Part { first: 999, last: 999 });
+        assert_eq!(ask("bytes=1000-", 1000), Asked::Outside);
+        assert_eq!(ask("bytes=-0", 1000), Asked::Outside);
+        assert_eq!(ask("bytes=0-", 0), Asked::Outside);
+    }
+
+    #[test]
+    fn what_is_no_single_range_is_answered_with_the_whole() {
+        for range in ["bytes=0-1,3-4", "bytes=5-4", "bytes=", "bytes=-", "lines=0-1", "bytes=+1-2", "bytes=a-b", "0-1"] {
+            assert_eq!(ask(range, 1000), Asked::Whole, "{range}");
+        }
+    }
+
+    #[test]
+    fn a_part_of_another_version_is_not_continued() {
+        let headers = HeaderMap::from_iter([
+            (header::RANGE, HeaderValue::from_static("bytes=5-")),
+            (header::IF_RANGE, HeaderValue::from_static("\"old\"")),
+        ]);
+        assert_eq!(asked(&headers, 10, "\"new\""), Asked::Whole);
+        assert_eq!(asked(&headers, 10, "\"old\""), Asked::Part { first: 5, last: 9 });
+    }
+
+    proptest! {
+        #[test]
+        fn a_part_always_lies_inside_the_file(range in "bytes=[0-9]{0,22}-[0-9]{0,22}", length in any::<u64>()) {
+            if let Asked::Part { first, last } = ask(&range, length) {
+                prop_assert!(first <= last && last < length);
+            }
+        }
+    }
+}

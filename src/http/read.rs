@@ -1,0 +1,124 @@
+//! Reading a request: JSON, query and path, each with refusals that say what to do.
+
+use std::error::Error;
+use std::str::FromStr;
+
+use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
+use http_body_util::{BodyExt, LengthLimitError, Limited};
+use serde::de::DeserializeOwned;
+use serde_json::error::Category;
+
+use super::error::{Problem, Refusal, unknown};
+use super::pace::TooSlow;
+use super::state::App;
+use crate::domain::text::{Invalid, Key};
+use crate::store::StoreError;
+
+/// A JSON body, at most [`super::settings::HttpSettings::max_json_bytes`] long.
+pub struct Json<T>(pub T);
+
+impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+        expect_json(request.headers())?;
+        let limit = app.settings.max_json_bytes;
+        let body = Limited::new(request.into_body(), limit).collect().await;
+        let bytes = body.map_err(|cause| unreadable(&*cause, limit as u64))?.to_bytes();
+        serde_json::from_slice(&bytes).map(Self).map_err(refused)
+    }
+}
+
+fn expect_json(headers: &HeaderMap) -> Result<(), Problem> {
+    let sent = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let essence = sent.split(';').next().unwrap_or_default().trim();
+    if essence.eq_ignore_ascii_case("application/json") {
+        return Ok(());
+    }
+    Err(Refusal::UnsupportedMediaType.with("Send JSON with `Content-Type: application/json`."))
+}
+
+fn refused(error: serde_json::Error) -> Problem {
+    match error.classify() {
+        Category::Data => Refusal::Invalid.with(format!("{error}. See /docs for the fields of this request.")),
+        Category::Io | Category::Syntax | Category::Eof => {
+            Refusal::BadRequest.with(format!("The body is not JSON: {error}."))
+        }
+    }
+}
+
+/// Why a body could not be read to its end, as a problem.
+pub fn unreadable(cause: &(dyn Error + 'static), limit: u64) -> Problem {
+    if find::<LengthLimitError>(cause).is_some() {
+        return too_large(limit);
+    }
+    match find::<TooSlow>(cause) {
+        Some(slow) => Refusal::TooSlow.with(format!("{slow}. Try again over a better connection.")),
+        None => Refusal::BadRequest.with("The connection ended before the body did. Send it again."),
+    }
+}
+
+/// The first of this kind among an error and its causes.
+fn find<'e, T: Error + 'static>(error: &'e (dyn Error + 'static)) -> Option<&'e T> {
+    error.downcast_ref().or_else(|| find(error.source()?))
+}
+
+/// The body is longer than this many bytes.
+pub fn too_large(limit: u64) -> Problem {
+    Refusal::TooLarge.with(format!("At most {limit} bytes are accepted here.")).member("limit_bytes", limit)
+}
+
+impl From<Invalid> for Problem {
+    fn from(invalid: Invalid) -> Self {
+        Problem::invalid(invalid.what, invalid.why)
+    }
+}
+
+/// The query's parameters.
+pub struct Params<T>(pub T);
+
+impl<T: DeserializeOwned + Send> FromRequestParts<App> for Params<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _app: &App) -> Result<Self, Problem> {
+        let query = Query::try_from_uri(&parts.uri);
+        let refused = |error: axum::extract::rejection::QueryRejection| {
+            Refusal::BadRequest.with(format!("{}. See /docs for the parameters.", error.body_text()))
+        };
+        query.map(|Query(params)| Self(params)).map_err(refused)
+    }
+}
+
+/// The `{id}` of an address: an id or a code. Text that can be neither is simply not found.
+pub struct At(pub Key);
+
+impl At {
+    /// The id of something that has no code.
+    pub fn id<T: FromStr>(&self) -> Result<T, Problem> {
+        self.0.as_str().parse().map_err(|_| Problem::not_found())
+    }
+}
+
+impl FromRequestParts<App> for At {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
+        let path = Path::<String>::from_request_parts(parts, app).await;
+        path.map(|Path(text)| Self(Key::from(text.as_str()))).map_err(|_| Problem::not_found())
+    }
+}
+
+/// For what a request names in its body or query: missing there is the request's mistake, not a wrong address.
+pub fn named(field: &'static str) -> impl FnOnce(StoreError) -> Problem {
+    move |error| match error {
+        StoreError::NotFound { what } => unknown(field, what),
+        other => other.into(),
+    }
+}
+
+/// A body's length, if it is told beforehand.
+pub fn content_length(headers: &HeaderMap) -> Option<u64> {
+    headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
+}

@@ -1,0 +1,90 @@
+//! Every route, in one list.
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::routing::get;
+use tower_http::catch_panic::CatchPanicLayer;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::auth::{origin, sign_in};
+use super::pace::{Pace, keep_pace};
+use super::state::App;
+use super::{boxes, dashboard, docs, events, groups, health, jobs, observe, people, protect, sessions, tasks, tokens};
+use super::{error, openapi, trainees, uploads};
+
+/// The interface under `/api/v1`.
+fn interface() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(sign_in::sign_in))
+        .routes(routes!(sign_in::sign_out))
+        .routes(routes!(people::me))
+        .routes(routes!(sign_in::change_password))
+        .routes(routes!(people::list, people::create))
+        .routes(routes!(people::change, people::delete))
+        .routes(routes!(groups::list, groups::create))
+        .routes(routes!(groups::get, groups::delete))
+        .routes(routes!(groups::set_members))
+        .routes(routes!(tokens::list, tokens::create))
+        .routes(routes!(tokens::delete))
+        .routes(routes!(boxes::list, boxes::create))
+        .routes(routes!(boxes::get, boxes::change, boxes::delete))
+        .routes(routes!(boxes::camera, boxes::put_camera))
+        .routes(routes!(boxes::calibrations, boxes::calibrate))
+        .routes(routes!(boxes::palette, boxes::put_palette))
+        .routes(routes!(trainees::list, trainees::create))
+        .routes(routes!(trainees::get, trainees::change, trainees::erase))
+        .routes(routes!(trainees::progress))
+        .routes(routes!(tasks::list, tasks::create))
+        .routes(routes!(tasks::get, tasks::change, tasks::delete))
+        .routes(routes!(sessions::list, sessions::send))
+        .routes(routes!(sessions::get, sessions::erase))
+        .routes(routes!(sessions::retry))
+        .routes(routes!(sessions::video))
+        .routes(routes!(sessions::preview))
+        .routes(routes!(sessions::diagnostics))
+        .merge(resumable())
+        .routes(routes!(jobs::list))
+        .routes(routes!(jobs::get))
+        .routes(routes!(jobs::retry))
+        .routes(routes!(events::events))
+        .routes(routes!(openapi::document))
+}
+
+/// Resumable uploads, which speak a protocol of their own.
+fn resumable() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(uploads::describe, uploads::create))
+        .routes(routes!(uploads::progress, uploads::append, uploads::terminate))
+        .layer(from_fn(uploads::speak_tus))
+}
+
+/// What the people who run the service look at.
+fn operation() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(health::healthz))
+        .routes(routes!(health::readyz))
+        .routes(routes!(health::metrics))
+}
+
+/// The service's routes, and their description.
+pub fn routes(app: App) -> Router {
+    let (routes, mut document) =
+        OpenApiRouter::with_openapi(openapi::base()).nest("/api/v1", interface()).merge(operation()).split_for_parts();
+    openapi::complete(&mut document);
+    routes
+        .route("/docs", get(docs::entry))
+        .route("/docs/", get(docs::index))
+        .route("/docs/{*path}", get(docs::asset))
+        .fallback(dashboard::page)
+        .method_not_allowed_fallback(error::method_not_allowed)
+        .layer(DefaultBodyLimit::disable()) // each reader of a body has a limit of its own
+        .layer(axum::Extension(openapi::Document::new(&document)))
+        .layer(from_fn_with_state(Pace::from(&app.settings), keep_pace))
+        .layer(from_fn(origin::check_origin))
+        .layer(CatchPanicLayer::custom(error::panicked))
+        .layer(from_fn(protect::protect))
+        .layer(from_fn(observe::observe))
+        .with_state(app)
+}

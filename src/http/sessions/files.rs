@@ -1,0 +1,82 @@
+//! The files of a session: the recording, a picture of it, what the tracker saw.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, Method};
+use axum::response::Response;
+
+use crate::domain::blob::BlobHash;
+use crate::domain::scope::Scope;
+use crate::http::auth::signed_in::Member;
+use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::file::{StoredFile, disposition};
+use crate::http::read::At;
+use crate::http::state::App;
+use crate::ids::SessionId;
+use crate::store::SessionResult;
+
+/// Play the recording: whole, or the part that `Range` names
+#[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
+    responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
+        (status = PARTIAL_CONTENT, description = "The part that was asked for", content_type = "video/*")))]
+pub async fn video(
+    State(app): State<App>,
+    by: Member,
+    at: At,
+    method: Method,
+    headers: HeaderMap,
+) -> Answer<Response> {
+    let session = app.store.sessions().get(&by.scope, at.id()?).await?;
+    let disposition = disposition("inline", session.filename.as_str());
+    app.stored(session.video, session.media_type, disposition).await?.answer(&method, &headers).await
+}
+
+/// A picture of the recording
+#[utoipa::path(get, path = "/sessions/{id}/preview.jpg", tag = "sessions",
+    params(("id" = String, Path, description = "id")),
+    responses((status = OK, description = "One frame", content_type = "image/jpeg")))]
+pub async fn preview(
+    State(app): State<App>,
+    by: Member,
+    at: At,
+    method: Method,
+    headers: HeaderMap,
+) -> Answer<Response> {
+    let result = app.result(&by.scope, at.id()?).await?;
+    let preview = result.preview.ok_or_else(Problem::not_found)?;
+    let disposition = disposition("inline", "preview.jpg");
+    app.stored(preview, "image/jpeg".to_owned(), disposition).await?.answer(&method, &headers).await
+}
+
+/// What the tracker saw on every frame, and why it dropped what it dropped
+#[utoipa::path(get, path = "/sessions/{id}/diagnostics", tag = "sessions",
+    params(("id" = String, Path, description = "id")),
+    responses((status = OK, description = "Columns: borders and tips in pixels of the recorded frame, reasons", body = Object)))]
+pub async fn diagnostics(
+    State(app): State<App>,
+    by: Member,
+    at: At,
+    method: Method,
+    headers: HeaderMap,
+) -> Answer<Response> {
+    let result = app.result(&by.scope, at.id()?).await?;
+    let disposition = disposition("inline", "diagnostics.json");
+    app.stored(result.diagnostics, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
+}
+
+impl App {
+    /// The latest result of a session; a session without one is told apart from one that is not there.
+    pub(super) async fn result(&self, scope: &Scope, id: SessionId) -> Answer<SessionResult> {
+        let result = self.store.sessions().result(scope, id).await?;
+        result.ok_or_else(|| {
+            Refusal::Conflict
+                .with("The session is not tracked yet. Wait until its status is `done`; its `error` says why if it is not.")
+        })
+    }
+
+    /// A file of the vault, to be sent.
+    async fn stored(&self, hash: BlobHash, media_type: String, disposition: String) -> Answer<StoredFile> {
+        let (file, length) = self.vault.open_blob(hash).await?;
+        let etag = format!("\"{hash}\"");
+        Ok(StoredFile { file: tokio::fs::File::from_std(file), length, etag, media_type, disposition })
+    }
+}

@@ -1,0 +1,11 @@
+//! Recordings that are here, how they stand, and what came of them.
+
+mod files;
+mod read;
+mod send;
+mod show;
+
+pub use files::*;
+pub use read::*;
+pub use send::*;
+pub use show::*;

@@ -1,0 +1,94 @@
+//! Sessions are listed, read, tried again, erased.
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::show::Session;
+use crate::domain::session::SessionStatus;
+use crate::domain::text::Key;
+use crate::events::Event;
+use crate::http::auth::signed_in::{Member, Staff};
+use crate::http::error::Answer;
+use crate::http::read::{At, Json, Params};
+use crate::http::show::{Page, Paging};
+use crate::http::state::App;
+use crate::store::{self, SessionFilter};
+
+/// Which sessions.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Which {
+    /// Only of this trainee, by id or code.
+    #[param(value_type = Option<String>)]
+    trainee: Option<Key>,
+    /// Only of this task, by id or code.
+    #[param(value_type = Option<String>)]
+    task: Option<Key>,
+    /// Only in this box, by id or code.
+    #[serde(rename = "box")]
+    #[param(rename = "box", value_type = Option<String>)]
+    in_box: Option<Key>,
+    /// Only those that stand so.
+    status: Option<SessionStatus>,
+    /// Most items of the page, 1 to 200.
+    #[param(minimum = 1, maximum = 200)]
+    limit: Option<u32>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// List the sessions that one sees, newest first
+#[utoipa::path(get, path = "/sessions", tag = "sessions", params(Which), responses((status = OK, body = Page<Session>)))]
+pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Which>) -> Answer<Json<Page<Session>>> {
+    let Which { trainee, task, in_box, status, limit, cursor } = which;
+    let page = Paging::new(limit, cursor).request(app.settings.page_items)?;
+    let filter = SessionFilter { trainee, task, in_box, status };
+    let store::Page { items, next } = app.store.sessions().list(&by.scope, &filter, &page).await?;
+    let mut shown = Vec::with_capacity(items.len());
+    for session in items {
+        let result = app.store.sessions().result(&by.scope, session.id).await?;
+        shown.push(Session::of(session, result));
+    }
+    Ok(Json(Page { items: shown, next }))
+}
+
+/// Read one session
+#[utoipa::path(get, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path, description = "id")),
+    responses((status = OK, body = Session)))]
+pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Session>> {
+    let session = app.store.sessions().get(&by.scope, at.id()?).await?;
+    let result = app.store.sessions().result(&by.scope, session.id).await?;
+    Ok(Json(Session::of(session, result)))
+}
+
+/// Track a session again: after a failure, or with a newer camera, newer colours or a newer program
+#[utoipa::path(post, path = "/sessions/{id}/retry", tag = "sessions",
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = Session)))]
+pub async fn retry(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Session>> {
+    let session = app.store.sessions().retry(&by.scope, at.id()?).await?;
+    app.tell_session(&session);
+    let result = app.store.sessions().result(&by.scope, session.id).await?;
+    Ok(Json(Session::of(session, result)))
+}
+
+/// Erase a session with its recording and results
+#[utoipa::path(delete, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path, description = "id")),
+    responses((status = NO_CONTENT)))]
+pub async fn erase(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCode> {
+    app.store.sessions().erase(&by.scope, at.id()?).await?;
+    app.events.tell(Event::Queue);
+    Ok(StatusCode::NO_CONTENT)
+}
+
+impl App {
+    /// Tells those who watch that a session stands differently, and so may the queue.
+    pub fn tell_session(&self, session: &store::Session) {
+        let (id, trainee, status) = (session.id, session.trainee_id, session.status());
+        let progress = super::show::progress(status, session.job_progress);
+        self.events.tell(Event::Session { id, trainee, status, progress });
+        self.events.tell(Event::Queue);
+    }
+}

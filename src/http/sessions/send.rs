@@ -1,0 +1,71 @@
+//! A recording in one call: the video is the body.
+
+use axum::extract::{Request, State};
+use axum::http::header;
+use futures_util::StreamExt;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::show::Session;
+use crate::http::auth::signed_in::Member;
+use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::read::{Params, content_length};
+use crate::http::show::Created;
+use crate::http::state::App;
+use crate::intake::About;
+
+/// What the recording is of.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Of {
+    /// Whose recording, by id or code; a trainee may leave it out.
+    trainee: Option<String>,
+    /// Which task, by id or code.
+    #[param(required)]
+    task: Option<String>,
+    /// Which box, by id or code.
+    #[serde(rename = "box")]
+    #[param(rename = "box", required)]
+    in_box: Option<String>,
+    /// The file's name, for people.
+    filename: Option<String>,
+    /// When it was recorded, RFC 3339; without it, now.
+    recorded_at: Option<String>,
+}
+
+/// Send a recording in one call
+///
+/// The same recording of the same trainee, task and box is refused with `duplicate-recording` and the `session` that it
+/// is already. A cut loses the recording: over poor connections use `/uploads`, which goes on where it was cut.
+#[utoipa::path(post, path = "/sessions", tag = "sessions", params(Of),
+    request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "The video: MP4/MOV, Matroska/WebM, AVI or MPEG-TS"),
+    responses((status = CREATED, body = Session)))]
+pub async fn send(
+    State(app): State<App>,
+    by: Member,
+    Params(of): Params<Of>,
+    request: Request,
+) -> Answer<Created<Session>> {
+    refuse_forms(&request)?;
+    let Of { trainee, task, in_box, filename, recorded_at } = of;
+    let recording = app.intake.recognise(&by.scope, About { trainee, task, in_box, filename, recorded_at }).await?;
+    if let Some(length) = content_length(request.headers()) {
+        app.intake.check_length(length)?;
+    }
+    let (intake, scope) = (app.intake.clone(), by.scope);
+    let bytes = request.into_body().into_data_stream().map(|bytes| bytes.map_err(Into::into));
+    // On a task of its own: a sender that closes right after its last byte must not undo the recording.
+    let taken = app.shutdown.spawn(async move { intake.take(&scope, recording, bytes).await });
+    let session = taken.await.map_err(|cause| Problem::internal("taking a recording", cause))??;
+    Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: Session::of(session, None) })
+}
+
+/// A form around the video would be stored as if it were one.
+fn refuse_forms(request: &Request) -> Answer<()> {
+    let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+    if !kind.starts_with("multipart/") {
+        return Ok(());
+    }
+    Err(Refusal::UnsupportedMediaType.with("Send the video itself as the body: `curl --data-binary @clip.mp4`, not -F."))
+}

@@ -1,0 +1,152 @@
+//! A session as it is shown.
+
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use crate::domain::problem;
+use crate::domain::session::{FeatureRow, FeatureSpace, SessionStatus, Versions};
+use crate::http::error::ProblemDocument;
+use crate::http::show::{Named, Time};
+use crate::ids::SessionId;
+use crate::store;
+
+/// One recording of one trainee doing one task in one box, how it stands, and what came of it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Session {
+    id: SessionId,
+    trainee: Named,
+    task: Named,
+    #[serde(rename = "box")]
+    in_box: Named,
+    /// The recording's name as it was sent.
+    filename: String,
+    recorded_at: Time,
+    created_at: Time,
+    status: SessionStatus,
+    /// Share that is tracked, 0 to 1.
+    progress: f64,
+    /// Place in the queue, from 1, while it waits there.
+    queue_position: Option<i64>,
+    /// Why it does not go on, or did not.
+    error: Option<ProblemDocument>,
+    /// Whoever tracked it died or fell silent too often; staff may try again.
+    quarantined: bool,
+    video: Video,
+    /// Names of the tools, in the trajectory's order.
+    tools: Vec<String>,
+    features: Vec<Feature>,
+    /// Place in a reference cohort, if a model scored it.
+    score: Option<Value>,
+    /// What was observed, predicted and missed, and why.
+    quality: Option<Value>,
+    /// What the result was made with.
+    versions: Option<Versions>,
+}
+
+/// A recording.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Video {
+    bytes: u64,
+    media_type: String,
+    /// Width as displayed, pixels; known once it was decoded, like the following.
+    width: Option<u32>,
+    /// Height as displayed, pixels.
+    height: Option<u32>,
+    /// Decoded frames.
+    frames: Option<u64>,
+    /// From the first frame to the last, s.
+    duration_s: Option<f64>,
+}
+
+/// One feature.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Feature {
+    /// Stable name, such as `path_length`.
+    name: String,
+    /// Title for people.
+    title: String,
+    /// Unit of `value`; empty for a pure number.
+    unit: String,
+    /// The tool's marker; `null` for a feature of the whole session.
+    tool: Option<String>,
+    space: FeatureSpace,
+    /// The value; `null` where there are too few observations, and then `not_enough` says of what.
+    value: Option<f64>,
+    not_enough: Option<String>,
+}
+
+impl Session {
+    /// A session with its latest result, if there is one.
+    pub fn of(session: store::Session, result: Option<store::SessionResult>) -> Self {
+        let status = session.status();
+        let facts = result.as_ref().map(|result| result.video);
+        let video = Video {
+            bytes: session.video_bytes,
+            media_type: session.media_type.clone(),
+            width: facts.map(|facts| facts.width),
+            height: facts.map(|facts| facts.height),
+            frames: facts.map(|facts| facts.frames),
+            duration_s: facts.map(|facts| facts.duration_s),
+        };
+        let mut shown = Self {
+            id: session.id,
+            progress: progress(status, session.job_progress),
+            queue_position: session.queue_position,
+            error: session.problem().map(ProblemDocument::from),
+            quarantined: session.is_quarantined(),
+            trainee: named(session.trainee_id, session.trainee_name, session.trainee_code),
+            task: named(session.task_id, session.task_name, session.task_code),
+            in_box: named(session.box_id, session.box_name, session.box_code),
+            filename: session.filename.into(),
+            recorded_at: Time(session.recorded_at_ms),
+            created_at: Time(session.created_at_ms),
+            status,
+            video,
+            tools: Vec::new(),
+            features: Vec::new(),
+            score: None,
+            quality: None,
+            versions: None,
+        };
+        if let Some(result) = result {
+            shown.add(result);
+        }
+        shown
+    }
+
+    fn add(&mut self, result: store::SessionResult) {
+        self.tools = result.tools;
+        self.features = result.features.into_iter().map(Feature::from).collect();
+        self.score = result.score;
+        self.quality = Some(result.quality);
+        self.versions = Some(result.versions);
+    }
+}
+
+/// Share that is tracked: what the job says, but all of it once it is done.
+pub fn progress(status: SessionStatus, of_job: Option<f64>) -> f64 {
+    if status == SessionStatus::Done { 1.0 } else { of_job.unwrap_or(0.0) }
+}
+
+fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) -> Named {
+    Named { id: id.to_string(), name: name.into(), code: code.into() }
+}
+
+impl From<FeatureRow> for Feature {
+    fn from(row: FeatureRow) -> Self {
+        let (value, not_enough) = match row.value {
+            Ok(value) => (Some(value), None),
+            Err(reason) => (None, Some(reason)),
+        };
+        Self { name: row.name, title: row.title, unit: row.unit, tool: row.tool, space: row.space, value, not_enough }
+    }
+}
+
+impl From<problem::Problem> for ProblemDocument {
+    /// A problem that lies in the past, so its status is only what it would have been.
+    fn from(problem: problem::Problem) -> Self {
+        let problem::Problem { slug, title, detail } = problem;
+        Self { kind: format!("/problems/{slug}"), title, status: 422, detail }
+    }
+}

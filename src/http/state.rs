@@ -1,0 +1,62 @@
+//! What every handler can reach.
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+use metrics_exporter_prometheus::PrometheusHandle;
+use tokio::sync::Semaphore;
+
+use super::auth::throttle::Throttle;
+use super::settings::HttpSettings;
+use crate::events::Events;
+use crate::intake::Intake;
+use crate::queue::Queue;
+use crate::shutdown::Shutdown;
+use crate::store::Store;
+use crate::time::SharedClock;
+use crate::vault::Vault;
+
+/// The service as handlers see it. Clones are the same service.
+#[derive(Clone)]
+pub struct App(Arc<Parts>);
+
+/// What [`App`] holds.
+pub struct Parts {
+    /// What the centre knows.
+    pub store: Store,
+    /// The files.
+    pub vault: Vault,
+    /// Recordings arriving.
+    pub intake: Intake,
+    /// Work that waits.
+    pub queue: Queue,
+    /// What changed, for those who watch.
+    pub events: Events,
+    /// What time it is.
+    pub clock: SharedClock,
+    /// The end of the service.
+    pub shutdown: Shutdown,
+    /// Limits.
+    pub settings: HttpSettings,
+    /// Attempts to sign in.
+    pub throttle: Throttle,
+    /// Places for event streams.
+    pub streams: Arc<Semaphore>,
+    /// Numbers for the people who run the service.
+    pub metrics: PrometheusHandle,
+}
+
+impl App {
+    /// Puts the parts together.
+    pub fn new(parts: Parts) -> Self {
+        Self(Arc::new(parts))
+    }
+}
+
+impl Deref for App {
+    type Target = Parts;
+
+    fn deref(&self) -> &Parts {
+        &self.0
+    }
+}

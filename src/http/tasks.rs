@@ -1,0 +1,77 @@
+//! What trainees do. Everybody reads tasks, staff change them.
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::auth::signed_in::{Member, Staff};
+use super::error::Answer;
+use super::read::{At, Json, Params};
+use super::show::{Created, Page, Paging, Time};
+use super::state::App;
+use crate::domain::task::{NewTask, TaskChange};
+use crate::domain::text::{Code, Name, Paragraphs};
+use crate::ids::TaskId;
+use crate::store;
+
+/// An exercise.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Task {
+    id: TaskId,
+    code: Code,
+    name: Name,
+    description: Paragraphs,
+    created_at: Time,
+}
+
+impl From<store::Task> for Task {
+    fn from(task: store::Task) -> Self {
+        let store::Task { id, code, name, description, created_at_ms } = task;
+        Self { id, code, name, description, created_at: Time(created_at_ms) }
+    }
+}
+
+/// List the tasks
+#[utoipa::path(get, path = "/tasks", tag = "tasks", params(Paging), responses((status = OK, body = Page<Task>)))]
+pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<Task>>> {
+    let page = paging.request(app.settings.page_items)?;
+    let tasks = app.store.tasks().list(&by.scope, &page).await?;
+    Ok(Json(Page::of(tasks, Task::from)))
+}
+
+/// Register a task
+#[utoipa::path(post, path = "/tasks", tag = "tasks", request_body = NewTask, responses((status = CREATED, body = Task)))]
+pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewTask>) -> Answer<Created<Task>> {
+    let task = app.store.tasks().create(&by.scope, new).await?;
+    Ok(Created { location: format!("/api/v1/tasks/{}", task.id), made: task.into() })
+}
+
+/// Read one task
+#[utoipa::path(get, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, body = Task)))]
+pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Task>> {
+    let task = app.store.tasks().get(&by.scope, &key).await?;
+    Ok(Json(task.into()))
+}
+
+/// Change a task
+#[utoipa::path(patch, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
+    request_body = TaskChange, responses((status = OK, body = Task)))]
+pub async fn change(
+    State(app): State<App>,
+    by: Staff,
+    At(key): At,
+    Json(change): Json<TaskChange>,
+) -> Answer<Json<Task>> {
+    let task = app.store.tasks().change(&by.scope, &key, change).await?;
+    Ok(Json(task.into()))
+}
+
+/// Delete a task of which no session was recorded
+#[utoipa::path(delete, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
+    responses((status = NO_CONTENT)))]
+pub async fn delete(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {
+    app.store.tasks().delete(&by.scope, &key).await?;
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,120 @@
+//! Programs' ways in. A token is shown once, when it is made; only its hash is kept.
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::auth::signed_in::Administrator;
+use super::error::{Answer, Problem};
+use super::read::{At, Json, named};
+use super::show::{Created, Page, Time};
+use super::state::App;
+use crate::domain::role::Role;
+use crate::domain::secret::Secret;
+use crate::domain::text::{Key, Name};
+use crate::ids::{BoxId, PersonId, TokenId};
+use crate::store::{self, ActsAs};
+use crate::time::from_rfc3339;
+
+/// A token, as far as it is known: its secret is not.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Token {
+    id: TokenId,
+    name: Name,
+    role: Role,
+    /// As whom it acts.
+    person: Option<PersonId>,
+    /// The agent's box.
+    #[serde(rename = "box")]
+    of_box: Option<BoxId>,
+    created_at: Time,
+    expires_at: Option<Time>,
+    /// Its last request, to a minute.
+    last_used_at: Option<Time>,
+}
+
+impl From<store::Token> for Token {
+    fn from(token: store::Token) -> Self {
+        Self {
+            id: token.id,
+            name: token.name,
+            role: token.role,
+            person: token.person_id,
+            of_box: token.box_id,
+            created_at: Time(token.created_at_ms),
+            expires_at: token.expires_at_ms.map(Time),
+            last_used_at: token.last_used_at_ms.map(Time),
+        }
+    }
+}
+
+/// List the tokens
+#[utoipa::path(get, path = "/tokens", tag = "tokens", responses((status = OK, body = Page<Token>)))]
+pub async fn list(State(app): State<App>, by: Administrator) -> Answer<Json<Page<Token>>> {
+    let tokens = app.store.tokens().list(&by.scope).await?;
+    Ok(Json(Page::whole(tokens.into_iter().map(Token::from))))
+}
+
+/// A token to be made.
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewToken {
+    /// What it is for.
+    name: Name,
+    /// `agent` for the program beside a box; `administrator` or `instructor` for one's own programs, with the rights of
+    /// whoever makes it.
+    role: Role,
+    /// The agent's box, by id or code.
+    #[serde(rename = "box")]
+    of_box: Option<Key>,
+    /// Its end, RFC 3339; without one it lasts until it is deleted.
+    expires_at: Option<String>,
+}
+
+/// A new token: the only time that its secret is told.
+#[derive(Serialize, ToSchema)]
+pub struct MadeToken {
+    #[serde(flatten)]
+    about: Token,
+    /// What the program sends as `Authorization: Bearer …`. Nobody can look it up again.
+    #[schema(example = "trc_…")]
+    token: String,
+}
+
+/// Make a token
+#[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewToken, responses((status = CREATED, body = MadeToken)))]
+pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewToken>) -> Answer<Created<MadeToken>> {
+    let acts_as = acts_as(&app, &by, &new).await?;
+    let expires_at_ms = new.expires_at.as_deref().map(time).transpose()?;
+    let secret = Secret::random();
+    let new = store::NewToken { name: new.name, acts_as, expires_at_ms, secret: secret.hash() };
+    let token = app.store.tokens().create(&by.scope, new).await?;
+    let location = format!("/api/v1/tokens/{}", token.id);
+    Ok(Created { location, made: MadeToken { about: token.into(), token: secret.as_token() } })
+}
+
+async fn acts_as(app: &App, by: &Administrator, new: &NewToken) -> Answer<ActsAs> {
+    match (new.role, &new.of_box) {
+        (Role::Agent, Some(key)) => {
+            let of = app.store.boxes().get(&by.scope, key).await.map_err(named("box"))?;
+            Ok(ActsAs::Agent(of.id))
+        }
+        (Role::Agent, None) => Err(Problem::invalid("box", "an agent's token names its box")),
+        (_, Some(_)) => Err(Problem::invalid("box", "only an agent's token names a box")),
+        (Role::Trainee, None) => Err(Problem::invalid("role", "programs act as administrator, instructor or agent")),
+        (role, None) => Ok(ActsAs::Person(by.scope.person().ok_or_else(Problem::not_found)?, role)),
+    }
+}
+
+fn time(text: &str) -> Answer<i64> {
+    from_rfc3339(text).ok_or_else(|| Problem::invalid("expires_at", "is no RFC 3339 time such as 2026-12-31T23:59:59Z"))
+}
+
+/// Withdraw a token: programs that use it are out at once
+#[utoipa::path(delete, path = "/tokens/{id}", tag = "tokens", params(("id" = String, Path, description = "id")),
+    responses((status = NO_CONTENT)))]
+pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {
+    app.store.tokens().delete(&by.scope, at.id()?).await?;
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,83 @@
+//! Who trains. A scope sees its own; staff register, change and erase.
+
+mod progress;
+
+use axum::extract::State;
+use axum::http::StatusCode;
+pub use progress::*;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::auth::signed_in::{Member, Staff};
+use super::error::Answer;
+use super::read::{At, Json, Params};
+use super::show::{Created, Page, Paging, Time};
+use super::state::App;
+use crate::domain::text::{Code, Name};
+use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
+use crate::ids::TraineeId;
+use crate::store;
+
+/// Somebody who trains.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Trainee {
+    id: TraineeId,
+    code: Code,
+    name: Name,
+    level: Option<Level>,
+    handedness: Option<Handedness>,
+    created_at: Time,
+}
+
+impl From<store::Trainee> for Trainee {
+    fn from(trainee: store::Trainee) -> Self {
+        let store::Trainee { id, code, name, level, handedness, created_at_ms } = trainee;
+        Self { id, code, name, level, handedness, created_at: Time(created_at_ms) }
+    }
+}
+
+/// List the trainees that one sees
+#[utoipa::path(get, path = "/trainees", tag = "trainees", params(Paging), responses((status = OK, body = Page<Trainee>)))]
+pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<Trainee>>> {
+    let page = paging.request(app.settings.page_items)?;
+    let trainees = app.store.trainees().list(&by.scope, &page).await?;
+    Ok(Json(Page::of(trainees, Trainee::from)))
+}
+
+/// Register a trainee
+#[utoipa::path(post, path = "/trainees", tag = "trainees", request_body = NewTrainee,
+    responses((status = CREATED, body = Trainee)))]
+pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewTrainee>) -> Answer<Created<Trainee>> {
+    let trainee = app.store.trainees().create(&by.scope, new).await?;
+    Ok(Created { location: format!("/api/v1/trainees/{}", trainee.id), made: trainee.into() })
+}
+
+/// Read one trainee
+#[utoipa::path(get, path = "/trainees/{id}", tag = "trainees",
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Trainee)))]
+pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Trainee>> {
+    let trainee = app.store.trainees().get(&by.scope, &key).await?;
+    Ok(Json(trainee.into()))
+}
+
+/// Change a trainee
+#[utoipa::path(patch, path = "/trainees/{id}", tag = "trainees",
+    params(("id" = String, Path, description = "id or code")), request_body = TraineeChange,
+    responses((status = OK, body = Trainee)))]
+pub async fn change(
+    State(app): State<App>,
+    by: Staff,
+    At(key): At,
+    Json(change): Json<TraineeChange>,
+) -> Answer<Json<Trainee>> {
+    let trainee = app.store.trainees().change(&by.scope, &key, change).await?;
+    Ok(Json(trainee.into()))
+}
+
+/// Erase a trainee with account, recordings and results
+#[utoipa::path(delete, path = "/trainees/{id}", tag = "trainees",
+    params(("id" = String, Path, description = "id or code")), responses((status = NO_CONTENT)))]
+pub async fn erase(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {
+    app.store.trainees().erase(&by.scope, &key).await?;
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,73 @@
+//! An upload goes on, is asked about, or ends.
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use futures_util::StreamExt;
+
+use super::answer;
+use super::headers::{UPLOAD_LENGTH, UPLOAD_METADATA, UPLOAD_OFFSET, checksum, expect_piece, number};
+use crate::domain::scope::Scope;
+use crate::http::auth::signed_in::Member;
+use crate::http::error::{Answer, Problem};
+use crate::http::read::{At, content_length};
+use crate::http::state::App;
+use crate::ids::UploadId;
+use crate::intake::tus::Checksum;
+use crate::intake::{Piece, Received};
+
+/// How far is an upload?
+#[utoipa::path(head, path = "/uploads/{id}", tag = "uploads",
+    params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
+    responses((status = OK, description = "`Upload-Offset`, `Upload-Length`; once whole `Trocar-Session`")))]
+pub async fn progress(State(app): State<App>, by: Member, at: At) -> Answer<Response> {
+    let id = at.id()?;
+    let received = app.intake.progress(&by.scope, id).await?;
+    let upload = app.intake.upload(&by.scope, id).await?;
+    let mut headers = answer::progress(&received);
+    headers.insert(UPLOAD_LENGTH, HeaderValue::from(upload.length));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    headers.extend(HeaderValue::try_from(upload.metadata).ok().map(|metadata| (UPLOAD_METADATA, metadata)));
+    Ok((StatusCode::OK, headers).into_response())
+}
+
+/// Send the next piece: what is answered for is on the disk, also when the connection breaks
+#[utoipa::path(patch, path = "/uploads/{id}", tag = "uploads",
+    params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Upload-Offset" = u64, Header, description = "Where the piece begins"),
+        ("Upload-Checksum" = Option<String>, Header, description = "`sha1 BASE64` or `sha256 BASE64` of the piece")),
+    request_body(content = Vec<u8>, content_type = "application/offset+octet-stream"),
+    responses((status = NO_CONTENT, description = "`Upload-Offset`; once whole `Trocar-Session`, and `Trocar-Duplicate: true` if that was there before")))]
+pub async fn append(State(app): State<App>, by: Member, at: At, request: Request) -> Answer<Response> {
+    expect_piece(request.headers())?;
+    let (offset, sum) = (number(request.headers(), &UPLOAD_OFFSET)?, checksum(request.headers())?);
+    let received = receive(&app, by.scope, at.id()?, offset, sum, request).await?;
+    Ok((StatusCode::NO_CONTENT, answer::progress(&received)).into_response())
+}
+
+/// Give an upload up: its bytes are deleted
+#[utoipa::path(delete, path = "/uploads/{id}", tag = "uploads",
+    params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
+    responses((status = NO_CONTENT)))]
+pub async fn terminate(State(app): State<App>, by: Member, at: At) -> Answer<StatusCode> {
+    app.intake.terminate(&by.scope, at.id()?).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Takes a request's body in, on a task of its own: hyper drops a handler with its connection, and what came must still
+/// be made durable.
+pub(super) async fn receive(
+    app: &App,
+    scope: Scope,
+    id: UploadId,
+    offset: u64,
+    checksum: Option<Checksum>,
+    request: Request,
+) -> Answer<Received> {
+    let length = content_length(request.headers());
+    let bytes = request.into_body().into_data_stream().map(|bytes| bytes.map_err(Into::into));
+    let piece = Piece { offset, length, checksum, bytes };
+    let intake = app.intake.clone();
+    let taken = app.shutdown.spawn(async move { intake.append(&scope, id, piece).await });
+    Ok(taken.await.map_err(|cause| Problem::internal("receiving a piece", cause))??)
+}

@@ -1,0 +1,66 @@
+//! What the service speaks, and the beginning of an upload.
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+use super::answer;
+use super::append::receive;
+use super::headers::{TUS_VERSION, UPLOAD_LENGTH, UPLOAD_METADATA, checksum, is_piece, number, text};
+use crate::http::auth::signed_in::Member;
+use crate::http::error::{Answer, Refusal};
+use crate::http::state::App;
+use crate::intake::tus::{CHECKSUMS, EXTENSIONS, Metadata, VERSION};
+use crate::intake::{About, Received};
+
+/// Which version and parts of tus are spoken
+#[utoipa::path(options, path = "/uploads", tag = "uploads",
+    responses((status = NO_CONTENT, description = "`Tus-Version`, `Tus-Extension`, `Tus-Max-Size`, `Tus-Checksum-Algorithm`")))]
+pub async fn describe(State(app): State<App>, _by: Member) -> Response {
+    let headers = [
+        (TUS_VERSION, HeaderValue::from_static(VERSION)),
+        (HeaderName::from_static("tus-extension"), HeaderValue::from_static(EXTENSIONS)),
+        (HeaderName::from_static("tus-checksum-algorithm"), HeaderValue::from_static(CHECKSUMS)),
+        (HeaderName::from_static("tus-max-size"), HeaderValue::from(app.intake.max_bytes())),
+    ];
+    (StatusCode::NO_CONTENT, HeaderMap::from_iter(headers)).into_response()
+}
+
+/// Begin an upload, or send a short recording whole
+///
+/// `Upload-Metadata` holds `trainee`, `task` and `box` by id or code (a trainee may leave `trainee` out), and may hold
+/// `filename` and `recorded_at` (RFC 3339). A body of `application/offset+octet-stream` is its first piece.
+#[utoipa::path(post, path = "/uploads", tag = "uploads",
+    params(("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Upload-Length" = u64, Header, description = "Bytes in all"),
+        ("Upload-Metadata" = String, Header, description = "`key base64, …`")),
+    request_body(content = Vec<u8>, content_type = "application/offset+octet-stream", description = "The first piece, or nothing"),
+    responses((status = CREATED, description = "`Location`: where to go on; `Upload-Offset`, `Upload-Expires`")))]
+pub async fn create(State(app): State<App>, by: Member, request: Request) -> Answer<Response> {
+    let headers = request.headers();
+    let metadata = text(headers, &UPLOAD_METADATA)?.unwrap_or_default();
+    let about = Metadata::parse(&metadata)?;
+    let (length, sum, has_piece) = (upload_length(headers)?, checksum(headers)?, is_piece(headers));
+    let recording = app.intake.recognise(&by.scope, About::from(about)).await?;
+    let upload = app.intake.begin(&by.scope, recording, metadata, length).await?;
+    let mut received = Received { received: 0, expires_at_ms: upload.expires_at_ms, finished: None };
+    if has_piece {
+        received = receive(&app, by.scope, upload.id, 0, sum, request).await?;
+    }
+    let location = [(header::LOCATION, format!("/api/v1/uploads/{}", upload.id))];
+    Ok((StatusCode::CREATED, answer::progress(&received), location).into_response())
+}
+
+fn upload_length(headers: &HeaderMap) -> Answer<u64> {
+    if headers.contains_key("upload-defer-length") {
+        return Err(Refusal::BadRequest.with("Say `Upload-Length` now: telling it later is not spoken here."));
+    }
+    number(headers, &UPLOAD_LENGTH)
+}
+
+impl From<Metadata> for About {
+    fn from(metadata: Metadata) -> Self {
+        let Metadata { filename, trainee, task, box_, recorded_at } = metadata;
+        Self { trainee, task, in_box: box_, filename, recorded_at }
+    }
+}

@@ -1,0 +1,88 @@
+//! The headers of tus: read from requests, written to answers.
+
+use std::str::FromStr;
+
+use axum::extract::Request;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use crate::http::error::{Answer, Problem, Refusal};
+use crate::intake::tus::{Checksum, HeaderProblem, VERSION};
+
+/// The protocol's version, in every request and answer.
+pub const TUS_RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
+/// Versions that the service speaks.
+pub const TUS_VERSION: HeaderName = HeaderName::from_static("tus-version");
+/// Bytes that are here.
+pub const UPLOAD_OFFSET: HeaderName = HeaderName::from_static("upload-offset");
+/// Bytes in all.
+pub const UPLOAD_LENGTH: HeaderName = HeaderName::from_static("upload-length");
+/// What the sender says of the recording.
+pub const UPLOAD_METADATA: HeaderName = HeaderName::from_static("upload-metadata");
+/// When the upload is forgotten unless it goes on.
+pub const UPLOAD_EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
+/// The session that the upload became.
+pub const TROCAR_SESSION: HeaderName = HeaderName::from_static("trocar-session");
+/// `true` when that session was there before.
+pub const TROCAR_DUPLICATE: HeaderName = HeaderName::from_static("trocar-duplicate");
+
+/// Media type of a piece.
+const PIECE: &str = "application/offset+octet-stream";
+
+/// Middleware: refuses other versions of the protocol, and names ours in every answer.
+pub async fn speak_tus(request: Request, next: Next) -> Response {
+    let version = request.headers().get(&TUS_RESUMABLE);
+    let understood = request.method() == Method::OPTIONS || version.is_some_and(|version| version == VERSION);
+    let mut response = if understood { next.run(request).await } else { other_version().into_response() };
+    response.headers_mut().insert(TUS_RESUMABLE, HeaderValue::from_static(VERSION));
+    response
+}
+
+fn other_version() -> Problem {
+    Refusal::PreconditionFailed
+        .with(format!("Send `Tus-Resumable: {VERSION}`; other versions of tus are not spoken here."))
+        .header(TUS_VERSION, VERSION)
+}
+
+/// A header's text.
+pub fn text(headers: &HeaderMap, name: &HeaderName) -> Answer<Option<String>> {
+    let Some(value) = headers.get(name) else { return Ok(None) };
+    let text = value.to_str().map_err(|_| Refusal::BadRequest.with(format!("`{name}` holds other than visible ASCII.")))?;
+    Ok(Some(text.to_owned()))
+}
+
+/// A header's number, which must be there.
+pub fn number(headers: &HeaderMap, name: &HeaderName) -> Answer<u64> {
+    let value = text(headers, name)?.filter(|text| !text.starts_with('+'));
+    let number = value.as_deref().map(u64::from_str);
+    match number {
+        Some(Ok(number)) => Ok(number),
+        _ => Err(Refusal::BadRequest.with(format!("`{name}` must be a number of bytes, 0 or more."))),
+    }
+}
+
+/// Whether the body is a piece of a recording.
+pub fn is_piece(headers: &HeaderMap) -> bool {
+    headers.get(header::CONTENT_TYPE).is_some_and(|kind| kind == PIECE)
+}
+
+/// Refuses bodies that are no piece.
+pub fn expect_piece(headers: &HeaderMap) -> Answer<()> {
+    if is_piece(headers) {
+        return Ok(());
+    }
+    Err(Refusal::UnsupportedMediaType.with(format!("Send the bytes with `Content-Type: {PIECE}`.")))
+}
+
+/// The checksum of the body, if one is told.
+pub fn checksum(headers: &HeaderMap) -> Answer<Option<Checksum>> {
+    let value = text(headers, &HeaderName::from_static("upload-checksum"))?;
+    Ok(value.as_deref().map(Checksum::parse).transpose()?)
+}
+
+impl From<HeaderProblem> for Problem {
+    fn from(problem: HeaderProblem) -> Self {
+        Refusal::BadRequest.with(format!("{problem}."))
+    }
+}

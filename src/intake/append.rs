@@ -1,0 +1,188 @@
+//! Bytes into an upload: written, synced, noted, and only then told.
+
+use std::error::Error;
+
+use bytes::Bytes;
+use futures_util::{Stream, StreamExt};
+
+use super::finish::finish;
+use super::tus::{Checksum, RunningSum};
+use super::{CHECKPOINT, Intake, IntakeError, IntakeResult};
+use crate::domain::scope::Scope;
+use crate::ids::UploadId;
+use crate::store::{Finished, StoreError, Upload};
+use crate::vault::{UploadFile, VaultError};
+
+/// What a connection may say while a piece arrives.
+pub type BoxError = Box<dyn Error + Send + Sync>;
+
+/// A piece of a recording.
+pub struct Piece<B> {
+    /// Where it begins: the bytes that came before.
+    pub offset: u64,
+    /// Its length, if the sender says it.
+    pub length: Option<u64>,
+    /// What its bytes must sum up to.
+    pub checksum: Option<Checksum>,
+    /// Its bytes.
+    pub bytes: B,
+}
+
+/// How far an upload is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Received {
+    /// Bytes that are durable.
+    pub received: u64,
+    /// When it is forgotten unless it goes on, epoch ms.
+    pub expires_at_ms: i64,
+    /// What became of it, once it is whole.
+    pub finished: Option<Finished>,
+}
+
+impl Intake {
+    /// One upload that the scope sees and whose time is not over.
+    pub async fn upload(&self, scope: &Scope, id: UploadId) -> IntakeResult<Upload> {
+        let upload = self.store.uploads().get(scope, id).await?;
+        if upload.session_id.is_none() && upload.expires_at_ms <= self.clock.now_ms() {
+            return Err(IntakeError::Expired);
+        }
+        Ok(upload)
+    }
+
+    /// Appends a piece. Runs to its end whether or not the sender is still there: call it on a task of its own.
+    pub async fn append<B>(&self, scope: &Scope, id: UploadId, piece: Piece<B>) -> IntakeResult<Received>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let seen = self.upload(scope, id).await?;
+        if seen.session_id.is_none() {
+            self.receive(scope, id, seen.received, piece).await?;
+        } else if piece.offset != seen.received {
+            return Err(IntakeError::Offset { received: seen.received });
+        }
+        self.progress(scope, id).await
+    }
+
+    /// How far an upload is. One that is whole but no session yet, because something ended in between, becomes one.
+    pub async fn progress(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
+        let upload = self.upload(scope, id).await?;
+        let (received, expires_at_ms) = (upload.received, upload.expires_at_ms);
+        let finished = if received == upload.length { Some(self.finish(scope, &upload).await?) } else { None };
+        Ok(Received { received, expires_at_ms, finished })
+    }
+
+    /// Ends an upload that nobody wants any more. A piece that is just arriving finds it gone.
+    pub async fn terminate(&self, scope: &Scope, id: UploadId) -> IntakeResult<()> {
+        self.store.uploads().delete(scope, id).await?;
+        Ok(self.vault.delete_upload(id).await?)
+    }
+
+    async fn finish(&self, scope: &Scope, upload: &Upload) -> IntakeResult<Finished> {
+        let finished = finish(&self.store, &self.vault, scope, upload).await?;
+        if finished.is_new {
+            self.tell(&self.store.sessions().get(scope, finished.session).await?);
+        }
+        Ok(finished)
+    }
+
+    /// Takes a piece in under the upload's lock.
+    async fn receive<B>(&self, scope: &Scope, id: UploadId, noted: u64, piece: Piece<B>) -> IntakeResult<()>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let file = self.vault.open_upload(id, noted).await;
+        let file = file.map_err(|error| if gone(&error) { not_found() } else { error.into() })?;
+        // Only now is nobody else writing: what was read before the lock may be old.
+        let upload = self.upload(scope, id).await?;
+        if piece.offset != upload.received || upload.received != noted {
+            return Err(IntakeError::Offset { received: upload.received });
+        }
+        let left = upload.length - upload.received;
+        if piece.length.is_some_and(|length| length > left) {
+            return Err(IntakeError::TooLong { most: left });
+        }
+        let sum = piece.checksum.map(Checksum::begin);
+        Arriving { intake: self, id, file, noted, most: upload.length, sum }.take(piece.bytes).await
+    }
+}
+
+/// The file went between row and lock: the upload was terminated or has just become a session.
+fn gone(error: &VaultError) -> bool {
+    matches!(error, VaultError::NotFound)
+}
+
+fn not_found() -> IntakeError {
+    IntakeError::Store(StoreError::NotFound { what: "upload" })
+}
+
+/// A piece that is arriving.
+struct Arriving<'i> {
+    intake: &'i Intake,
+    id: UploadId,
+    file: UploadFile,
+    /// Bytes that the row says are durable.
+    noted: u64,
+    /// Bytes that the whole recording has.
+    most: u64,
+    sum: Option<RunningSum>,
+}
+
+impl Arriving<'_> {
+    async fn take<B>(mut self, mut bytes: B) -> IntakeResult<()>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let came = self.take_all(&mut bytes).await;
+        // Bytes that should have a sum are worth nothing before it is right: the next piece finds them cut off.
+        if let Some(sum) = self.sum.take() {
+            came?;
+            if !sum.matches() {
+                return Err(IntakeError::Mismatch);
+            }
+            return self.note().await;
+        }
+        self.note().await?;
+        came
+    }
+
+    /// Writes what comes; on the way, what came is made durable, unless it must first be proved by its sum.
+    async fn take_all<B>(&mut self, bytes: &mut B) -> IntakeResult<()>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let ending = self.intake.shutdown.begun();
+        tokio::pin!(ending);
+        loop {
+            let next = tokio::select! {
+                next = bytes.next() => next,
+                () = &mut ending => return Err(IntakeError::Ending),
+            };
+            let Some(next) = next else { return Ok(()) };
+            self.take_some(next.map_err(IntakeError::Cut)?).await?;
+        }
+    }
+
+    async fn take_some(&mut self, bytes: Bytes) -> IntakeResult<()> {
+        if self.file.appended() + bytes.len() as u64 > self.most {
+            return Err(IntakeError::TooLong { most: self.most });
+        }
+        if let Some(sum) = &mut self.sum {
+            sum.update(&bytes);
+        }
+        self.file.append(&bytes).await?;
+        if self.sum.is_none() && self.file.appended() - self.noted >= CHECKPOINT {
+            self.note().await?;
+        }
+        Ok(())
+    }
+
+    /// Makes what came durable and notes it: file first, row second.
+    async fn note(&mut self) -> IntakeResult<()> {
+        let received = self.file.sync().await?;
+        if received > self.noted {
+            self.intake.store.uploads().advance(self.id, received, self.intake.expires_at_ms()).await?;
+            self.noted = received;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,114 @@
+//! Whose recording, of what, where: checked before a byte is sent.
+
+use super::{Intake, IntakeError, IntakeResult};
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::text::{FileName, Key};
+use crate::ids::{BoxId, TaskId, TraineeId, UploadId};
+use crate::store::{NewUpload, StoreError, Upload};
+use crate::time::from_rfc3339;
+
+/// The name of a recording that came without one.
+const NAMELESS: &str = "recording";
+
+/// What a sender says of a recording; ids or codes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct About {
+    /// Whose it is; without it, a trainee's own.
+    pub trainee: Option<String>,
+    /// Which exercise.
+    pub task: Option<String>,
+    /// Which box.
+    pub in_box: Option<String>,
+    /// The file's name at the sender's.
+    pub filename: Option<String>,
+    /// When it was recorded, RFC 3339.
+    pub recorded_at: Option<String>,
+}
+
+/// The same, found and checked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recording {
+    pub(super) trainee: TraineeId,
+    pub(super) task: TaskId,
+    pub(super) in_box: BoxId,
+    pub(super) filename: FileName,
+    pub(super) recorded_at_ms: Option<i64>,
+}
+
+impl Intake {
+    /// Finds what the sender names, as far as the scope sees it.
+    pub async fn recognise(&self, scope: &Scope, about: About) -> IntakeResult<Recording> {
+        let trainee = about.trainee.or_else(|| own_trainee(scope)).ok_or(IntakeError::Missing("trainee"))?;
+        let task = about.task.ok_or(IntakeError::Missing("task"))?;
+        let in_box = about.in_box.ok_or(IntakeError::Missing("box"))?;
+        let trainee = self.store.trainees().get(scope, &Key::from(&trainee)).await.map_err(unknown("trainee"))?;
+        let task = self.store.tasks().get(scope, &Key::from(&task)).await.map_err(unknown("task"))?;
+        let in_box = self.store.boxes().get(scope, &Key::from(&in_box)).await.map_err(unknown("box"))?;
+        Ok(Recording {
+            trainee: trainee.id,
+            task: task.id,
+            in_box: in_box.id,
+            filename: filename(about.filename.as_deref())?,
+            recorded_at_ms: about.recorded_at.as_deref().map(recorded_at).transpose()?,
+        })
+    }
+
+    /// Begins an upload of `length` bytes. `metadata` is what the sender said, to be said back.
+    pub async fn begin(
+        &self,
+        scope: &Scope,
+        recording: Recording,
+        metadata: String,
+        length: u64,
+    ) -> IntakeResult<Upload> {
+        self.check_length(length)?;
+        let most = self.settings.max_unfinished;
+        if self.store.uploads().count_unfinished().await? >= most {
+            return Err(IntakeError::TooMany { most });
+        }
+        let id = UploadId::at(self.clock.now_ms());
+        self.vault.create_upload(id).await?;
+        let Recording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let expires_at_ms = self.expires_at_ms();
+        let new = NewUpload { id, trainee, task, in_box, filename, metadata, recorded_at_ms, length, expires_at_ms };
+        match self.store.uploads().create(scope, new).await {
+            Ok(upload) => Ok(upload),
+            Err(error) => {
+                self.vault.delete_upload(id).await?;
+                Err(error.into())
+            }
+        }
+    }
+
+    /// Refuses a length that no recording has.
+    pub fn check_length(&self, length: u64) -> IntakeResult<()> {
+        match length {
+            0 => Err(IntakeError::Empty),
+            _ if length > self.settings.max_bytes => Err(IntakeError::TooLong { most: self.settings.max_bytes }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A trainee who does not say whose recording it is means their own.
+fn own_trainee(scope: &Scope) -> Option<String> {
+    if scope.role() == Role::Trainee { scope.subject() } else { None }
+}
+
+fn unknown(what: &'static str) -> impl FnOnce(StoreError) -> IntakeError {
+    move |error| match error {
+        StoreError::NotFound { .. } => IntakeError::Unknown(what),
+        other => other.into(),
+    }
+}
+
+fn filename(given: Option<&str>) -> IntakeResult<FileName> {
+    let parsed = given.unwrap_or(NAMELESS).parse::<FileName>();
+    parsed.map_err(|invalid| IntakeError::Invalid { field: "filename", why: invalid.why })
+}
+
+fn recorded_at(text: &str) -> IntakeResult<i64> {
+    let why = || "expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned();
+    from_rfc3339(text).ok_or_else(|| IntakeError::Invalid { field: "recorded_at", why: why() })
+}

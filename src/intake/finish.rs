@@ -1,0 +1,42 @@
+//! A whole upload becomes a session: the file a blob, then session and job in one transaction, then the file goes.
+
+use tokio::io::AsyncReadExt;
+
+use super::container::{HEAD_BYTES, media_type};
+use super::{IntakeError, IntakeResult};
+use crate::domain::blob::BlobHash;
+use crate::domain::scope::Scope;
+use crate::store::{Finished, Store, StoreError, Upload};
+use crate::vault::{Vault, VaultError};
+
+/// Makes the session of a whole upload. Safe to do again, from the start-up too: what was done is found done.
+pub async fn finish(store: &Store, vault: &Vault, scope: &Scope, upload: &Upload) -> IntakeResult<Finished> {
+    if let Some(session) = upload.session_id {
+        return Ok(Finished { session, is_new: false });
+    }
+    let kept = match vault.keep_upload(upload.id).await {
+        Ok(kept) => kept,
+        // Somebody else has just finished it and taken the file away.
+        Err(VaultError::NotFound) => return found(store, scope, upload).await,
+        Err(error) => return Err(error.into()),
+    };
+    let media_type = media_type_of(vault, kept.blob().hash).await?;
+    let finished = store.uploads().finish(scope, upload.id, kept.blob(), media_type.to_owned()).await?;
+    vault.delete_upload(upload.id).await?;
+    Ok(finished)
+}
+
+async fn found(store: &Store, scope: &Scope, upload: &Upload) -> IntakeResult<Finished> {
+    let session = store.uploads().get(scope, upload.id).await?.session_id;
+    let gone = IntakeError::Store(StoreError::NotFound { what: "upload" });
+    session.map(|session| Finished { session, is_new: false }).ok_or(gone)
+}
+
+/// A stored recording's media type.
+pub(super) async fn media_type_of(vault: &Vault, hash: BlobHash) -> IntakeResult<&'static str> {
+    let mut head = Vec::with_capacity(HEAD_BYTES);
+    let mut reader = vault.open_range(hash, 0, HEAD_BYTES as u64).await?;
+    // A head that cannot be read is no reason to refuse the recording: whoever tracks it will say what is wrong.
+    let _ = reader.read_to_end(&mut head).await;
+    Ok(media_type(&head))
+}

@@ -1,0 +1,58 @@
+//! A recording in one call: hashed while it is written, a session once it is durable, nothing at all if it is cut.
+
+use bytes::Bytes;
+use futures_util::{Stream, StreamExt};
+
+use super::append::BoxError;
+use super::finish::media_type_of;
+use super::{Intake, IntakeError, IntakeResult, Recording};
+use crate::domain::scope::Scope;
+use crate::domain::session::NewSession;
+use crate::store::{Session, StoreError};
+use crate::vault::Kept;
+
+impl Intake {
+    /// Takes a whole recording. Call it on a task of its own: some senders close right after their last byte.
+    pub async fn take<B>(&self, scope: &Scope, recording: Recording, bytes: B) -> IntakeResult<Session>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let kept = self.store_whole(bytes).await?;
+        let Recording { trainee, task, in_box, filename, recorded_at_ms } = recording;
+        let media_type = media_type_of(&self.vault, kept.blob().hash).await?.to_owned();
+        let video = kept.blob();
+        let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type };
+        let session = self.store.sessions().create(scope, new).await.map_err(known)?;
+        drop(kept); // only now does a row protect the file
+        self.tell(&session);
+        Ok(session)
+    }
+
+    async fn store_whole<B>(&self, mut bytes: B) -> IntakeResult<Kept>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let mut incoming = self.vault.incoming(self.settings.max_bytes).await?;
+        let mut received = 0;
+        let ending = self.shutdown.begun();
+        tokio::pin!(ending);
+        loop {
+            let next = tokio::select! {
+                next = bytes.next() => next,
+                () = &mut ending => return Err(IntakeError::Ending),
+            };
+            let Some(next) = next else { break };
+            let next = next.map_err(IntakeError::Cut)?;
+            incoming.write(&next).await?;
+            received += next.len();
+        }
+        if received == 0 { Err(IntakeError::Empty) } else { Ok(incoming.finish().await?) }
+    }
+}
+
+fn known(error: StoreError) -> IntakeError {
+    match error {
+        StoreError::Taken { existing: Some(session), .. } => IntakeError::Known { session },
+        other => other.into(),
+    }
+}
