@@ -7,6 +7,7 @@
 //! ```
 //! Pixels are touched in the child alone; the parent sees numbers, and believes none of them unchecked.
 
+pub mod calibration;
 pub mod child;
 pub mod paths;
 pub mod protocol;

@@ -1,12 +1,208 @@
-//! `trocar calibrate`: under construction.
+//! `trocar calibrate`: photos or a video of a checkerboard in, camera.json out.
+//!
+//! The table of photos, the camera and its standard deviations go to stdout, progress to stderr.
+
+use std::fs::File;
+use std::io::{BufReader, IsTerminal, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::{Context, anyhow};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::Failure;
+use crate::analysis::calibration::{self, Views, ViewsError};
+use crate::domain::files::calibration::camera_file;
+use crate::media::Limits;
+use crate::pipeline::camera::report::BoardSize;
+use crate::pipeline::camera::{Board, BoardView, Calibration, PhotoReason, PhotoReport, calibrate};
 
 /// Arguments of `trocar calibrate`.
 #[derive(clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// Inner corners of the board, where four squares meet: COLUMNSxROWS.
+    #[arg(long, value_name = "9x6")]
+    board: BoardSize,
+    /// Side of a square, measured on the print, mm.
+    #[arg(long, value_name = "MM")]
+    square_mm: f64,
+    /// Where to write the camera.
+    #[arg(long, value_name = "FILE", default_value = "camera.json")]
+    out: PathBuf,
+    /// No progress on stderr.
+    #[arg(long)]
+    quiet: bool,
+    /// Photos (JPEG, PNG) of the board tilted to different sides, all of one size; or one video of it.
+    #[arg(required = true, value_name = "PHOTO…|VIDEO")]
+    inputs: Vec<PathBuf>,
+}
 
 /// Runs the command.
-pub fn run(_args: Args) -> Result<(), Failure> {
-    Err(Failure::Failed(anyhow::anyhow!("not built yet")))
+pub fn run(args: Args) -> Result<(), Failure> {
+    let board = Board::new(args.board.columns, args.board.rows, args.square_mm).map_err(Failure::input)?;
+    let progress = Progress::new(args.quiet);
+    let views = views(&args.inputs, board, &progress)?;
+    progress.end();
+    let outcome = calibrate(&views.views, views.width, views.height, board);
+    match &outcome {
+        Ok(calibration) => print_calibration(calibration)?,
+        Err(_) => print_photos(&unused(&views.views))?,
+    }
+    let calibration = outcome.map_err(Failure::input)?;
+    let file = camera_file(&calibration, &jiff::Timestamp::now().round(jiff::Unit::Second).map_err(anyhow::Error::from)?.to_string());
+    std::fs::write(&args.out, file.to_json()).with_context(|| format!("writing {}", args.out.display()))?;
+    Ok(())
+}
+
+fn views(inputs: &[PathBuf], board: Board, progress: &Progress) -> Result<Views, Failure> {
+    let opened = inputs.iter().map(|path| open(path)).collect::<Result<Vec<_>, Failure>>()?;
+    let names = inputs.iter().map(|path| name_of(path));
+    let limits = Limits::default();
+    let found = match <[Opened; 1]>::try_from(opened) {
+        Ok([video]) if !video.is_photo => {
+            let name: String = names.collect();
+            calibration::of_video(&name, video.file, board, limits, |done, of| progress.frame(done, of))
+        }
+        Ok(photo) => of_photos(names.zip(photo), board, limits, progress),
+        Err(photos) => of_photos(names.zip(photos), board, limits, progress),
+    };
+    found.map_err(|error| Failure::input(with_hint(error)))
+}
+
+fn of_photos(
+    photos: impl ExactSizeIterator<Item = (String, Opened)>,
+    board: Board,
+    limits: Limits,
+    progress: &Progress,
+) -> Result<Views, ViewsError> {
+    let (mut done, count) = (0, photos.len());
+    let bytes = photos.map(|(name, opened)| (name, BufReader::new(opened.file)));
+    calibration::of_photos(bytes, board, limits, |view| {
+        done += 1;
+        progress.photo(done, count, view);
+    })
+}
+
+struct Opened {
+    file: File,
+    is_photo: bool,
+}
+
+fn open(path: &Path) -> Result<Opened, Failure> {
+    let place = || format!("opening {}", path.display());
+    let mut file = File::open(path).with_context(place).map_err(Failure::Input)?;
+    if !file.metadata().is_ok_and(|m| m.is_file()) {
+        return Err(Failure::Input(anyhow!("{} is not a file; name the photos themselves", path.display())));
+    }
+    let mut first_bytes = [0; 64];
+    let read = file.read(&mut first_bytes).and_then(|n| file.rewind().map(|()| n)).with_context(place);
+    let is_photo = calibration::is_photo(&first_bytes[..read.map_err(Failure::Input)?]);
+    Ok(Opened { file, is_photo })
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// One file that is neither photo nor video gets FFmpeg's word; a person needs to hear what would have been right.
+fn with_hint(error: ViewsError) -> anyhow::Error {
+    let hint = matches!(error, ViewsError::Video { .. });
+    let error = anyhow::Error::from(error);
+    if hint { error.context("a single file is taken as a video unless it is a JPEG or PNG photo") } else { error }
+}
+
+/// What is known of photos when no camera came of them.
+fn unused(views: &[BoardView]) -> Vec<(String, Option<PhotoReason>)> {
+    views.iter().map(|v| (v.name.clone(), v.corners.as_ref().err().map(|&r| PhotoReason::NoCorners(r)))).collect()
+}
+
+fn print_photos(photos: &[(String, Option<PhotoReason>)]) -> Result<(), Failure> {
+    let width = photos.iter().map(|p| p.0.chars().count()).max().unwrap_or(0);
+    let mut out = std::io::stdout().lock();
+    for (name, reason) in photos {
+        let outcome = reason.map_or("board found".to_owned(), |r| r.to_string());
+        writeln!(out, "{name:width$}  {outcome}").map_err(anyhow::Error::from)?;
+    }
+    Ok(())
+}
+
+fn print_calibration(calibration: &Calibration) -> Result<(), Failure> {
+    let text = table(calibration);
+    std::io::stdout().lock().write_all(text.as_bytes()).map_err(anyhow::Error::from)?;
+    Ok(())
+}
+
+/// The table of photos, then the camera's numbers with their standard deviations.
+fn table(calibration: &Calibration) -> String {
+    let width = calibration.photos.iter().map(|p| p.name.chars().count()).max().unwrap_or(0).max("photo".len());
+    let mut text = format!("{:width$}  used  rms_px  reason\n", "photo");
+    for PhotoReport { name, rms_px, reason } in &calibration.photos {
+        let used = if reason.is_none() { "yes" } else { "no" };
+        let rms = rms_px.map_or("–".to_owned(), |rms| format!("{rms:.3}"));
+        let reason = reason.map_or(String::new(), |r| r.to_string());
+        text += format!("{name:width$}  {used:4}  {rms:>6}  {reason}").trim_end();
+        text.push('\n');
+    }
+    let (used, given) = (calibration.used(), calibration.photos.len());
+    text += &format!("\n{used} of {given} photos used, RMS {:.3} px, ", calibration.rms_px);
+    text += &format!("corners in {:.0} % of the picture\n\n", 100.0 * calibration.coverage.share());
+    let (c, s) = (calibration.camera, calibration.sigma);
+    for (name, value, sigma) in [("fx", c.fx, s.fx), ("fy", c.fy, s.fy), ("cx", c.cx, s.cx), ("cy", c.cy, s.cy)] {
+        text += &format!("{name}  {value:11.3} ± {sigma:.3}\n");
+    }
+    let lens = [("k1", c.k1, s.k1), ("k2", c.k2, s.k2), ("p1", c.p1, s.p1), ("p2", c.p2, s.p2), ("k3", c.k3, s.k3)];
+    for (name, value, sigma) in lens {
+        text += &format!("{name}  {value:11.6} ± {sigma:.6}\n");
+    }
+    text
+}
+
+impl FromStr for BoardSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides = text.split_once(['x', 'X', '×']);
+        let parsed = sides.and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+        let (columns, rows) = parsed.ok_or("expected COLUMNSxROWS of inner corners, such as 9x6")?;
+        Ok(Self { columns, rows })
+    }
+}
+
+/// A bar on a terminal, plain lines elsewhere, nothing when quiet.
+struct Progress {
+    bar: ProgressBar,
+    plain: bool,
+}
+
+impl Progress {
+    fn new(quiet: bool) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let target = if quiet || !terminal { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(None, target);
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+            bar.set_style(style);
+        }
+        Self { bar, plain: !quiet && !terminal }
+    }
+
+    fn photo(&self, done: usize, of: usize, view: &BoardView) {
+        self.bar.set_length(of as u64);
+        self.bar.set_position(done as u64);
+        self.bar.set_message(view.name.clone());
+        if self.plain {
+            eprintln!("{done}/{of} {}", view.name);
+        }
+    }
+
+    fn frame(&self, done: u64, of: Option<u64>) {
+        self.bar.set_length(of.unwrap_or(done));
+        self.bar.set_position(done);
+        if self.plain && done.is_multiple_of(250) {
+            eprintln!("frame {done}{}", of.map_or(String::new(), |n| format!("/{n}")));
+        }
+    }
+
+    fn end(&self) {
+        self.bar.finish_and_clear();
+    }
 }

@@ -266,7 +266,7 @@ fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {
     }
 }
 
-fn check_size(width: u32, height: u32, limits: Limits) -> Result<(), MediaError> {
+pub(super) fn check_size(width: u32, height: u32, limits: Limits) -> Result<(), MediaError> {
     let (long, short) = (width.max(height), width.min(height));
     if long > limits.width.max(limits.height) || short > limits.width.min(limits.height) {
         return Err(over(

@@ -1,4 +1,4 @@
-//! FFmpeg, and nothing but FFmpeg: bytes of a recording in, decoded frames with their time stamps out.
+//! Bytes of a recording or photo in, decoded pictures with their time stamps out. The only place that names FFmpeg.
 //!
 //! Recordings come from strangers. A whitelist of containers and codecs, no protocols at all (bytes are read from an
 //! open descriptor), and budgets for pixels, frames, streams and time bound what a file can do; the process around it
@@ -8,6 +8,7 @@ mod clock;
 mod encode;
 mod file;
 mod limits;
+pub mod photo;
 mod picture;
 
 pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
@@ -58,6 +59,9 @@ pub enum MediaError {
     /// A pixel format that cannot be brought to planar YUV.
     #[error("pixel format {0} cannot be converted")]
     PixelFormat(String),
+    /// Not a photo, or a damaged one.
+    #[error("not a photo that can be read ({0}); accepted are JPEG and PNG")]
+    Photo(String),
     /// FFmpeg failed.
     #[error("while {doing}: {source}")]
     Ffmpeg {

@@ -1,7 +1,22 @@
 //! The camera: where a point in space is seen, and how photos of a checkerboard tell.
 //!
-//! [`model`] is the projection used everywhere; the other files make one from photos (METHOD section 1).
+//! [`model`] is the projection used everywhere; the other files make one from photos (METHOD section 1):
+//!
+//! ```text
+//! luma plane → checkerboard::find → corners → calibrate (initial → refine → leave out) → Calibration
+//! ```
 
+mod bend;
+pub mod board;
+mod calibrate;
+pub mod checkerboard;
+pub mod film;
+mod initial;
 pub mod model;
+mod refine;
+pub mod report;
 
+pub use board::{Board, BoardProblem};
+pub use calibrate::{FEWEST_PHOTOS, calibrate};
 pub use model::Camera;
+pub use report::{BoardView, Calibration, CalibrationProblem, Coverage, PhotoReason, PhotoReport};

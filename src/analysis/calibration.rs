@@ -1,0 +1,119 @@
+//! Photos or a video of a board, as they come, to the views that make a camera.
+//!
+//! The command line and the service's confined child both go through here; what they add is where the bytes come from.
+
+use std::io::{BufRead, Read, Seek};
+
+use crate::media::{Limits, MediaError, VideoFile, photo};
+use crate::pipeline::camera::checkerboard;
+use crate::pipeline::camera::film::Film;
+use crate::pipeline::camera::{Board, BoardView};
+
+/// Most photos of one calibration; forty are plenty.
+pub const MOST_PHOTOS: usize = 500;
+
+/// What was seen of the board in each photo or chosen frame, and the size that all of them have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Views {
+    /// One per photo, or per frame chosen.
+    pub views: Vec<BoardView>,
+    /// Width of every photo, pixels.
+    pub width: u32,
+    /// Height of every photo, pixels.
+    pub height: u32,
+}
+
+/// Why photos or a video cannot be looked at.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewsError {
+    /// No photo was given, or too many.
+    #[error("{0} photos given; give 3 to {MOST_PHOTOS}, best about 20 with the board tilted to different sides")]
+    Count(usize),
+    /// A photo cannot be read.
+    #[error("photo {name}: {source}")]
+    Photo {
+        /// Which one.
+        name: String,
+        /// What is wrong with it.
+        source: MediaError,
+    },
+    /// A photo has another size than the first.
+    #[error(
+        "photo {name} is {}×{}, {first_name} is {}×{}: a camera is calibrated at one picture size, the recordings'; give photos of that size alone",
+        size.0, size.1, first_size.0, first_size.1
+    )]
+    SizeDiffers {
+        /// The photo that differs.
+        name: String,
+        /// Its width and height.
+        size: (u32, u32),
+        /// The first photo.
+        first_name: String,
+        /// Its width and height.
+        first_size: (u32, u32),
+    },
+    /// The video cannot be read.
+    #[error("video {name}: {source}")]
+    Video {
+        /// Which one.
+        name: String,
+        /// What is wrong with it.
+        source: MediaError,
+    },
+}
+
+/// Whether a file's first bytes are a photo's.
+pub fn is_photo(first_bytes: &[u8]) -> bool {
+    photo::is_photo(first_bytes)
+}
+
+/// Looks for the board in photos, in order; `done` hears of each.
+pub fn of_photos<R: BufRead + Seek>(
+    photos: impl ExactSizeIterator<Item = (String, R)>,
+    board: Board,
+    limits: Limits,
+    mut done: impl FnMut(&BoardView),
+) -> Result<Views, ViewsError> {
+    let count = photos.len();
+    if count == 0 || count > MOST_PHOTOS {
+        return Err(ViewsError::Count(count));
+    }
+    let mut views: Vec<BoardView> = Vec::with_capacity(count);
+    let mut first_size = None;
+    for (name, bytes) in photos {
+        let luma = photo::read_luma(bytes, limits).map_err(|source| ViewsError::Photo { name: name.clone(), source })?;
+        let size = (luma.width(), luma.height());
+        let first = *first_size.get_or_insert(size);
+        if let Some(first_view) = views.first().filter(|_| first != size) {
+            return Err(ViewsError::SizeDiffers { name, size, first_name: first_view.name.clone(), first_size: first });
+        }
+        let view = BoardView { name, corners: checkerboard::find(&luma.plane(), board) };
+        done(&view);
+        views.push(view);
+    }
+    let (width, height) = first_size.ok_or(ViewsError::Count(0))?;
+    Ok(Views { views, width, height })
+}
+
+/// Picks sharp and different views of the board from a video; `done` hears of each decoded frame and, if known, how
+/// many there will be.
+pub fn of_video(
+    name: &str,
+    video: impl Read + Seek + Send + 'static,
+    board: Board,
+    limits: Limits,
+    mut done: impl FnMut(u64, Option<u64>),
+) -> Result<Views, ViewsError> {
+    let failed = |source| ViewsError::Video { name: name.to_owned(), source };
+    let mut file = VideoFile::open(video, limits).map_err(failed)?;
+    let expected = file.info().frames_expected;
+    let mut film = Film::new(board, expected);
+    let (mut width, mut height) = (0, 0);
+    while let Some(picture) = file.next_picture().map_err(failed)? {
+        let frame = picture.frame();
+        (width, height) = (frame.width() as u32, frame.height() as u32); // bounded by the limits
+        film.show(|| format!("frame {} ({:.2} s)", frame.index, frame.time_s), &frame.y);
+        done(frame.index + 1, expected);
+    }
+    Ok(Views { views: film.views(), width, height })
+}

@@ -1,0 +1,117 @@
+//! From a video of a board to a few sharp views that differ, as a person would take photos.
+//!
+//! In: the luma planes of a recording, one after the other. Out: views for [`super::calibrate`]. Method: of every few
+//! frames only the sharpest is searched for the board (a moving board blurs most frames); a view is kept if its corners
+//! lie elsewhere than in every view kept before. Neighbouring frames say the same thing a thousand times, and would make
+//! the standard deviations look smaller than they are.
+
+use super::checkerboard::{self, BoardReason};
+use super::{Board, BoardView, FEWEST_PHOTOS};
+use crate::pipeline::frame::Plane;
+use crate::pipeline::space::Pixel;
+
+/// Frames searched for the board: more cost time and hardly add views.
+const LOOKS: u64 = 150;
+
+/// Views kept at most; the camera's standard deviations fall no further in practice.
+const MOST_VIEWS: usize = 40;
+
+/// Corners must have moved by this share of the picture's diagonal, on average, to be another view.
+const LEAST_MOVE: f64 = 0.03;
+
+/// Frames in one window, if the recording does not say how long it is.
+const USUAL_WINDOW: u64 = 10;
+
+/// Picks views from a recording.
+pub struct Film {
+    board: Board,
+    window: u64,
+    shown: u64,
+    looked: u64,
+    sharpest: Option<Sharpest>,
+    views: Vec<(String, Vec<Pixel>)>,
+    failures: Vec<(String, BoardReason)>,
+}
+
+struct Sharpest {
+    sharpness: f64,
+    name: String,
+    data: Vec<u8>,
+    width: usize,
+    height: usize,
+}
+
+impl Film {
+    /// A film of that many frames, if known.
+    pub fn new(board: Board, frames: Option<u64>) -> Self {
+        let window = frames.map_or(USUAL_WINDOW, |n| n.div_ceil(LOOKS).max(1));
+        Self { board, window, shown: 0, looked: 0, sharpest: None, views: Vec::new(), failures: Vec::new() }
+    }
+
+    /// Shows the next frame; `name` is for the report.
+    pub fn show(&mut self, name: impl FnOnce() -> String, luma: &Plane<'_>) {
+        let sharpness = sharpness(luma);
+        if self.sharpest.as_ref().is_none_or(|best| sharpness > best.sharpness) {
+            let data = (0..luma.height).flat_map(|y| luma.row(y)).copied().collect();
+            self.sharpest = Some(Sharpest { sharpness, name: name(), data, width: luma.width, height: luma.height });
+        }
+        self.shown += 1;
+        if self.shown.is_multiple_of(self.window) {
+            self.look();
+        }
+    }
+
+    /// The views: sharp and different. If they are too few for a camera, the frames without a board too, with reasons.
+    pub fn views(mut self) -> Vec<BoardView> {
+        self.look();
+        let mut views: Vec<_> =
+            self.views.into_iter().map(|(name, corners)| BoardView { name, corners: Ok(corners) }).collect();
+        if views.len() < FEWEST_PHOTOS {
+            views.extend(self.failures.into_iter().map(|(name, reason)| BoardView { name, corners: Err(reason) }));
+        }
+        views
+    }
+
+    /// Searches the sharpest frame of the window that ends here.
+    fn look(&mut self) {
+        let Some(frame) = self.sharpest.take() else { return };
+        let plane = Plane { data: &frame.data, stride: frame.width, width: frame.width, height: frame.height };
+        match checkerboard::find(&plane, self.board) {
+            Ok(corners) => {
+                let diagonal = (frame.width as f64).hypot(frame.height as f64);
+                let new = self.views.iter().all(|(_, kept)| mean_move(kept, &corners) > LEAST_MOVE * diagonal);
+                if new && self.views.len() < MOST_VIEWS {
+                    self.views.push((frame.name, corners));
+                }
+            }
+            Err(reason) => self.failures.push((frame.name, reason)),
+        }
+        self.looked += 1;
+        if self.looked.is_multiple_of(2 * LOOKS) {
+            self.window = self.window.saturating_mul(2); // longer than it said it was
+        }
+    }
+}
+
+/// Mean distance of the corners of two views, the second in whichever of its two labellings is nearer.
+fn mean_move(a: &[Pixel], b: &[Pixel]) -> f64 {
+    let mean = |b: &mut dyn Iterator<Item = &Pixel>| {
+        a.iter().zip(b).map(|(p, q)| (p.0 - q.0).norm()).sum::<f64>() / a.len().max(1) as f64
+    };
+    mean(&mut b.iter()).min(mean(&mut b.iter().rev()))
+}
+
+/// Mean square difference of pixels two apart, on every fourth row: falls with blur, whatever its direction.
+fn sharpness(luma: &Plane<'_>) -> f64 {
+    const STRIDE: usize = 4;
+    let difference = |a: u8, b: u8| f64::from(i32::from(a) - i32::from(b)).powi(2);
+    let rows = (0..luma.height.saturating_sub(2)).step_by(STRIDE);
+    let sum: f64 = rows
+        .map(|y| {
+            let (row, below) = (luma.row(y), luma.row(y + 2));
+            let across = row.iter().zip(row.iter().skip(2)).map(|(&a, &b)| difference(a, b)).sum::<f64>();
+            across + row.iter().zip(below).map(|(&a, &b)| difference(a, b)).sum::<f64>()
+        })
+        .sum();
+    sum / (luma.width * luma.height).max(1) as f64
+}
