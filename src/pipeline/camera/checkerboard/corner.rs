@@ -16,7 +16,10 @@ const UNKNOWNS: usize = 9;
 
 /// Steps of one fit, windows of one corner.
 const MOST_STEPS: usize = 25;
-const MOST_WINDOWS: usize = 5;
+const MOST_WINDOWS: usize = 12;
+
+/// The window sits on the corner if these are no further apart, px.
+const ARRIVED_PX: f64 = 0.01;
 
 /// Narrowest blur the model takes on, px: a pixel's own area blurs by 0.29.
 const SHARPEST_PX: f64 = 0.35;
@@ -61,17 +64,21 @@ impl Corner {
         let square = place.square_px();
         let radius = (WINDOW_IN_SQUARES * square).clamp(SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX);
         let mut model = Model::start(place);
+        let (mut centre, mut last_move) = (place.at, Vector2::zeros());
         for _ in 0..MOST_WINDOWS {
-            let before = model.at();
-            let window = Window::around(picture, before, radius)?;
+            let window = Window::around(picture, centre, radius)?;
             model.start_levels(&window);
             model = model.fitted(&window)?;
             if (model.at() - place.at).norm() > 0.3 * square.max(6.0) {
                 return None;
             }
-            if (model.at() - before).norm() < 0.01 {
+            let step = model.at() - centre;
+            if step.norm() < ARRIVED_PX {
                 return Some(model.corner(&window));
             }
+            // A step that turns back has overshot: the window is wanted in between.
+            centre += if step.dot(&last_move) < 0.0 { step / 2.0 } else { step };
+            last_move = step;
         }
         None
     }
