@@ -35,7 +35,7 @@ impl Grey {
     }
 
     /// One pass of 1 4 6 4 1 in both directions; the two outermost pixels on each side stay as they are.
-    fn binomial(&self) -> Self {
+    pub fn binomial(&self) -> Self {
         let (width, height) = (self.width, self.height);
         let mut across = self.data.clone();
         for (row, out) in self.data.chunks_exact(width).zip(across.chunks_exact_mut(width)) {

@@ -122,6 +122,8 @@ fn telling(a: BoardReason, b: BoardReason) -> BoardReason {
 /// The photo at full, half, quarter … size.
 struct Scales {
     pictures: Vec<Grey>,
+    /// At full size, lightly smoothed: what corners are fitted to.
+    fitted: Grey,
 }
 
 impl Scales {
@@ -131,7 +133,8 @@ impl Scales {
             let half = last.halved();
             pictures.push(half);
         }
-        Self { pictures }
+        let fitted = pictures[0].binomial();
+        Self { pictures, fitted }
     }
 
     /// Lattices found at one scale and measured at full size.
@@ -142,7 +145,7 @@ impl Scales {
         let most = board.columns().max(board.rows()) + 2;
         grids.into_iter().map(move |mut grid| {
             grid.enlarge(scale);
-            Lattice::measure(&self.pictures[0], &grid, most)
+            Lattice::measure(&self.fitted, &grid, most)
         })
     }
 }
