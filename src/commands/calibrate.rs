@@ -43,6 +43,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let progress = Progress::new(args.quiet);
     let views = views(&args.inputs, board, &progress)?;
     progress.end();
+    for v in &views.views { if let (Ok(c), Ok(dir)) = (&v.corners, std::env::var("DUMP")) { std::fs::write(format!("{dir}/{}.txt", v.name), c.iter().map(|p| format!("{} {}\n", p.u(), p.v())).collect::<String>()).unwrap(); } }
     let outcome = calibrate(&views.views, views.width, views.height, board);
     match &outcome {
         Ok(calibration) => print_calibration(calibration)?,
