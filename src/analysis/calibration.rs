@@ -81,7 +81,8 @@ pub fn of_photos<R: BufRead + Seek>(
     let mut views: Vec<BoardView> = Vec::with_capacity(count);
     let mut first_size = None;
     for (name, bytes) in photos {
-        let luma = photo::read_luma(bytes, limits).map_err(|source| ViewsError::Photo { name: name.clone(), source })?;
+        let luma =
+            photo::read_luma(bytes, limits).map_err(|source| ViewsError::Photo { name: name.clone(), source })?;
         let size = (luma.width(), luma.height());
         let first = *first_size.get_or_insert(size);
         if let Some(first_view) = views.first().filter(|_| first != size) {

@@ -43,14 +43,16 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let progress = Progress::new(args.quiet);
     let views = views(&args.inputs, board, &progress)?;
     progress.end();
-    for v in &views.views { if let (Ok(c), Ok(dir)) = (&v.corners, std::env::var("DUMP")) { std::fs::write(format!("{dir}/{}.txt", v.name), c.iter().map(|p| format!("{} {}\n", p.u(), p.v())).collect::<String>()).unwrap(); } }
     let outcome = calibrate(&views.views, views.width, views.height, board);
     match &outcome {
         Ok(calibration) => print_calibration(calibration)?,
         Err(_) => print_photos(&unused(&views.views))?,
     }
     let calibration = outcome.map_err(Failure::input)?;
-    let file = camera_file(&calibration, &jiff::Timestamp::now().round(jiff::Unit::Second).map_err(anyhow::Error::from)?.to_string());
+    let file = camera_file(
+        &calibration,
+        &jiff::Timestamp::now().round(jiff::Unit::Second).map_err(anyhow::Error::from)?.to_string(),
+    );
     std::fs::write(&args.out, file.to_json()).with_context(|| format!("writing {}", args.out.display()))?;
     Ok(())
 }

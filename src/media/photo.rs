@@ -69,7 +69,8 @@ fn luma(picture: DynamicImage) -> Vec<u8> {
     if !picture.color().has_color() {
         return picture.into_luma8().into_raw();
     }
-    let weigh = |[r, g, b]: [u8; 3]| (19_595 * u32::from(r) + 38_470 * u32::from(g) + 7_471 * u32::from(b) + 32_768) >> 16;
+    let weigh =
+        |[r, g, b]: [u8; 3]| (19_595 * u32::from(r) + 38_470 * u32::from(g) + 7_471 * u32::from(b) + 32_768) >> 16;
     picture.into_rgb8().pixels().map(|p| weigh(p.0) as u8).collect() // the weights add up to 1: at most 255
 }
 

@@ -38,9 +38,8 @@ pub(super) fn bulge(points: &[Point2<f64>], camera: &Camera, photo: &Posed<'_>) 
             break;
         }
     }
-    let squares = |(point, seen): (&Point2<f64>, &Pixel)| {
-        Some((seen.0 - shape.project(camera, point)?.0.0).norm_squared())
-    };
+    let squares =
+        |(point, seen): (&Point2<f64>, &Pixel)| Some((seen.0 - shape.project(camera, point)?.0.0).norm_squared());
     let sum = points.iter().zip(photo.seen).map(squares).sum::<Option<f64>>()?;
     let rms_px = (sum / points.len() as f64).sqrt();
     rms_px.is_finite().then(|| Bulge { height_mm: shape.height_mm(points), rms_px })

@@ -16,7 +16,10 @@ pub enum BoardProblem {
     /// Too few or too many inner corners to be found and told apart.
     #[error(
         "a board of {columns}x{rows} inner corners is not supported; count the points where four squares meet, {}x{} to {}x{}",
-        Board::FEWEST, Board::FEWEST, Board::MOST, Board::MOST
+        Board::FEWEST,
+        Board::FEWEST,
+        Board::MOST,
+        Board::MOST
     )]
     Corners {
         /// Inner corners along one side.

@@ -10,9 +10,7 @@ use nalgebra::{Point2, Vector3};
 
 use super::bend::bulge;
 use super::refine::{self, Fit, Posed};
-use super::report::{
-    BoardSize, BoardView, Calibration, CalibrationProblem, Coverage, PhotoReason, PhotoReport, Sigma,
-};
+use super::report::{BoardSize, BoardView, Calibration, CalibrationProblem, Coverage, PhotoReason, PhotoReport, Sigma};
 use super::{Board, Camera, initial};
 use crate::pipeline::camera::checkerboard::BoardReason;
 use crate::pipeline::space::Pixel;
@@ -109,11 +107,7 @@ struct Selection<'a> {
 }
 
 impl<'a> Selection<'a> {
-    fn of(
-        points: &[Point2<f64>],
-        camera: Camera,
-        candidates: Vec<Candidate<'a>>,
-    ) -> Result<Self, CalibrationProblem> {
+    fn of(points: &[Point2<f64>], camera: Camera, candidates: Vec<Candidate<'a>>) -> Result<Self, CalibrationProblem> {
         let used = candidates.iter().map(|c| c.index).collect();
         let fit = refined(points, camera, candidates.into_iter().map(|c| c.posed).collect())?;
         let mut selection = Self { used, fit, left_out: Vec::new() };
@@ -172,11 +166,7 @@ impl<'a> Selection<'a> {
     }
 }
 
-fn refined<'a>(
-    points: &[Point2<f64>],
-    camera: Camera,
-    photos: Vec<Posed<'a>>,
-) -> Result<Fit<'a>, CalibrationProblem> {
+fn refined<'a>(points: &[Point2<f64>], camera: Camera, photos: Vec<Posed<'a>>) -> Result<Fit<'a>, CalibrationProblem> {
     refine::everything(points, camera, photos).ok_or(CalibrationProblem::Contradiction)
 }
 
@@ -258,7 +248,6 @@ fn why(points: &[Point2<f64>], board: Board, fit: &Fit<'_>, photo: &Posed<'_>) -
         _ => PhotoReason::Misfit { rms_px },
     }
 }
-
 
 #[cfg(test)]
 mod tests;

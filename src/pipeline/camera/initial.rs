@@ -120,6 +120,8 @@ impl Normalisation {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point3;
+
     use super::*;
     use crate::pipeline::camera::Board;
     use crate::pipeline::space::CameraPoint;
@@ -128,14 +130,11 @@ mod tests {
     fn without_distortion_the_closed_form_is_exact() {
         let board = Board::new(9, 6, 21.0).unwrap().points_mm();
         let truth = Camera { fx: 900.0, fy: 880.0, ..camera(&[], 1280, 720) };
-        let poses = [(0.4, 0.1), (-0.3, 0.3), (0.1, -0.5)].map(|(a, b)| {
-            Isometry3::new(Vector3::new(10.0, -20.0, 400.0), Vector3::new(a, b, 0.3))
-        });
+        let poses = [(0.4, 0.1), (-0.3, 0.3), (0.1, -0.5)]
+            .map(|(a, b)| Isometry3::new(Vector3::new(10.0, -20.0, 400.0), Vector3::new(a, b, 0.3)));
         let homographies = poses.map(|pose| {
-            let seen: Vec<_> = board
-                .iter()
-                .map(|p| truth.project(CameraPoint(pose * p.coords.push(0.0).into())).unwrap())
-                .collect();
+            let seen: Vec<_> =
+                board.iter().map(|p| truth.project(CameraPoint(pose * Point3::new(p.x, p.y, 0.0))).unwrap()).collect();
             homography(&board, &seen).unwrap()
         });
         let found = camera(&homographies, 1280, 720);

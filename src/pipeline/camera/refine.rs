@@ -6,9 +6,7 @@
 //! A pose touches only its own photo's corners, so the normal equations are an arrow: the poses are eliminated photo by
 //! photo (Schur complement) and the cost grows linearly with the photos.
 
-use nalgebra::{
-    Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3,
-};
+use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
 
 use super::Camera;
 use crate::pipeline::space::{Normalised, Pixel};
@@ -42,9 +40,7 @@ pub(super) struct Posed<'a> {
 pub(super) struct Fit<'a> {
     pub camera: Camera,
     pub photos: Vec<Posed<'a>>,
-    /// Standard deviation per coordinate of a corner, px, from the weighted residuals.
-    pub corner_sigma_px: f64,
-    /// Covariance of the nine intrinsics for corners of that standard deviation.
+    /// Covariance of the nine intrinsics, for independent corners as noisy as the residuals say.
     pub covariance: SMatrix<f64, INTRINSICS, INTRINSICS>,
 }
 
@@ -59,14 +55,9 @@ pub(super) fn everything<'a>(points: &[Point2<f64>], camera: Camera, photos: Vec
     }
     let sigma = robust_sigma(&state.residuals(points)?);
     let normal = Normal::at(points, &state, ROBUST_SIGMAS * sigma)?;
-    let corner_sigma_px = normal.sigma_px();
-    let covariance = normal.reduced(0.0)?.0.try_inverse()? * corner_sigma_px.powi(2);
-    covariance.iter().all(|v| v.is_finite()).then_some(Fit {
-        camera: state.camera,
-        photos: state.photos,
-        corner_sigma_px,
-        covariance,
-    })
+    let covariance = normal.reduced(0.0)?.0.try_inverse()? * normal.sigma_px().powi(2);
+    let finite = covariance.iter().all(|v| v.is_finite());
+    finite.then_some(Fit { camera: state.camera, photos: state.photos, covariance })
 }
 
 /// Refines one pose with the camera held: how well a photo agrees with a camera that it had no part in.
@@ -125,10 +116,7 @@ pub(super) fn project(
 }
 
 /// Where a point in camera space is seen, with the slopes against the intrinsics and against the point.
-pub(super) fn project_point(
-    camera: &Camera,
-    at: Point3<f64>,
-) -> Option<(Pixel, CameraJacobian, SMatrix<f64, 2, 3>)> {
+pub(super) fn project_point(camera: &Camera, at: Point3<f64>) -> Option<(Pixel, CameraJacobian, SMatrix<f64, 2, 3>)> {
     if at.z <= 0.0 {
         return None;
     }
@@ -322,4 +310,4 @@ impl Step {
 
 #[cfg(test)]
 #[path = "refine/tests.rs"]
-mod tests;
+pub(super) mod tests;

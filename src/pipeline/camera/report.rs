@@ -77,7 +77,9 @@ pub enum PhotoReason {
         off_px: f64,
     },
     /// The corners contradict the camera that the other photos agree on.
-    #[error("corners miss the camera of the other photos by {rms_px:.2} px: moved during the exposure, or another zoom or focus")]
+    #[error(
+        "corners miss the camera of the other photos by {rms_px:.2} px: moved during the exposure, or another zoom or focus"
+    )]
     Misfit {
         /// Root mean square distance, px.
         rms_px: f64,
@@ -189,7 +191,9 @@ pub enum CalibrationProblem {
         percent: f64,
     },
     /// The photos contradict each other.
-    #[error("the photos do not agree on one camera; use photos of one zoom and focus, of a flat board, and check the board's size")]
+    #[error(
+        "the photos do not agree on one camera; use photos of one zoom and focus, of a flat board, and check the board's size"
+    )]
     Contradiction,
 }
 
@@ -216,7 +220,9 @@ impl std::fmt::Display for BoardSize {
 
 fn advice(other: Option<BoardSize>, common: Option<BoardReason>) -> String {
     match (other, common) {
-        (Some(size), _) => format!("; the photos show a board of {size} inner corners: count again where four squares meet"),
+        (Some(size), _) => {
+            format!("; the photos show a board of {size} inner corners: count again where four squares meet")
+        }
         (None, Some(reason)) => format!("; most often: {reason}"),
         (None, None) => "; take photos with the board tilted to different sides".to_owned(),
     }

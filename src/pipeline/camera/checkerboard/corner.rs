@@ -100,7 +100,7 @@ const WINDOW_IN_SQUARES: f64 = 0.45;
 /// Below this a window holds too few pixels for nine unknowns.
 const SMALLEST_WINDOW_PX: f64 = 3.6;
 /// Above this the bending of edges under distortion costs more than further pixels gain.
-const LARGEST_WINDOW_PX: f64 = 12.0;
+const LARGEST_WINDOW_PX: f64 = 14.0;
 
 /// Pixels around a point: offsets, levels and weights that fall to nothing at the rim.
 struct Window {

@@ -69,7 +69,8 @@ fn saddles(smooth: &Grey) -> Vec<(f32, Point2<f64>)> {
                 continue;
             }
             let rows = y - REACH..=y + REACH;
-            let highest = rows.flat_map(|r| &strength[r * width + x - REACH..=r * width + x + REACH]).all(|&s| s <= own);
+            let highest =
+                rows.flat_map(|r| &strength[r * width + x - REACH..=r * width + x + REACH]).all(|&s| s <= own);
             if let (true, Some(at)) = (highest, saddle_point(smooth, x, y)) {
                 found.push((own, at));
             }

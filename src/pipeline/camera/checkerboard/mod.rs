@@ -86,7 +86,10 @@ fn corners_of(lattice: &Lattice, board: Board) -> Result<Vec<Pixel>, BoardReason
     if columns < Board::FEWEST || rows < Board::FEWEST {
         return Err(BoardReason::NoBoard);
     }
-    if !lattice.is_full() || columns < board.columns() && rows <= board.rows() || rows < board.rows() && columns <= board.columns() {
+    if !lattice.is_full()
+        || columns < board.columns() && rows <= board.rows()
+        || rows < board.rows() && columns <= board.columns()
+    {
         return Err(BoardReason::Incomplete { columns, rows });
     }
     let Some(corners) = lattice.in_order(board.columns(), board.rows()) else {
