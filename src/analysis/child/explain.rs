@@ -21,6 +21,7 @@ impl Explain for MediaError {
             MediaError::SizeChanged { .. } => ("size-changes", "The picture changes its size"),
             MediaError::NoFrames => ("no-frames", "No frame can be decoded"),
             MediaError::Memory => ("too-much-memory", "The recording needs too much memory"),
+            MediaError::Photo(_) => ("not-a-photo", "The file is not a photo that can be read"),
             MediaError::PixelFormat(_) => ("pixel-format", "The pixel format cannot be used"),
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
         };
