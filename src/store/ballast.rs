@@ -2,7 +2,7 @@
 //! room for that again.
 
 use std::fs::File;
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Enough for the write-ahead log of a large deletion.
@@ -37,12 +37,12 @@ impl Ballast {
     }
 }
 
-/// Written, not only made longer: a file with holes holds no place.
+/// Written, not only made longer: a file with holes holds no place. One that a sudden end left short is written anew.
 fn write(path: &Path) -> std::io::Result<()> {
-    let mut file = match File::create_new(path) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(()),
-        file => file?,
-    };
+    if std::fs::metadata(path).is_ok_and(|found| found.len() == BYTES as u64) {
+        return Ok(());
+    }
+    let mut file = File::create(path)?;
     let written = file.write_all(&vec![0; BYTES]).and_then(|()| file.sync_data());
     if written.is_err() {
         std::fs::remove_file(path)?;

@@ -94,14 +94,14 @@ impl Cookies<'_> {
             .await
     }
 
-    /// Forgets cookies that no longer count.
-    pub async fn forget_expired(&self, lasts: Cookie) -> StoreResult<u64> {
+    /// Forgets cookies that are past their end. Those of the idle go with their end, too; until then they count for
+    /// nothing.
+    pub async fn forget_expired(&self) -> StoreResult<u64> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
-                let sql = "DELETE FROM cookie_session WHERE expires_at_ms <= $1 OR last_seen_at_ms <= $2";
-                let deleted = sqlx::query(sql).bind(now_ms).bind(now_ms - millis(lasts.idle)).execute(tx).await?;
-                Ok(deleted.rows_affected())
+                let delete = sqlx::query("DELETE FROM cookie_session WHERE expires_at_ms <= $1").bind(now_ms);
+                Ok(delete.execute(tx).await?.rows_affected())
             })
             .await
     }

@@ -46,6 +46,7 @@ mod writer;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
 use sqlx::SqlitePool;
@@ -108,6 +109,8 @@ struct Inner {
     clock: SharedClock,
     settings: StoreSettings,
     ballast: Ballast,
+    /// Was something erased since the write-ahead log was emptied?
+    erased: AtomicBool,
 }
 
 impl Store {
@@ -119,7 +122,9 @@ impl Store {
             .map_err(|error| StoreError::Unusable(format!("its writer cannot start: {error}")))?;
         let ballast = Ballast::beside(path);
         ballast.restore().await;
-        Ok(Self { inner: Arc::new(Inner { readers, writer, clock, settings: settings.clone(), ballast }) })
+        let settings = settings.clone();
+        let erased = AtomicBool::new(true); // perhaps in an earlier life
+        Ok(Self { inner: Arc::new(Inner { readers, writer, clock, settings, ballast, erased }) })
     }
 
     /// What SQLite finds wrong with its own file and with references between rows; nothing is as it should be.
@@ -136,10 +141,17 @@ impl Store {
         self.inner.ballast.restore().await;
     }
 
-    /// Moves everything from the write-ahead log into the database file and empties the log, so that what was erased is
-    /// nowhere any more. `false` if a reader stands in the way: try again later.
-    pub async fn empty_log(&self) -> StoreResult<bool> {
-        self.inner.writer.empty_log().await
+    /// After an erasure: moves everything from the write-ahead log into the database file and empties the log, so that
+    /// what was erased is nowhere any more. `false` if a reader stands in the way: try again later.
+    pub async fn forget_erased(&self) -> StoreResult<bool> {
+        if !self.inner.erased.swap(false, Ordering::AcqRel) {
+            return Ok(true);
+        }
+        let emptied = self.inner.writer.empty_log().await;
+        if !matches!(emptied, Ok(true)) {
+            self.inner.erased.store(true, Ordering::Release);
+        }
+        emptied
     }
 
     /// The connections that read.
@@ -163,10 +175,12 @@ impl Store {
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
         T: Send + 'static,
     {
-        match self.write(work()).await {
+        let result = match self.write(work()).await {
             Err(StoreError::DiskFull) if self.inner.ballast.release().await => self.write(work()).await,
             result => result,
-        }
+        };
+        self.inner.erased.store(true, Ordering::Release);
+        result
     }
 
     fn now_ms(&self) -> i64 {
@@ -221,5 +235,7 @@ rooms! {
     audit: Audit;
 }
 
+#[cfg(test)]
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;

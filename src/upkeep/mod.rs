@@ -2,6 +2,14 @@
 //!
 //! The order of every write makes any sudden end harmless (file first, row second; on delete row first, file second); what
 //! is left in between is cleared here. The functions know both the vault and the store, which do not know each other.
+//!
+//! | function | when |
+//! |---|---|
+//! | [`recover`] | once, at every start, before anything else uses the folder |
+//! | [`keep`] | for as long as the service runs |
+//! | [`check`] | when somebody asks: `trocar admin check` |
+
+use std::time::Duration;
 
 mod check;
 mod collect;
@@ -11,8 +19,10 @@ pub use check::{Finding, check};
 pub use collect::{collect, forget_expired_uploads};
 pub use recover::{Recovered, recover};
 
-use crate::store::StoreError;
-use crate::vault::VaultError;
+use crate::shutdown::Shutdown;
+use crate::store::{Store, StoreError};
+use crate::time::SharedClock;
+use crate::vault::{Vault, VaultError};
 
 /// Why upkeep could not be done.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +37,29 @@ pub enum UpkeepError {
 
 /// Result of an upkeep function.
 pub type UpkeepResult<T> = Result<T, UpkeepError>;
+
+/// Clears up again and again until the service ends. What is erased has left the folder soon after `every`.
+pub async fn keep(store: &Store, vault: &Vault, every: Duration, clock: SharedClock, shutdown: &Shutdown) {
+    while !shutdown.is_begun() {
+        if let Err(error) = clear_up(store, vault).await {
+            tracing::warn!(%error, "clearing up behind the work");
+        }
+        tokio::select! {
+            () = shutdown.begun() => {}
+            () = clock.sleep(every) => {}
+        }
+    }
+}
+
+/// Removes what is no longer needed, and what was erased from the database's log.
+pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
+    forget_expired_uploads(store, vault).await?;
+    store.cookies().forget_expired().await?;
+    collect(store, vault).await?;
+    store.forget_erased().await?;
+    store.restore_ballast().await;
+    Ok(())
+}
 
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,11 @@
 //! A recording's way from the upload to the score.
 
-use super::centre::{Centre, NOW_MS};
 use crate::domain::blob::Blob;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::ids::UploadId;
+use crate::store::testing::{Centre, LEASE, NOW_MS};
 use crate::store::{Finished, NewUpload, StoreError};
 
 #[tokio::test]
@@ -37,7 +37,7 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
     assert_eq!((session.status(), session.queue_position), (SessionStatus::Queued, Some(1)));
     assert_eq!((session.video_bytes, session.recorded_at_ms), (5, NOW_MS - 60_000));
     let lease = centre.claim().await.unwrap();
-    store.jobs().heartbeat(&lease, 0.5, super::centre::LEASE).await.unwrap();
+    store.jobs().heartbeat(&lease, 0.5, LEASE).await.unwrap();
     let session = store.sessions().get(&service, id).await.unwrap();
     assert_eq!((session.status(), session.job_progress), (SessionStatus::Tracking, Some(0.5)));
 

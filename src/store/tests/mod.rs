@@ -1,4 +1,3 @@
 //! Claims about the store, each on a database of its own.
 
-mod centre;
 mod flow;

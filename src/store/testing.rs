@@ -1,4 +1,4 @@
-//! A small training centre to make claims about.
+//! A small training centre to make claims about: for the tests of the store and of the services above it.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -159,5 +159,12 @@ fn feature(name: &str, value: Result<f64, &str>) -> FeatureRow {
         tool: Some("orange".to_owned()),
         space: FeatureSpace::Space3d,
         value: value.map_err(str::to_owned),
+    }
+}
+
+impl Store {
+    /// Rows of results, of all sessions and versions.
+    pub async fn count_results(&self) -> i64 {
+        sqlx::query_scalar("SELECT count(*) FROM result").fetch_one(self.readers()).await.unwrap()
     }
 }
