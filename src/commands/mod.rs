@@ -6,6 +6,7 @@ use std::fmt;
 
 use clap::{Parser, Subcommand};
 
+mod admin;
 mod calibrate;
 mod child;
 mod evaluate;
@@ -37,6 +38,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Compare trajectories with the truth, or with each other.
     Evaluate(evaluate::Args),
+    /// Accounts, tokens, and the check of database and files.
+    Admin(admin::Args),
     /// Run as a confined child of the service; not for people.
     #[command(hide = true)]
     Child(child::Args),
@@ -51,6 +54,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Score(args) => score::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Admin(args) => admin::run(args),
         Command::Child(args) => child::run(args),
     }
 }

@@ -71,6 +71,9 @@ const SQLITE_BUSY: i32 = 5;
 const SQLITE_IOERR_SHMSIZE: i32 = 4874;
 const SQLITE_IOERR_FSYNC: i32 = 1034;
 const SQLITE_IOERR_DIR_FSYNC: i32 = 1290;
+const SQLITE_CONSTRAINT_FOREIGNKEY: i32 = 787;
+/// What `ON DELETE RESTRICT` answers with.
+const SQLITE_CONSTRAINT_TRIGGER: i32 = 1811;
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
@@ -113,8 +116,8 @@ pub(super) fn taken(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreErro
 
 /// For the delete that something may stand against: `.map_err(in_use("task", "sessions"))`.
 pub(super) fn in_use(what: &'static str, by: &'static str) -> impl FnOnce(sqlx::Error) -> StoreError {
-    move |error| match error.as_database_error() {
-        Some(e) if e.is_foreign_key_violation() => StoreError::InUse { what, by },
+    move |error| match code(&error) {
+        SQLITE_CONSTRAINT_FOREIGNKEY | SQLITE_CONSTRAINT_TRIGGER => StoreError::InUse { what, by },
         _ => error.into(),
     }
 }

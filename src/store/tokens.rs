@@ -1,5 +1,7 @@
 //! Programs' ways in. A token acts as the person who made it, with at most their rights, or as the agent of one box.
 
+use sqlx::sqlite::SqliteConnection;
+
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::visibility::require_administrator;
@@ -90,6 +92,7 @@ impl Tokens<'_> {
         };
         self.0
             .write(async move |tx| {
+                require_rights(tx, new.acts_as).await?;
                 let sql =
                     "INSERT INTO token (id, secret_hash, name, role, person_id, box_id, created_at_ms, expires_at_ms)
                            VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
@@ -160,6 +163,18 @@ impl Tokens<'_> {
                 Ok(())
             })
             .await
+    }
+}
+
+/// A token cannot have rights that its person lacks: made so, it would never let anybody in.
+async fn require_rights(tx: &mut SqliteConnection, acts_as: ActsAs) -> StoreResult<()> {
+    let ActsAs::Person(person, wanted) = acts_as else { return Ok(()) };
+    let has: Option<Role> =
+        sqlx::query_scalar("SELECT role FROM person WHERE id = $1").bind(person).fetch_optional(tx).await?;
+    match has.ok_or(not_found("person"))? {
+        has if has == wanted => Ok(()),
+        Role::Administrator if wanted == Role::Instructor => Ok(()),
+        has => Err(StoreError::refused(format!("a token for this {has} cannot have the rights of an {wanted}"))),
     }
 }
 

@@ -16,7 +16,7 @@ mod collect;
 mod recover;
 
 pub use check::{Finding, check};
-pub use collect::{collect, forget_expired_uploads};
+use collect::{collect, forget_expired_uploads, remove_orphan_uploads};
 pub use recover::{Recovered, recover};
 
 use crate::shutdown::Shutdown;
@@ -54,6 +54,7 @@ pub async fn keep(store: &Store, vault: &Vault, every: Duration, clock: SharedCl
 /// Removes what is no longer needed, and what was erased from the database's log.
 pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     forget_expired_uploads(store, vault).await?;
+    remove_orphan_uploads(store, vault).await?;
     store.cookies().forget_expired().await?;
     collect(store, vault).await?;
     store.forget_erased().await?;

@@ -1,11 +1,8 @@
 //! Recovery: every start is one. Nothing that was acknowledged is touched.
 
-use std::collections::HashSet;
-
 use super::UpkeepResult;
-use super::collect::{collect, remove};
+use super::collect::{collect, remove, remove_orphan_uploads};
 use crate::domain::scope::Scope;
-use crate::ids::UploadId;
 use crate::intake::{self, IntakeError};
 use crate::store::{Store, StoreError, Upload};
 use crate::vault::{Vault, VaultError};
@@ -29,23 +26,12 @@ pub struct Recovered {
 /// Puts files and database in step after a sudden end. Call it with the folder locked, before anything else uses it.
 pub async fn recover(store: &Store, vault: &Vault) -> UpkeepResult<Recovered> {
     let mut recovered = Recovered { half_written: vault.clear_incoming().await?, ..Recovered::default() };
-    let uploads = store.uploads().unfinished().await?;
-    recovered.orphan_uploads = remove_orphan_uploads(vault, &uploads).await?;
-    for upload in uploads {
+    recovered.orphan_uploads = remove_orphan_uploads(store, vault).await?;
+    for upload in store.uploads().unfinished().await? {
         recover_upload(store, vault, upload, &mut recovered).await?;
     }
     recovered.orphan_blobs = collect(store, vault).await? + remove_orphan_blobs(store, vault).await?;
     Ok(recovered)
-}
-
-/// Files whose row is gone, or was never made; also of uploads that became a session, whose blob has a name of its own.
-async fn remove_orphan_uploads(vault: &Vault, uploads: &[Upload]) -> UpkeepResult<usize> {
-    let known: HashSet<UploadId> = uploads.iter().map(|upload| upload.id).collect();
-    let orphans: Vec<UploadId> = vault.upload_files().await?.into_iter().filter(|id| !known.contains(id)).collect();
-    for id in &orphans {
-        vault.delete_upload(*id).await?;
-    }
-    Ok(orphans.len())
 }
 
 async fn recover_upload(store: &Store, vault: &Vault, upload: Upload, recovered: &mut Recovered) -> UpkeepResult<()> {

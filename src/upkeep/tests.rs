@@ -1,1 +1,208 @@
-//! Claims about files and database together.
+//! Claims about files and database together: after a sudden end anywhere, the next start leaves both in step.
+
+use std::fs;
+use std::path::Path;
+
+use super::{Finding, Recovered, check, clear_up, recover};
+use crate::domain::blob::Blob;
+use crate::domain::scope::Scope;
+use crate::domain::session::NewSession;
+use crate::domain::text::Key;
+use crate::ids::{TraineeId, UploadId};
+use crate::store::testing::{Centre, NOW_MS};
+use crate::store::{NewUpload, Session};
+use crate::vault::Vault;
+
+struct Bench {
+    centre: Centre,
+    vault: Vault,
+}
+
+impl Bench {
+    async fn new() -> Self {
+        let centre = Centre::ready().await;
+        let vault = Vault::open(centre.folder.path()).await.unwrap();
+        Self { centre, vault }
+    }
+
+    /// A session as it is made: file first, row second.
+    async fn session(&self, trainee: TraineeId, content: &str) -> Session {
+        let kept = self.vault.put(content.as_bytes()).await.unwrap();
+        let new = NewSession { video: kept.blob(), ..self.centre.new_session(trainee, content) };
+        self.centre.store.sessions().create(&Scope::service(), new).await.unwrap()
+    }
+
+    /// Tracked and scored, with its files in the vault.
+    async fn score(&self, session: &Session) {
+        let lease = self.centre.claim().await.unwrap();
+        let trajectory = self.vault.put(format!("trajectory of {}", session.id).as_bytes()).await.unwrap();
+        let diagnostics = self.vault.put(format!("diagnostics of {}", session.id).as_bytes()).await.unwrap();
+        let mut result = self.centre.result(session.id).await;
+        (result.trajectory, result.diagnostics) = (trajectory.blob(), diagnostics.blob());
+        self.centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    }
+
+    /// An upload of five bytes of which so many are noted.
+    async fn upload(&self, trainee: TraineeId, in_file: &[u8], noted: u64) -> UploadId {
+        let new = NewUpload {
+            trainee,
+            task: self.centre.task.id,
+            in_box: self.centre.the_box.id,
+            filename: "clip.mp4".parse().unwrap(),
+            media_type: "video/mp4".to_owned(),
+            metadata: String::new(),
+            recorded_at_ms: None,
+            length: 5,
+            expires_at_ms: NOW_MS + 1_000,
+        };
+        let uploads = self.centre.store.uploads();
+        let id = uploads.create(&Scope::service(), new).await.unwrap().id;
+        self.vault.create_upload(id).await.unwrap();
+        let mut file = self.vault.open_upload(id, 0).await.unwrap();
+        file.append(in_file).await.unwrap();
+        file.sync().await.unwrap();
+        uploads.advance(id, noted, NOW_MS + 1_000).await.unwrap();
+        id
+    }
+
+    async fn recover(&self) -> Recovered {
+        recover(&self.centre.store, &self.vault).await.unwrap()
+    }
+
+    async fn findings(&self) -> Vec<Finding> {
+        check(&self.centre.store, &self.vault, true).await.unwrap()
+    }
+}
+
+#[tokio::test]
+async fn a_centre_at_work_is_clean_and_its_recovery_changes_nothing() {
+    let bench = Bench::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let session = bench.session(ana, "video").await;
+    bench.score(&session).await;
+    bench.upload(ana, b"vi", 2).await;
+    assert_eq!(bench.findings().await, []);
+    assert_eq!(bench.recover().await, Recovered::default());
+    assert_eq!(bench.findings().await, []);
+}
+
+#[tokio::test]
+async fn what_is_left_between_file_and_row_is_cleared_and_nothing_else() {
+    let bench = Bench::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    bench.session(ana, "video").await;
+    let data = bench.centre.folder.path();
+    fs::write(data.join("incoming").join("half"), b"ha").unwrap(); // killed while a blob was written
+    let orphan = bench.vault.put(b"orphan").await.unwrap().blob(); // killed between name and row
+    bench.vault.create_upload(UploadId::at(1)).await.unwrap(); // killed between file and row of an upload
+    assert_eq!(bench.findings().await, [Finding::OrphanFile(orphan.hash)]);
+    let recovered = bench.recover().await;
+    assert_eq!((recovered.half_written, recovered.orphan_blobs, recovered.orphan_uploads), (1, 1, 1));
+    assert_eq!(bench.findings().await, []);
+    bench.vault.read(Blob::of(b"video").hash, 100).await.unwrap();
+}
+
+#[tokio::test]
+async fn an_upload_keeps_its_acknowledged_bytes_and_a_whole_one_becomes_its_session() {
+    let bench = Bench::new().await;
+    let (ana, service) = (bench.centre.trainee("Ana").await.id, Scope::service());
+    let longer = bench.upload(ana, b"vid", 2).await; // killed between sync and row
+    let whole = bench.upload(ana, b"video", 5).await; // killed between row and session
+    let recovered = bench.recover().await;
+    assert_eq!((recovered.finished_uploads, recovered.set_back_uploads), (1, 0));
+    assert_eq!(bench.centre.store.uploads().get(&service, longer).await.unwrap().received, 2);
+    let session = bench.centre.store.uploads().get(&service, whole).await.unwrap().session_id.unwrap();
+    let session = bench.centre.store.sessions().get(&service, session).await.unwrap();
+    assert_eq!(bench.vault.read(session.video, 100).await.unwrap(), b"video");
+    assert_eq!(bench.vault.upload_files().await.unwrap(), [longer]);
+}
+
+#[tokio::test]
+async fn a_lying_disk_sets_an_upload_back_to_what_is_there_and_the_check_says_so() {
+    let bench = Bench::new().await;
+    let (ana, service) = (bench.centre.trainee("Ana").await.id, Scope::service());
+    let id = bench.upload(ana, b"vid", 4).await;
+    assert_eq!(bench.findings().await, [Finding::ShortUpload(id)]);
+    assert_eq!(bench.recover().await.set_back_uploads, 1);
+    assert_eq!(bench.centre.store.uploads().get(&service, id).await.unwrap().received, 3);
+}
+
+#[tokio::test]
+async fn a_missing_and_a_damaged_file_are_losses() {
+    let bench = Bench::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let (gone, damaged) = (bench.session(ana, "gone").await.video, bench.session(ana, "damaged").await.video);
+    let path = |hash: crate::domain::blob::BlobHash| {
+        let hash = hash.to_string();
+        bench.centre.folder.path().join("blobs").join(&hash[..2]).join(hash)
+    };
+    fs::remove_file(path(gone)).unwrap();
+    fs::write(path(damaged), b"dbmaged").unwrap();
+    let mut findings = bench.findings().await;
+    findings.sort_by_key(|finding| matches!(finding, Finding::DamagedFile(_)));
+    assert_eq!(findings, [Finding::MissingFile(gone), Finding::DamagedFile(damaged)]);
+    assert!(findings.iter().all(Finding::is_loss));
+}
+
+#[tokio::test]
+async fn a_recording_that_two_sessions_share_goes_with_the_second() {
+    let bench = Bench::new().await;
+    let (store, service) = (&bench.centre.store, Scope::service());
+    let (ana, ben) = (bench.centre.trainee("Ana").await.id, bench.centre.trainee("Ben").await.id);
+    let (first, second) = (bench.session(ana, "same video").await, bench.session(ben, "same video").await);
+    store.sessions().erase(&service, first.id).await.unwrap();
+    clear_up(store, &bench.vault).await.unwrap();
+    assert!(bench.vault.open_blob(first.video).await.is_ok());
+    store.sessions().erase(&service, second.id).await.unwrap();
+    clear_up(store, &bench.vault).await.unwrap();
+    assert!(bench.vault.open_blob(first.video).await.is_err());
+    assert_eq!(bench.findings().await, []);
+}
+
+#[tokio::test]
+async fn of_an_erased_trainee_no_byte_is_left_in_the_data_folder() {
+    const MARKER: &str = "Qvinx"; // as long as the uploads are
+    let bench = Bench::new().await;
+    let (store, service) = (&bench.centre.store, Scope::service());
+    let marked = bench.centre.trainee(&format!("{MARKER} Smith")).await;
+    let session = bench.session(marked.id, &format!("video of {MARKER}")).await;
+    bench.score(&session).await;
+    bench.upload(marked.id, MARKER.as_bytes(), 3).await; // still arriving
+    bench.upload(marked.id, MARKER.as_bytes(), 5).await; // whole: becomes a session
+    bench.recover().await;
+    bench.centre.person(&MARKER.to_lowercase(), crate::domain::role::Role::Trainee, Some(marked.id)).await;
+    let others = bench.centre.trainee("Ana").await.id;
+    bench.session(others, "video of somebody else").await;
+    assert!(holds(bench.centre.folder.path(), MARKER));
+
+    store.trainees().erase(&service, &Key::from(&marked.id)).await.unwrap();
+    clear_up(store, &bench.vault).await.unwrap();
+    assert!(!holds(bench.centre.folder.path(), MARKER));
+    assert!(!holds(bench.centre.folder.path(), &MARKER.to_lowercase()));
+    assert_eq!(bench.findings().await, []);
+    bench.vault.read(Blob::of(b"video of somebody else").hash, 100).await.unwrap();
+}
+
+#[tokio::test]
+async fn an_upload_whose_time_is_over_is_forgotten() {
+    let bench = Bench::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let id = bench.upload(ana, b"vi", 2).await;
+    clear_up(&bench.centre.store, &bench.vault).await.unwrap();
+    assert_eq!(bench.vault.upload_files().await.unwrap(), [id]);
+    bench.centre.clock.advance(std::time::Duration::from_secs(1));
+    clear_up(&bench.centre.store, &bench.vault).await.unwrap();
+    assert_eq!(bench.vault.upload_files().await.unwrap(), []);
+    assert!(bench.centre.store.uploads().get(&Scope::service(), id).await.is_err());
+}
+
+/// Does any file below the folder hold these bytes?
+fn holds(folder: &Path, marker: &str) -> bool {
+    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).any(|path| {
+        if path.is_dir() {
+            return holds(&path, marker);
+        }
+        let content = fs::read(&path).unwrap();
+        content.windows(marker.len()).any(|window| window == marker.as_bytes())
+    })
+}

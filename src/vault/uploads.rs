@@ -47,7 +47,8 @@ struct Claim {
 }
 
 impl Vault {
-    /// Makes an upload's empty file, durably. Call it before the upload's row is made.
+    /// Makes an upload's empty file, durably. Call it after the upload's row is made (a file without a row is rubbish that
+    /// upkeep removes at any time) and before its sender hears of it.
     pub async fn create_upload(&self, id: UploadId) -> VaultResult<()> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || {

@@ -1,3 +1,8 @@
 //! Claims about the store, each on a database of its own.
 
 mod flow;
+mod full_disk;
+mod isolation;
+mod schema;
+mod sign_in;
+mod writes;

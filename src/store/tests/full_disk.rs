@@ -1,0 +1,87 @@
+//! A full disk: a kind of error of its own, reading and erasing go on, and writing goes on when there is space again.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use crate::domain::scope::Scope;
+use crate::domain::task::NewTask;
+use crate::domain::text::Key;
+use crate::store::{PageRequest, Store, StoreError, StoreSettings};
+use crate::time::Manual;
+
+/// A small file system of its own, taken down at the end.
+struct SmallDisk(tempfile::TempDir);
+
+impl SmallDisk {
+    /// `None` where this process may not mount.
+    fn mount(bytes: u64) -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let size = format!("size={bytes},mode=700");
+        let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(folder.path()).output();
+        mounted.is_ok_and(|output| output.status.success()).then(|| Self(folder))
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    /// Writes until nothing more fits.
+    fn fill(&self) {
+        use std::io::Write;
+        let mut file = fs::File::create(self.path().join("filler")).unwrap();
+        for piece in [64 * 1024, 4096, 1] {
+            while file.write_all(&vec![1; piece]).is_ok() {}
+        }
+    }
+
+    fn make_room(&self) {
+        fs::remove_file(self.path().join("filler")).unwrap();
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg("-l").arg(self.path()).output(); // left behind at worst: an empty mount
+    }
+}
+
+fn task(number: usize) -> NewTask {
+    let description = Some("x".repeat(4_000).parse().unwrap());
+    NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description }
+}
+
+#[tokio::test]
+async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is_room() {
+    let Some(disk) = SmallDisk::mount(16 << 20) else {
+        eprintln!("SKIPPED: mounting a small file system needs root");
+        return;
+    };
+    let clock = Manual::at(1_000);
+    let store = Store::open(&disk.path().join("trocar.db"), &StoreSettings::default(), clock).await.unwrap();
+    let service = Scope::service();
+    let new = serde_json::from_str(r#"{"name":"Ana"}"#).unwrap();
+    let ana = store.trainees().create(&service, new).await.unwrap();
+    disk.fill();
+    let mut acknowledged = 0;
+    let refused = loop {
+        match store.tasks().create(&service, task(acknowledged)).await {
+            Ok(_) => acknowledged += 1,
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(refused, StoreError::DiskFull), "{refused:?}");
+    assert!(matches!(store.tasks().create(&service, task(acknowledged)).await, Err(StoreError::DiskFull)));
+
+    let page = PageRequest::new(200, None);
+    assert_eq!(store.tasks().list(&service, &page).await.unwrap().items.len(), acknowledged);
+    store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();
+    assert!(store.trainees().get(&service, &Key::from(&ana.id)).await.is_err());
+
+    disk.make_room();
+    store.tasks().create(&service, task(acknowledged)).await.unwrap();
+    assert_eq!(store.tasks().list(&service, &page).await.unwrap().items.len(), acknowledged + 1);
+    store.restore_ballast().await;
+    assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20);
+    assert_eq!(store.check().await.unwrap(), Vec::<String>::new());
+}

@@ -1,0 +1,119 @@
+//! The schema: commented, strict, and refusing nonsense whoever writes it.
+
+use std::sync::Arc;
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::{AssertSqlSafe, Connection};
+
+use crate::store::testing::{Centre, NOW_MS};
+use crate::store::{Store, StoreError, StoreSettings};
+use crate::time::Manual;
+
+const FILES: [&str; 3] = [
+    include_str!("../../../migrations/0001_people.sql"),
+    include_str!("../../../migrations/0002_boxes.sql"),
+    include_str!("../../../migrations/0003_work.sql"),
+];
+
+/// A connection that bypasses the store's functions.
+async fn raw(centre: &Centre) -> SqliteConnection {
+    let path = centre.folder.path().join("trocar.sqlite");
+    SqliteConnection::connect(path.to_str().unwrap()).await.unwrap()
+}
+
+#[test]
+fn every_table_is_strict_and_every_table_and_column_is_commented() {
+    let mut tables = 0;
+    for file in FILES {
+        let mut above = "";
+        let mut inside = false;
+        for line in file.lines() {
+            let text = line.trim();
+            if text.starts_with("CREATE TABLE") {
+                assert!(above.starts_with("--"), "no comment above `{text}`");
+                (inside, tables) = (true, tables + 1);
+            } else if text.starts_with(')') {
+                assert!(!inside || text.contains("STRICT"), "not strict before `{text}`");
+                inside = false;
+            } else if inside && !["UNIQUE", "CHECK", "PRIMARY KEY"].iter().any(|word| text.starts_with(word)) {
+                assert!(text.contains("-- "), "no comment on `{text}`");
+            }
+            above = text;
+        }
+    }
+    assert!(tables >= 17, "{tables} tables");
+}
+
+#[tokio::test]
+async fn nonsense_is_refused_whoever_writes_it() {
+    let centre = Centre::ready().await;
+    let session = centre.session(centre.trainee("Ana").await.id, "video").await;
+    let lease = centre.claim().await.unwrap();
+    centre.store.jobs().finish_track(&lease, centre.result(session.id).await).await.unwrap();
+    let mut raw = raw(&centre).await;
+    for nonsense in [
+        "UPDATE job SET state = 'sleeping'",
+        "UPDATE job SET state = 'running' WHERE kind = 'track'",
+        "UPDATE job SET lease_token = '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44' WHERE kind = 'track'",
+        "UPDATE job SET state = 'failed', problem = NULL WHERE kind = 'track'",
+        "UPDATE job SET ended_at_ms = NULL WHERE kind = 'track'",
+        "UPDATE job SET progress = 1.01",
+        "UPDATE job SET attempt = max_attempts + 1",
+        "UPDATE job SET input = 'not json'",
+        "UPDATE job SET box_id = (SELECT id FROM training_box) WHERE kind = 'track'",
+        "UPDATE result SET frames = 0",
+        "UPDATE result SET duration_s = -1",
+        "UPDATE result SET trajectory = 'missing'",
+        "UPDATE feature SET value = NULL WHERE not_enough IS NULL",
+        "UPDATE feature SET value = 0 WHERE not_enough IS NOT NULL",
+        "UPDATE feature SET space = '4d'",
+        "UPDATE trainee SET name = ''",
+        "UPDATE trainee SET level = 'wizard'",
+        "UPDATE session SET created_at_ms = 'yesterday'",
+        "DELETE FROM blob",
+        "DELETE FROM calibration",
+        "INSERT INTO upload SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL, trainee_id, task_id, box_id, 'f', 'video/mp4',
+         '', NULL, 10, 11, NULL, 1, 2 FROM session",
+        "INSERT INTO session SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', trainee_id, task_id, box_id, filename, media_type,
+         video, recorded_at_ms, created_at_ms FROM session",
+        "INSERT INTO result SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', session_id, pipeline, calibration_id, palette_id,
+         model, width, height, frames, duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms
+         FROM result",
+        "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",
+        "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1)",
+        "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1)",
+    ] {
+        let written = sqlx::query(AssertSqlSafe(nonsense)).execute(&mut raw).await;
+        let error = written.expect_err(nonsense).to_string();
+        let expected = ["constraint failed", "cannot store TEXT"];
+        assert!(expected.iter().any(|words| error.contains(words)), "{nonsense}: {error}");
+    }
+}
+
+#[tokio::test]
+async fn a_database_of_a_newer_program_is_refused() {
+    let centre = Centre::new().await;
+    let newer = "INSERT INTO _sqlx_migrations VALUES (9999, 'later', '2027-01-01', TRUE, x'00', 1)";
+    sqlx::query(newer).execute(&mut raw(&centre).await).await.unwrap();
+    let path = centre.folder.path().join("trocar.sqlite");
+    let opened = Store::open(&path, &StoreSettings::default(), centre.clock.clone()).await;
+    assert!(matches!(opened, Err(StoreError::Unusable(why)) if why.contains("newer")));
+}
+
+#[tokio::test]
+async fn a_database_without_a_write_ahead_log_is_refused() {
+    let clock = Manual::at(NOW_MS);
+    let opened = Store::open(":memory:".as_ref(), &StoreSettings::default(), Arc::clone(&clock) as _).await;
+    assert!(matches!(opened, Err(StoreError::Unusable(why)) if why.contains("journal_mode")));
+}
+
+#[tokio::test]
+async fn a_sound_database_has_no_findings_and_a_dangling_row_is_one() {
+    let centre = Centre::ready().await;
+    centre.session(centre.trainee("Ana").await.id, "video").await;
+    assert_eq!(centre.store.check().await.unwrap(), Vec::<String>::new());
+    let mut raw = raw(&centre).await;
+    sqlx::query("PRAGMA foreign_keys = OFF").execute(&mut raw).await.unwrap();
+    sqlx::query("DELETE FROM task").execute(&mut raw).await.unwrap();
+    assert_eq!(centre.store.check().await.unwrap(), ["a row of `session` refers to one that is not there"]);
+}

@@ -1,0 +1,101 @@
+//! Cookies, tokens, accounts.
+
+use std::time::Duration;
+
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::secret::{Password, Secret};
+use crate::store::testing::{Centre, NOW_MS};
+use crate::store::{ActsAs, Cookie, NewToken, PersonChange, StoreError};
+
+const LASTS: Cookie = Cookie { idle: Duration::from_secs(30 * 60), most: Duration::from_secs(12 * 3600) };
+
+#[tokio::test]
+async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_passed() {
+    let centre = Centre::new().await;
+    let person = centre.person("ina", Role::Instructor, None).await;
+    let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
+    cookies.create(secret, person.id, LASTS).await.unwrap();
+    for _ in 0..24 {
+        assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().as_ref(), Some(&person));
+        centre.clock.advance(Duration::from_secs(29 * 60));
+    }
+    assert!(cookies.person_of(secret, LASTS).await.unwrap().is_some()); // 11 h 36 min, never idle
+    centre.clock.advance(Duration::from_secs(25 * 60));
+    assert_eq!(cookies.person_of(secret, LASTS).await.unwrap(), None); // 12 h 1 min
+    assert_eq!(cookies.forget_expired().await.unwrap(), 1);
+
+    let idle = Secret::random().hash();
+    cookies.create(idle, person.id, LASTS).await.unwrap();
+    centre.clock.advance(Duration::from_secs(30 * 60));
+    assert_eq!(cookies.person_of(idle, LASTS).await.unwrap(), None);
+}
+
+#[tokio::test]
+async fn a_new_password_signs_all_browsers_out() {
+    let centre = Centre::new().await;
+    let person = centre.person("ina", Role::Instructor, None).await;
+    let secret = Secret::random().hash();
+    centre.store.cookies().create(secret, person.id, LASTS).await.unwrap();
+    let password = Password::new("another horse").unwrap();
+    centre.store.people().set_password(&person.scope(), person.id, password.hash()).await.unwrap();
+    assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
+    let (_, hash) = centre.store.people().by_login(&"ina".parse().unwrap()).await.unwrap().unwrap();
+    assert!(hash.matches(&password));
+}
+
+#[tokio::test]
+async fn a_token_never_has_more_rights_than_its_person_has_today() {
+    let centre = Centre::new().await;
+    let (tokens, service) = (centre.store.tokens(), Scope::service());
+    centre.person("root", Role::Administrator, None).await;
+    let ada = centre.person("ada", Role::Administrator, None).await;
+    let make = async |acts_as, secret: &Secret| {
+        let new = NewToken { name: "t".parse().unwrap(), acts_as, expires_at_ms: None, secret: secret.hash() };
+        tokens.create(&service, new).await
+    };
+    let (full, less) = (Secret::random(), Secret::random());
+    make(ActsAs::Person(ada.id, Role::Administrator), &full).await.unwrap();
+    make(ActsAs::Person(ada.id, Role::Instructor), &less).await.unwrap();
+    assert_eq!(tokens.scope_of(full.hash()).await.unwrap(), Some(Scope::administrator(ada.id)));
+    assert_eq!(tokens.scope_of(less.hash()).await.unwrap(), Some(Scope::instructor(ada.id)));
+    let demoted = PersonChange { role: Some(Role::Instructor), ..PersonChange::default() };
+    centre.store.people().change(&service, ada.id, demoted).await.unwrap();
+    assert_eq!(tokens.scope_of(full.hash()).await.unwrap(), None);
+    assert_eq!(tokens.scope_of(less.hash()).await.unwrap(), Some(Scope::instructor(ada.id)));
+    let more = make(ActsAs::Person(ada.id, Role::Administrator), &Secret::random()).await;
+    assert!(matches!(more, Err(StoreError::Refused { .. })), "{more:?}");
+}
+
+#[tokio::test]
+async fn a_token_ends_at_its_end_and_with_its_box() {
+    let centre = Centre::new().await;
+    let (tokens, service) = (centre.store.tokens(), Scope::service());
+    let secret = Secret::random();
+    let new = NewToken {
+        name: "box 1".parse().unwrap(),
+        acts_as: ActsAs::Agent(centre.the_box.id),
+        expires_at_ms: Some(NOW_MS + 10_000),
+        secret: secret.hash(),
+    };
+    tokens.create(&service, new).await.unwrap();
+    assert_eq!(tokens.scope_of(secret.hash()).await.unwrap(), Some(Scope::agent(centre.the_box.id)));
+    assert!(tokens.list(&service).await.unwrap()[0].last_used_at_ms.is_some());
+    centre.clock.advance(Duration::from_secs(10));
+    assert_eq!(tokens.scope_of(secret.hash()).await.unwrap(), None);
+    centre.store.boxes().delete(&service, &crate::domain::text::Key::from(&centre.the_box.id)).await.unwrap();
+    assert!(tokens.list(&service).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn the_last_administrator_can_neither_go_nor_step_down() {
+    let centre = Centre::new().await;
+    let (people, service) = (centre.store.people(), Scope::service());
+    let ada = centre.person("ada", Role::Administrator, None).await;
+    assert!(matches!(people.delete(&service, ada.id).await, Err(StoreError::Refused { .. })));
+    let demoted = PersonChange { role: Some(Role::Instructor), ..PersonChange::default() };
+    assert!(matches!(people.change(&service, ada.id, demoted).await, Err(StoreError::Refused { .. })));
+    assert_eq!(people.get(&service, ada.id).await.unwrap(), ada); // undone, not only refused
+    centre.person("bob", Role::Administrator, None).await;
+    people.delete(&service, ada.id).await.unwrap();
+}
