@@ -8,14 +8,14 @@
 //! |---|---|
 //! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
-//! | [`Store::cookies`] | `create` `person_of` `delete` `delete_all_of` `forget_expired` |
+//! | [`Store::cookies`] | `create` `person_of` `counts` `delete` `delete_all_of` `forget_expired` |
 //! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
 //! | [`Store::trainees`] | `create` `list` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
-//! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
+//! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `progress` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `give_back` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |

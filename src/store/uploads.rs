@@ -204,6 +204,13 @@ impl Uploads<'_> {
         Ok(sqlx::query_scalar(sql).bind(self.0.now_ms()).bind(most).fetch_all(self.0.readers()).await?)
     }
 
+    /// Is there an upload of this id that has not become a session?
+    pub async fn is_unfinished(&self, id: UploadId) -> StoreResult<bool> {
+        let sql = "SELECT 1 FROM upload WHERE id = $1 AND session_id IS NULL";
+        let found: Option<i64> = sqlx::query_scalar(sql).bind(id).fetch_optional(self.0.readers()).await?;
+        Ok(found.is_some())
+    }
+
     /// How many uploads are unfinished, of all senders.
     pub async fn count_unfinished(&self) -> StoreResult<u64> {
         let sql = "SELECT count(*) FROM upload WHERE session_id IS NULL";

@@ -1,11 +1,8 @@
 //! Collecting: files that nothing refers to any more, uploads whose time is over.
 
-use std::collections::HashSet;
-
 use super::UpkeepResult;
 use crate::domain::blob::BlobHash;
 use crate::domain::scope::Scope;
-use crate::ids::UploadId;
 use crate::store::Store;
 use crate::vault::{Removal, Vault};
 
@@ -47,12 +44,10 @@ pub async fn forget_expired_uploads(store: &Store, vault: &Vault) -> UpkeepResul
 /// Removes the files of uploads that have no row: erased with their trainee, or become a session, whose blob has a name of
 /// its own. Returns how many went.
 pub(super) async fn remove_orphan_uploads(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
-    let files = vault.upload_files().await?; // first: an upload's row is made before its file
-    let uploads = store.uploads().unfinished().await?;
-    let known: HashSet<UploadId> = uploads.iter().map(|upload| upload.id).collect();
-    let orphans: Vec<UploadId> = files.into_iter().filter(|id| !known.contains(id)).collect();
-    for id in &orphans {
-        vault.delete_upload(*id).await?;
+    let mut removed = 0;
+    for id in vault.upload_files().await? {
+        let is_free = async { UpkeepResult::Ok(!store.uploads().is_unfinished(id).await?) };
+        removed += usize::from(vault.delete_upload_if(id, is_free).await? == Removal::Removed);
     }
-    Ok(orphans.len())
+    Ok(removed)
 }

@@ -44,21 +44,21 @@ impl Bench {
 
     /// An upload of five bytes of which so many are noted.
     async fn upload(&self, trainee: TraineeId, in_file: &[u8], noted: u64) -> UploadId {
+        let id = UploadId::at(NOW_MS);
+        let mut file = self.vault.create_upload(id).await.unwrap();
         let new = NewUpload {
+            id,
             trainee,
             task: self.centre.task.id,
             in_box: self.centre.the_box.id,
             filename: "clip.mp4".parse().unwrap(),
-            media_type: "video/mp4".to_owned(),
             metadata: String::new(),
             recorded_at_ms: None,
             length: 5,
             expires_at_ms: NOW_MS + 1_000,
         };
         let uploads = self.centre.store.uploads();
-        let id = uploads.create(&Scope::service(), new).await.unwrap().id;
-        self.vault.create_upload(id).await.unwrap();
-        let mut file = self.vault.open_upload(id, 0).await.unwrap();
+        uploads.create(&Scope::service(), new).await.unwrap();
         file.append(in_file).await.unwrap();
         file.sync().await.unwrap();
         uploads.advance(id, noted, NOW_MS + 1_000).await.unwrap();
@@ -181,6 +181,18 @@ async fn of_an_erased_trainee_no_byte_is_left_in_the_data_folder() {
     assert!(!holds(bench.centre.folder.path(), &MARKER.to_lowercase()));
     assert_eq!(bench.findings().await, []);
     bench.vault.read(Blob::of(b"video of somebody else").hash, 100).await.unwrap();
+}
+
+#[tokio::test]
+async fn an_upload_that_is_just_being_made_is_not_taken_for_rubbish() {
+    let bench = Bench::new().await;
+    let id = UploadId::at(NOW_MS);
+    let between_file_and_row = bench.vault.create_upload(id).await.unwrap();
+    clear_up(&bench.centre.store, &bench.vault).await.unwrap();
+    assert_eq!(bench.vault.upload_files().await.unwrap(), [id]);
+    drop(between_file_and_row);
+    clear_up(&bench.centre.store, &bench.vault).await.unwrap();
+    assert_eq!(bench.vault.upload_files().await.unwrap(), []);
 }
 
 #[tokio::test]

@@ -15,12 +15,12 @@ use super::{Vault, uploads};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::ids::UploadId;
 
-/// What became of a blob that was to be removed.
+/// What became of a file that was to be removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Removal {
     /// Its file is gone.
     Removed,
-    /// It is needed, or somebody is just putting it.
+    /// It is needed, or somebody is just writing it.
     Needed,
 }
 

@@ -17,7 +17,7 @@
 //! | [`Vault::open_blob`], [`Vault::open_range`], [`Vault::read`] | read it: as a file, in part, whole and verified |
 //! | [`Vault::delete_if`], [`Vault::blobs`], [`Vault::is_intact`] | collect, list, verify |
 //! | [`Vault::create_upload`], [`Vault::open_upload`], [`UploadFile`] | receive a recording in pieces |
-//! | [`Vault::keep_upload`], [`Vault::delete_upload`] | make a whole upload a blob; forget one |
+//! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make a whole upload a blob; forget one |
 //! | [`Vault::lock`], [`Vault::clear_incoming`] | start-up |
 
 mod blobs;

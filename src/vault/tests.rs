@@ -128,8 +128,7 @@ async fn a_blob_that_comes_again_while_it_goes_is_there_in_the_end() {
 async fn an_upload_goes_on_after_the_noted_bytes_and_forgets_those_behind() {
     let (vault, folder) = vault().await;
     let id = UploadId::at(1);
-    vault.create_upload(id).await.unwrap();
-    let mut file = vault.open_upload(id, 0).await.unwrap();
+    let mut file = vault.create_upload(id).await.unwrap();
     file.append(b"acknowledged").await.unwrap();
     assert_eq!(file.sync().await.unwrap(), 12);
     file.append(b" lost in the crash").await.unwrap();
@@ -149,8 +148,7 @@ async fn an_upload_goes_on_after_the_noted_bytes_and_forgets_those_behind() {
 async fn an_upload_has_one_sender_at_a_time() {
     let (vault, _folder) = vault().await;
     let id = UploadId::at(1);
-    vault.create_upload(id).await.unwrap();
-    let first = vault.open_upload(id, 0).await.unwrap();
+    let first = vault.create_upload(id).await.unwrap();
     assert!(matches!(vault.open_upload(id, 0).await, Err(VaultError::InUse(_))));
     drop(first);
     vault.open_upload(id, 0).await.unwrap();
@@ -160,7 +158,7 @@ async fn an_upload_has_one_sender_at_a_time() {
 async fn an_upload_that_is_shorter_than_acknowledged_is_not_gone_on_with() {
     let (vault, _folder) = vault().await;
     let id = UploadId::at(1);
-    vault.create_upload(id).await.unwrap();
+    drop(vault.create_upload(id).await.unwrap());
     assert!(matches!(vault.open_upload(id, 3).await, Err(VaultError::Lost { found: 0, noted: 3 })));
 }
 

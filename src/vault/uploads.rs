@@ -5,13 +5,14 @@
 
 use std::collections::HashSet;
 use std::fs::File;
+use std::future::Future;
 use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::Vault;
 use super::disk::{self, on_a_blocking_thread};
 use super::error::{VaultError, VaultResult, failed};
+use super::{Removal, Vault};
 use crate::ids::UploadId;
 
 /// An upload's file, open for one sender at a time.
@@ -47,16 +48,18 @@ struct Claim {
 }
 
 impl Vault {
-    /// Makes an upload's empty file, durably. Call it after the upload's row is made (a file without a row is rubbish that
-    /// upkeep removes at any time) and before its sender hears of it.
-    pub async fn create_upload(&self, id: UploadId) -> VaultResult<()> {
+    /// Makes an upload's empty file, durably, and opens it. Keep it open until the upload's row is made: a file that is
+    /// neither open nor in the database is rubbish.
+    pub async fn create_upload(&self, id: UploadId) -> VaultResult<UploadFile> {
+        let claim = self.inner.open_uploads.claim(id)?;
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || {
-            disk::sync(&disk::create(&path)?, &path);
+        let file = on_a_blocking_thread(move || {
+            let file = disk::create(&path)?;
+            disk::sync(&file, &path);
             path.parent().into_iter().for_each(disk::sync_folder);
-            Ok(())
-        })
-        .await
+            Ok(Box::new(OpenFile { path, file, written: 0, _claim: claim }))
+        });
+        Ok(UploadFile { appended: 0, waiting: Vec::new(), file: Some(file.await?) })
     }
 
     /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open.
@@ -86,6 +89,21 @@ impl Vault {
     pub async fn delete_upload(&self, id: UploadId) -> VaultResult<()> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || disk::remove(&path)).await
+    }
+
+    /// Removes an upload's file if nobody has it open and `is_free` (asked once nobody can) says that the database does
+    /// not know it.
+    pub async fn delete_upload_if<E: From<VaultError>>(
+        &self,
+        id: UploadId,
+        is_free: impl Future<Output = Result<bool, E>>,
+    ) -> Result<Removal, E> {
+        let Ok(_claim) = self.inner.open_uploads.claim(id) else { return Ok(Removal::Needed) };
+        if !is_free.await? {
+            return Ok(Removal::Needed);
+        }
+        self.delete_upload(id).await?;
+        Ok(Removal::Removed)
     }
 
     /// The uploads that have a file.

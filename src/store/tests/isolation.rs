@@ -51,11 +51,11 @@ async fn things_of(centre: &Centre, name: &str) -> Things {
     let trainee = centre.trainee(name).await.id;
     let session = centre.session(trainee, name).await;
     let new = NewUpload {
+        id: UploadId::at(NOW_MS),
         trainee,
         task: centre.task.id,
         in_box: centre.the_box.id,
         filename: "clip.mp4".parse().unwrap(),
-        media_type: "video/mp4".to_owned(),
         metadata: String::new(),
         recorded_at_ms: None,
         length: 5,
@@ -66,12 +66,7 @@ async fn things_of(centre: &Centre, name: &str) -> Things {
 }
 
 fn missing() -> Things {
-    Things {
-        trainee: TraineeId::at(1),
-        session: SessionId::at(1),
-        job: JobId::at(1),
-        upload: UploadId::at(1),
-    }
+    Things { trainee: TraineeId::at(1), session: SessionId::at(1), job: JobId::at(1), upload: UploadId::at(1) }
 }
 
 #[tokio::test]
@@ -137,7 +132,10 @@ async fn only_administrators_run_the_centre_and_only_staff_change_it() {
         assert!(matches!(store.audit().list(&scope, &page).await, Err(StoreError::Forbidden { .. })));
         assert!(store.groups().create(&scope, "C".parse().unwrap()).await.is_err());
         assert!(matches!(
-            store.people().get(&scope, centre.person(&format!("x{:?}", scope.role()), Role::Instructor, None).await.id).await,
+            store
+                .people()
+                .get(&scope, centre.person(&format!("x{:?}", scope.role()), Role::Instructor, None).await.id)
+                .await,
             Err(StoreError::NotFound { .. })
         ));
     }
