@@ -107,7 +107,8 @@ export const api = {
   sessions: {
     ...noun('sessions'),
     retry: id => call('POST', ['sessions', id, 'retry']),
-    trajectory: (id, kind, signal) => call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),
+    trajectory: (id, kind, signal) =>
+      call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),
     diagnostics: (id, signal) => call('GET', ['sessions', id, 'diagnostics'], { signal }),
     videoAddress: id => address(['sessions', id, 'video']),
     trajectoryAddress: (id, format) => address(['sessions', id, 'trajectory'], { format, kind: 'smoothed' }),

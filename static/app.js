@@ -13,14 +13,41 @@ import { SignIn } from './pages/sign_in.js';
 /** Every page: the first part of its address, its module (loaded when it is first shown), and who may see it. */
 const PAGES = [
   { name: 'today', at: path => path.length === 0, load: () => import('./pages/today.js') },
-  { name: 'sessions', at: path => path[0] === 'sessions' && path.length === 1, load: () => import('./pages/sessions.js') },
-  { name: 'sessions', at: path => path[0] === 'sessions' && path.length === 2, load: () => import('./pages/session.js') },
+  {
+    name: 'sessions',
+    at: path => path[0] === 'sessions' && path.length === 1,
+    load: () => import('./pages/sessions.js'),
+  },
+  {
+    name: 'sessions',
+    at: path => path[0] === 'sessions' && path.length === 2,
+    load: () => import('./pages/session.js'),
+  },
   { name: 'upload', at: path => path[0] === 'upload', load: () => import('./pages/upload.js') },
-  { name: 'trainees', at: path => path[0] === 'trainees' && path.length === 1, load: () => import('./pages/trainees.js'), needs: 'see_trainees' },
-  { name: 'trainees', at: path => path[0] === 'trainees' && path.length === 2, load: () => import('./pages/trainee.js') },
+  {
+    name: 'trainees',
+    at: path => path[0] === 'trainees' && path.length === 1,
+    load: () => import('./pages/trainees.js'),
+    needs: 'see_trainees',
+  },
+  {
+    name: 'trainees',
+    at: path => path[0] === 'trainees' && path.length === 2,
+    load: () => import('./pages/trainee.js'),
+  },
   { name: 'tasks', at: path => path[0] === 'tasks', load: () => import('./pages/tasks.js'), needs: 'edit_tasks' },
-  { name: 'boxes', at: path => path[0] === 'boxes' && path.length === 1, load: () => import('./pages/boxes.js'), needs: 'see_boxes' },
-  { name: 'boxes', at: path => path[0] === 'boxes' && path.length === 2, load: () => import('./pages/box.js'), needs: 'see_boxes' },
+  {
+    name: 'boxes',
+    at: path => path[0] === 'boxes' && path.length === 1,
+    load: () => import('./pages/boxes.js'),
+    needs: 'see_boxes',
+  },
+  {
+    name: 'boxes',
+    at: path => path[0] === 'boxes' && path.length === 2,
+    load: () => import('./pages/box.js'),
+    needs: 'see_boxes',
+  },
   { name: 'people', at: path => path[0] === 'people', load: () => import('./pages/people.js'), needs: 'people' },
   { name: 'account', at: path => path[0] === 'account', load: () => import('./pages/account.js') },
 ];
@@ -30,7 +57,8 @@ function App() {
   const [problem, setProblem] = useState(null);
   const [expired, setExpired] = useState(false);
 
-  const ask = () => api.me().then(setPerson, error => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
+  const ask = () =>
+    api.me().then(setPerson, error => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
   useEffect(() => void ask(), []);
   useEffect(
     () =>

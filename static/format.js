@@ -5,14 +5,14 @@ const share = new Intl.NumberFormat('en', { style: 'percent', maximumFractionDig
 const plain = [0, 1, 2, 3].map(
   digits => new Intl.NumberFormat('en', { minimumFractionDigits: digits, maximumFractionDigits: digits }),
 );
-const tiny = new Intl.NumberFormat('en', { maximumSignificantDigits: 3 });
+const rounded = new Intl.NumberFormat('en', { maximumSignificantDigits: 3 });
 const TRUE_MINUS = '−';
 
 /** Three telling digits and no more: what follows is noise of the measurement. */
 export function number(value) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const size = Math.abs(value);
-  if (size !== 0 && size < 0.1) return minus(tiny.format(value));
+  if (size !== 0 && (size < 0.1 || size >= 10_000)) return minus(rounded.format(value));
   return minus(plain[size >= 100 ? 0 : size >= 10 ? 1 : 2].format(value));
 }
 

@@ -1,6 +1,16 @@
 // What each role is offered. The server decides; hiding only spares people buttons that would be refused.
 const ALLOWED = {
-  administrator: ['upload', 'retry', 'delete', 'see_trainees', 'edit_trainees', 'edit_tasks', 'see_boxes', 'edit_boxes', 'people'],
+  administrator: [
+    'upload',
+    'retry',
+    'delete',
+    'see_trainees',
+    'edit_trainees',
+    'edit_tasks',
+    'see_boxes',
+    'edit_boxes',
+    'people',
+  ],
   instructor: ['upload', 'retry', 'delete', 'see_trainees', 'edit_trainees', 'edit_tasks', 'see_boxes', 'edit_boxes'],
   trainee: ['upload_own'],
 };

@@ -5,7 +5,10 @@ const CHANGED = 'trocar:route';
 
 /** The address as data: `/sessions/7?t=3.2` → `{ path: ['sessions', '7'], query }`. */
 export function currentRoute() {
-  return { path: location.pathname.split('/').filter(Boolean).map(decode), query: new URLSearchParams(location.search) };
+  return {
+    path: location.pathname.split('/').filter(Boolean).map(decode),
+    query: new URLSearchParams(location.search),
+  };
 }
 
 /** The address of a page; empty query values are left out. */

@@ -8,7 +8,15 @@ import { t } from '../texts.js';
 const words = t.account;
 const FIELDS = [
   { name: 'old', label: words.old, type: 'password', required: true, autocomplete: 'current-password' },
-  { name: 'fresh', label: words.fresh, type: 'password', required: true, minlength: 10, hint: words.freshHint, autocomplete: 'new-password' },
+  {
+    name: 'fresh',
+    label: words.fresh,
+    type: 'password',
+    required: true,
+    minlength: 10,
+    hint: words.freshHint,
+    autocomplete: 'new-password',
+  },
   { name: 'again', label: words.again, type: 'password', required: true, autocomplete: 'new-password' },
 ];
 

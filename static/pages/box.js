@@ -15,15 +15,33 @@ const words = t.box;
 
 export default function BoxPage({ person, route }) {
   const id = route.path[1];
-  const { data: box, problem, reload } = useData(async signal => {
-    const found = await api.boxes.get(id, signal);
-    const [camera, colours, calibrations] = await Promise.all([found.calibration && api.boxes.camera(id), found.palette && api.boxes.palette(id), api.boxes.calibrations(id)]);
-    return { ...found, camera, colours, calibrations };
-  }, [id]);
+  const {
+    data: box,
+    problem,
+    reload,
+  } = useData(
+    async signal => {
+      const found = await api.boxes.get(id, signal);
+      const [camera, colours, calibrations] = await Promise.all([
+        found.calibration && api.boxes.camera(id),
+        found.palette && api.boxes.palette(id),
+        api.boxes.calibrations(id),
+      ]);
+      return { ...found, camera, colours, calibrations };
+    },
+    [id],
+  );
   const mayEdit = may(person, 'edit_boxes');
-  const edit = useEditing({ editTitle: t.boxes.edit, fields: boxFields, save: (item, values) => saveChanges(api.boxes, item, values), onChange: reload });
+  const edit = useEditing({
+    editTitle: t.boxes.edit,
+    fields: boxFields,
+    save: (item, values) => saveChanges(api.boxes, item, values),
+    onChange: reload,
+  });
 
-  if (!box) return html`<${PageHead} title=${t.nav.boxes} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  if (!box)
+    return html`<${PageHead} title=${t.nav.boxes} />${problem
+      ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const ready = box.calibration && box.palette;
   return html`
     <${PageHead} title=${box.name} lead=${[box.code, t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>

@@ -14,16 +14,31 @@ const words = t.boxes;
 export const boxFields = item => [
   { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
   { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
-  { name: 'view', label: words.view, type: 'select', options: [['', words.auto], ...Object.entries(words.views)], value: item?.view },
+  {
+    name: 'view',
+    label: words.view,
+    type: 'select',
+    options: [['', words.auto], ...Object.entries(words.views)],
+    value: item?.view,
+  },
   { name: 'notes', label: words.notes, type: 'textarea', value: item?.notes },
 ];
 
 export default function Boxes({ person }) {
   const { data: boxes, problem, reload } = useData(() => api.boxes.all(), []);
   const mayEdit = may(person, 'edit_boxes');
-  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: t.people.removeTitle, fields: boxFields, save: (item, values) => saveChanges(api.boxes, item, values), remove: item => api.boxes.remove(item.id), onChange: reload });
+  const edit = useEditing({
+    addTitle: words.add,
+    editTitle: words.edit,
+    removeTitle: t.people.removeTitle,
+    fields: boxFields,
+    save: (item, values) => saveChanges(api.boxes, item, values),
+    remove: item => api.boxes.remove(item.id),
+    onChange: reload,
+  });
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
+    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && html`<${AddButton} label=${words.add}
+      onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <section class="card">
       ${!boxes && !problem && html`<${Loading} />`}
@@ -31,7 +46,9 @@ export default function Boxes({ person }) {
       ${boxes?.length > 0 && html`
         <div class="scroll">
           <table class="table">
-            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.camera}</th><th scope="col">${words.palette}</th><th scope="col">${words.tools}</th><th scope="col">${words.view}</th><td></td></tr></thead>
+            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.camera}</th><th scope="col">
+              ${words.palette}</th><th scope="col">${words.tools}</th><th scope="col">${words.view}</th>
+              <td></td></tr></thead>
             <tbody>
               ${boxes.map(box => html`
                 <tr key=${box.id}>
@@ -40,7 +57,8 @@ export default function Boxes({ person }) {
                   <td><${PaletteState} palette=${box.palette} /></td>
                   <td>${box.tools.map(tool => tool.name).join(', ') || '–'}</td>
                   <td>${words.views[box.view] ?? words.auto}</td>
-                  <td>${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change} onRemove=${may(person, 'people') && edit.remove} />`}</td>
+                  <td>${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change}
+                    onRemove=${may(person, 'people') && edit.remove} />`}</td>
                 </tr>`)}
             </tbody>
           </table>
@@ -52,7 +70,9 @@ export default function Boxes({ person }) {
 /** A camera.json from elsewhere says nothing of its residual. */
 export const CameraState = ({ calibration }) => {
   if (!calibration) return html`<span class="pill warn">${words.notYet}</span>`;
-  return html`<span class="pill good">${Number.isFinite(calibration.rms_px) ? words.calibrated(number(calibration.rms_px)) : words.given}</span>`;
+  return html`<span class="pill good">${Number.isFinite(calibration.rms_px)
+    ? words.calibrated(number(calibration.rms_px)) : words.given}</span>`;
 };
 
-export const PaletteState = ({ palette }) => (palette ? html`<span class="pill good">${words.ready}</span>` : html`<span class="pill warn">${words.notYet}</span>`);
+export const PaletteState = ({ palette }) =>
+  palette ? html`<span class="pill good">${words.ready}</span>` : html`<span class="pill warn">${words.notYet}</span>`;

@@ -20,20 +20,75 @@ function rolesFor(item) {
 
 export default function People() {
   const { data, problem, reload } = useData(async () => {
-    const [people, groups, tokens, trainees, boxes] = await Promise.all([api.people.all(), api.groups.all(), api.tokens.all(), api.trainees.all(), api.boxes.all()]);
+    const [people, groups, tokens, trainees, boxes] = await Promise.all([
+      api.people.all(),
+      api.groups.all(),
+      api.tokens.all(),
+      api.trainees.all(),
+      api.boxes.all(),
+    ]);
     return { people, groups, tokens, trainees, boxes };
   }, []);
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name, autocomplete: 'off' },
-    ...(item ? [] : [{ name: 'login', label: words.login, required: true, autocapitalize: 'none', autocomplete: 'off', spellcheck: false }]),
+    ...(item
+      ? []
+      : [
+          {
+            name: 'login',
+            label: words.login,
+            required: true,
+            autocapitalize: 'none',
+            autocomplete: 'off',
+            spellcheck: false,
+          },
+        ]),
     { name: 'role', label: words.role, type: 'select', options: rolesFor(item), value: item?.role ?? 'instructor' },
-    { name: 'password', label: item ? words.newPassword : words.password, type: 'password', hint: item ? words.newPasswordHint : words.passwordHint, required: !item, minlength: 10, autocomplete: 'new-password' },
-    ...(item ? [] : [{ name: 'trainee', label: words.trainee, type: 'select', required: true, options: [['', t.upload.choose], ...data.trainees.map(one => [one.id, one.name])], when: isTrainee }]),
-    ...(!item && data.groups.length ? [{ name: 'groups', when: chosen => chosen.role === 'instructor', label: words.groups, type: 'checks', options: data.groups.map(group => [group.id, group.name]) }] : []),
+    {
+      name: 'password',
+      label: item ? words.newPassword : words.password,
+      type: 'password',
+      hint: item ? words.newPasswordHint : words.passwordHint,
+      required: !item,
+      minlength: 10,
+      autocomplete: 'new-password',
+    },
+    ...(item
+      ? []
+      : [
+          {
+            name: 'trainee',
+            label: words.trainee,
+            type: 'select',
+            required: true,
+            options: [['', t.upload.choose], ...data.trainees.map(one => [one.id, one.name])],
+            when: isTrainee,
+          },
+        ]),
+    ...(!item && data.groups.length
+      ? [
+          {
+            name: 'groups',
+            when: chosen => chosen.role === 'instructor',
+            label: words.groups,
+            type: 'checks',
+            options: data.groups.map(group => [group.id, group.name]),
+          },
+        ]
+      : []),
   ];
-  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: words.removeTitle, fields, save: (item, values) => saveChanges(api.people, item, values), remove: item => api.people.remove(item.id), onChange: reload });
+  const edit = useEditing({
+    addTitle: words.add,
+    editTitle: words.edit,
+    removeTitle: words.removeTitle,
+    fields,
+    save: (item, values) => saveChanges(api.people, item, values),
+    remove: item => api.people.remove(item.id),
+    onChange: reload,
+  });
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>${data && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
+    <${PageHead} title=${words.title} lead=${words.lead}>${data && html`<${AddButton} label=${words.add}
+      onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}
     ${data && html`
@@ -42,11 +97,13 @@ export default function People() {
           ${data.people.length === 0 ? html`<${Empty} title=${words.none} body=${words.noneBody} />` : html`
             <div class="scroll">
               <table class="table">
-                <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.login}</th><th scope="col">${words.role}</th><td></td></tr></thead>
+                <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.login}</th><th scope="col">
+                  ${words.role}</th><td></td></tr></thead>
                 <tbody>
                   ${data.people.map(one => html`
                     <tr key=${one.id}>
-                      <th scope="row">${one.name}</th><td class="code">${one.login}</td><td>${t.roles[one.role] ?? one.role}</td>
+                      <th scope="row">${one.name}</th><td class="code">${one.login}</td><td>
+                        ${t.roles[one.role] ?? one.role}</td>
                       <td><${RowButtons} item=${one} onEdit=${edit.change} onRemove=${edit.remove} /></td>
                     </tr>`)}
                 </tbody>

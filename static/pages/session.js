@@ -26,30 +26,37 @@ export default function Session({ person, route }) {
     if (event.status !== session.status) reload();
   });
 
-  if (problem && !session) return html`<${PageHead} title=${t.nav.sessions} /><${ProblemNotice} problem=${problem} onRetry=${reload} />`;
+  if (problem && !session)
+    return html`<${PageHead} title=${t.nav.sessions} /><${ProblemNotice} problem=${problem} onRetry=${reload} />`;
   if (!session) return html`<${PageHead} title=${t.nav.sessions} /><${Loading} />`;
   const progress = moved?.status === session.status ? moved.progress : session.progress;
   return html`
-    <${PageHead} title=${words.title(session.trainee?.name, session.task?.name)} lead=${html`<${Lead} session=${session} person=${person} />`}>
+    <${PageHead} title=${words.title(session.trainee?.name, session.task?.name)} lead=${html`<${Lead} session=${session}
+      person=${person} />`}>
       <${Actions} session=${session} person=${person} onChange=${reload} />
     <//>
     <div class="stack">
       <${Announce}>${t.status[stateOf(session)]}<//>
       ${isMoving(session) && html`<${Waiting} session=${session} progress=${progress} />`}
-      ${session.status === 'failed' && html`<${ProblemNotice} problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
-      <${Loaded} key=${`${session.id} ${session.status}`} session=${session} start=${Number(route.query.get('t')) || 0} />
+      ${session.status === 'failed' && html`<${ProblemNotice}
+        problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
+      <${Loaded} key=${`${session.id} ${session.status}`} session=${session}
+        start=${Number(route.query.get('t')) || 0} />
     </div>`;
 }
 
 const Lead = ({ session, person }) => html`
   ${dateTime(session.recorded_at ?? session.created_at)} · ${session.box?.name} · ${session.filename}
-  ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee && html`· <a href=${href(['trainees', session.trainee.id])}>${t.trainee.progress}</a>`}`;
+  ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&
+    html`· <a href=${href(['trainees', session.trainee.id])}>${t.trainee.progress}</a>`}`;
 
 const Waiting = ({ session, progress }) => html`
   <section class="card">
     <div class="body stack tight">
-      <${Notice} title=${{ queued: words.waiting, tracking: words.tracking, receiving: words.receiving }[session.status]}>
-        ${session.status === 'queued' && Number.isFinite(session.queue_position) ? `${t.today.position(session.queue_position)}. ` : ''}${words.waitingBody}
+      <${Notice}
+        title=${{ queued: words.waiting, tracking: words.tracking, receiving: words.receiving }[session.status]}>
+        ${session.status === 'queued' && Number.isFinite(session.queue_position)
+          ? `${t.today.position(session.queue_position)}. ` : ''}${words.waitingBody}
       <//>
       ${session.status !== 'queued' && html`<${ProgressBar} value=${progress} name=${session.filename} />`}
     </div>
@@ -67,25 +74,37 @@ function Actions({ session, person, onChange }) {
   const remove = () => api.sessions.remove(session.id).then(() => go(['sessions']));
   return html`
     <${StatusPill} state=${stateOf(session)} />
-    ${!isMoving(session) && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main' : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy : words.retry}</button>`}
-    ${may(person, 'delete') && !isMoving(session) && html`<button class="button" type="button" onClick=${() => setAsking(true)}>${words.remove}</button>`}
-    ${asking && html`<${Confirm} title=${words.removeTitle} body=${words.removeBody} yes=${words.removeYes} no=${words.keep} onYes=${remove} onClose=${() => setAsking(false)} />`}
+    ${!isMoving(session) && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
+      : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy
+      : words.retry}</button>`}
+    ${may(person, 'delete') && !isMoving(session) && html`<button class="button" type="button"
+      onClick=${() => setAsking(true)}>${words.remove}</button>`}
+    ${asking && html`<${Confirm} title=${words.removeTitle} body=${words.removeBody} yes=${words.removeYes}
+      no=${words.keep} onYes=${remove} onClose=${() => setAsking(false)} />`}
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />`;
 }
 
 /** The path is asked for only when there is one; a recording that failed can still be looked at. */
 function Loaded({ session, start }) {
   const done = session.status === 'done';
-  const { data, problem, reload } = useData(async signal => {
-    if (!done) return { trajectory: null, diagnostics: null };
-    const [trajectory, diagnostics] = await Promise.all([api.sessions.trajectory(session.id, 'smoothed', signal), api.sessions.diagnostics(session.id, signal).catch(() => null)]);
-    return { trajectory, diagnostics };
-  }, [session.id, done]);
+  const { data, problem, reload } = useData(
+    async signal => {
+      if (!done) return { trajectory: null, diagnostics: null };
+      const [trajectory, diagnostics] = await Promise.all([
+        api.sessions.trajectory(session.id, 'smoothed', signal),
+        api.sessions.diagnostics(session.id, signal).catch(() => null),
+      ]);
+      return { trajectory, diagnostics };
+    },
+    [session.id, done],
+  );
   const [shown, setShown] = useState(null);
   useEffect(() => data && setShown(data), [data]);
 
   if (!done && (!session.video || session.status === 'receiving')) return null;
   return html`
-    ${problem && html`<${ProblemNotice} problem=${{ title: words.noPath, detail: `${problem.title}. ${problem.detail}` }} onRetry=${reload} />`}
-    ${shown || problem ? html`<${Review} session=${session} trajectory=${shown?.trajectory} diagnostics=${shown?.diagnostics} start=${start} />` : html`<${Loading} />`}`;
+    ${problem && html`<${ProblemNotice}
+      problem=${{ title: words.noPath, detail: `${problem.title}. ${problem.detail}` }} onRetry=${reload} />`}
+    ${shown || problem ? html`<${Review} session=${session} trajectory=${shown?.trajectory}
+      diagnostics=${shown?.diagnostics} start=${start} />` : html`<${Loading} />`}`;
 }

@@ -19,7 +19,10 @@ const PAGE = 50;
 export default function Sessions({ person, route }) {
   const filter = Object.fromEntries(FILTERS.map(name => [name, route.query.get(name) ?? undefined]));
   const filtered = FILTERS.some(name => filter[name]);
-  const { data, problem, reload } = useData(signal => api.sessions.page({ ...filter, limit: PAGE }, signal), [route.query.toString()]);
+  const { data, problem, reload } = useData(
+    signal => api.sessions.page({ ...filter, limit: PAGE }, signal),
+    [route.query.toString()],
+  );
   const [more, setMore] = useState({ items: [], next: undefined, problem: null });
   const soon = useThrottled(reload, 1500);
   useLive('session', soon);
@@ -43,11 +46,16 @@ export default function Sessions({ person, route }) {
       <${Filters} person=${person} filter=${filter} />
       <${Announce}>${data && words.count(items.length)}<//>
       ${!data && !problem && html`<${Loading} />`}
-      ${data && items.length === 0 && html`<${Empty} title=${words.none} body=${filtered ? words.noneFiltered : words.noneBody}>
-        ${filtered ? html`<button class="button" type="button" onClick=${() => replace(['sessions'])}>${words.clear}</button>` : html`<a class="button main" href=${href(['upload'])}>${t.today.upload}</a>`}
+      ${
+        data &&
+        items.length === 0 &&
+        html`<${Empty} title=${words.none} body=${filtered ? words.noneFiltered : words.noneBody}>
+        ${filtered ? html`<button class="button" type="button" onClick=${() => replace(['sessions'])}>
+          ${words.clear}</button>` : html`<a class="button main" href=${href(['upload'])}>${t.today.upload}</a>`}
       <//>`}
       ${items.length > 0 && html`<${Table} items=${items} />`}
-      ${next && html`<div class="more"><button class="button" type="button" onClick=${showMore}>${words.more}</button></div>`}
+      ${next && html`<div class="more"><button class="button" type="button" onClick=${showMore}>
+        ${words.more}</button></div>`}
     </section>`;
 }
 
@@ -65,10 +73,14 @@ function Filters({ person, filter }) {
   const choices = name => [['', words.any], ...(lists?.[name] ?? []).map(item => [item.id, item.name])];
   return html`
     <div class="filters" role="search" aria-label=${words.title}>
-      ${may(person, 'see_trainees') && html`<${Field} type="select" label=${words.trainee} value=${filter.trainee} options=${choices('trainee')} onInput=${set('trainee')} />`}
-      <${Field} type="select" label=${words.task} value=${filter.task} options=${choices('task')} onInput=${set('task')} />
-      ${may(person, 'see_boxes') && html`<${Field} type="select" label=${words.box} value=${filter.box} options=${choices('box')} onInput=${set('box')} />`}
-      <${Field} type="select" label=${words.status} value=${filter.status} options=${[['', words.any], ...STATES.map(state => [state, t.status[state]])]} onInput=${set('status')} />
+      ${may(person, 'see_trainees') && html`<${Field} type="select" label=${words.trainee} value=${filter.trainee}
+        options=${choices('trainee')} onInput=${set('trainee')} />`}
+      <${Field} type="select" label=${words.task} value=${filter.task} options=${choices('task')}
+        onInput=${set('task')} />
+      ${may(person, 'see_boxes') && html`<${Field} type="select" label=${words.box} value=${filter.box}
+        options=${choices('box')} onInput=${set('box')} />`}
+      <${Field} type="select" label=${words.status} value=${filter.status}
+        options=${[['', words.any], ...STATES.map(state => [state, t.status[state]])]} onInput=${set('status')} />
     </div>`;
 }
 
@@ -87,18 +99,17 @@ const Table = ({ items }) => html`
         </tr>
       </thead>
       <tbody>
-        ${items.map(
-          session => html`
+        ${items.map(session => html`
             <tr key=${session.id}>
-              <th scope="row" class="when"><a class="cover" href=${href(['sessions', session.id])}>${dateTime(session.recorded_at ?? session.created_at)}</a></th>
+              <th scope="row" class="when"><a class="cover" href=${href(['sessions', session.id])}>
+                ${dateTime(session.recorded_at ?? session.created_at)}</a></th>
               <td>${session.trainee?.name}</td>
               <td>${session.task?.name}</td>
               <td class="second">${session.box?.name}</td>
               <td class="muted third">${session.filename}</td>
               <td class="number second">${session.video ? clock(session.video.duration_s, 0) : '–'}</td>
               <td><${StatusPill} state=${stateOf(session)} /></td>
-            </tr>`,
-        )}
+            </tr>`)}
       </tbody>
     </table>
   </div>`;

@@ -7,7 +7,15 @@ import { Notice } from '../parts/notice.js';
 import { t } from '../texts.js';
 
 const FIELDS = [
-  { name: 'login', label: t.signIn.login, required: true, autocomplete: 'username', autocapitalize: 'none', spellcheck: false, autofocus: true },
+  {
+    name: 'login',
+    label: t.signIn.login,
+    required: true,
+    autocomplete: 'username',
+    autocapitalize: 'none',
+    spellcheck: false,
+    autofocus: true,
+  },
   { name: 'password', label: t.signIn.password, type: 'password', required: true, autocomplete: 'current-password' },
 ];
 

@@ -18,9 +18,18 @@ export default function Tasks({ person }) {
     { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
     { name: 'description', label: words.description, type: 'textarea', value: item?.description },
   ];
-  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: t.people.removeTitle, fields, save: (item, values) => saveChanges(api.tasks, item, values), remove: item => api.tasks.remove(item.id), onChange: reload });
+  const edit = useEditing({
+    addTitle: words.add,
+    editTitle: words.edit,
+    removeTitle: t.people.removeTitle,
+    fields,
+    save: (item, values) => saveChanges(api.tasks, item, values),
+    remove: item => api.tasks.remove(item.id),
+    onChange: reload,
+  });
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
+    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && html`<${AddButton} label=${words.add}
+      onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <section class="card">
       ${!tasks && !problem && html`<${Loading} />`}
@@ -28,14 +37,16 @@ export default function Tasks({ person }) {
       ${tasks?.length > 0 && html`
         <div class="scroll">
           <table class="table">
-            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col">${words.description}</th><td></td></tr></thead>
+            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col">
+              ${words.description}</th><td></td></tr></thead>
             <tbody>
               ${tasks.map(task => html`
                 <tr key=${task.id}>
                   <th scope="row"><a class="cover" href=${href(['sessions'], { task: task.id })}>${task.name}</a></th>
                   <td class="code">${task.code}</td>
                   <td class="muted">${task.description}</td>
-                  <td>${mayEdit && html`<${RowButtons} item=${task} onEdit=${edit.change} onRemove=${may(person, 'people') && edit.remove} />`}</td>
+                  <td>${mayEdit && html`<${RowButtons} item=${task} onEdit=${edit.change}
+                    onRemove=${may(person, 'people') && edit.remove} />`}</td>
                 </tr>`)}
             </tbody>
           </table>

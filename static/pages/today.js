@@ -40,7 +40,9 @@ export default function Today({ person }) {
     soon();
   });
 
-  if (!data) return html`<${PageHead} title=${words.title} lead=${words.lead} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  if (!data)
+    return html`<${PageHead} title=${words.title} lead=${words.lead} />${problem
+      ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
   const recent = data.done.filter(session => Date.now() - Date.parse(session.created_at) < DAY_MS).length;
   const mayUpload = may(person, 'upload') || may(person, 'upload_own');
@@ -58,9 +60,12 @@ export default function Today({ person }) {
       <${Figure} name=${words.attention} value=${data.failed.length} />
     </dl>
     <div class="columns">
-      <${List} title=${words.moving} items=${moving} row=${Moving} empty=${words.emptyQueue} emptyBody=${words.emptyQueueBody} />
-      <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention} emptyBody=${words.emptyAttentionBody} />
-      <${List} title=${words.recent} items=${data.done.slice(0, SHOWN)} row=${Done} empty=${words.emptyRecent} emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} wide />
+      <${List} title=${words.moving} items=${moving} row=${Moving} empty=${words.emptyQueue}
+        emptyBody=${words.emptyQueueBody} />
+      <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention}
+        emptyBody=${words.emptyAttentionBody} />
+      <${List} title=${words.recent} items=${data.done.slice(0, SHOWN)} row=${Done} empty=${words.emptyRecent}
+        emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} wide />
     </div>`;
 }
 
@@ -76,7 +81,8 @@ const Figure = ({ name, value }) => html`<div class="card figure"><dt>${name}</d
 const List = ({ title, items, row: Row, empty, emptyBody, more, wide }) => html`
   <section class=${`card ${wide ? 'wide' : ''}`}>
     <header><h2>${title}</h2>${more && html`<a href=${more}>${words.all}</a>`}</header>
-    ${items.length ? html`<ul class="queue">${items.map(session => html`<${Row} key=${session.id} session=${session} />`)}</ul>` : html`<${Empty} title=${empty} body=${emptyBody} />`}
+    ${items.length ? html`<ul class="queue">${items.map(session => html`<${Row} key=${session.id}
+      session=${session} />`)}</ul>` : html`<${Empty} title=${empty} body=${emptyBody} />`}
   </section>`;
 
 const Name = ({ session }) => html`
@@ -89,7 +95,10 @@ const Moving = ({ session }) => html`
   <li>
     <${Name} session=${session} />
     <${StatusPill} state=${session.status} />
-    ${session.status === 'queued' ? session.queue_position !== undefined && session.queue_position !== null && html`<p class="why">${words.position(session.queue_position)}</p>` : html`<${ProgressBar} value=${session.progress} name=${session.filename} />`}
+    ${session.status === 'queued'
+      ? session.queue_position !== undefined && session.queue_position !== null && html`<p class="why">
+      ${words.position(session.queue_position)}</p>`
+      : html`<${ProgressBar} value=${session.progress} name=${session.filename} />`}
   </li>`;
 
 const Failed = ({ session }) => html`

@@ -17,17 +17,27 @@ const SHARED = '*'; // Features of both tools together, in the address.
 
 export default function Trainee({ route }) {
   const id = route.path[1];
-  const { data: base, problem, reload } = useData(async signal => {
-    const newest = api.sessions.page({ trainee: id, limit: 1 }, signal);
-    const [trainee, tasks, last] = await Promise.all([api.trainees.get(id, signal), api.tasks.all(), newest]);
-    return { trainee, tasks, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
-  }, [id]);
-  if (!base) return html`<${PageHead} title=${t.nav.trainees} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const {
+    data: base,
+    problem,
+    reload,
+  } = useData(
+    async signal => {
+      const newest = api.sessions.page({ trainee: id, limit: 1 }, signal);
+      const [trainee, tasks, last] = await Promise.all([api.trainees.get(id, signal), api.tasks.all(), newest]);
+      return { trainee, tasks, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
+    },
+    [id],
+  );
+  if (!base)
+    return html`<${PageHead} title=${t.nav.trainees} />${problem
+      ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const { trainee, tasks, usual } = base;
   const level = t.trainees.levels[trainee.level];
   return html`
     <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')} />
-    ${tasks.length ? html`<${Progress} id=${id} tasks=${tasks} usual=${usual} route=${route} />` : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
+    ${tasks.length ? html`<${Progress} id=${id} tasks=${tasks} usual=${usual} route=${route} />`
+      : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
 }
 
 function Progress({ id, tasks, usual, route }) {
@@ -36,8 +46,12 @@ function Progress({ id, tasks, usual, route }) {
   const soon = useThrottled(reload, 2000);
   useLive('session', event => event.status === 'done' && soon());
 
-  const done = (data?.sessions ?? []).filter(session => session.status === 'done' && session.features?.length).sort((a, b) => Date.parse(a.recorded_at) - Date.parse(b.recorded_at));
-  const tools = [...new Set(done.flatMap(session => session.features.map(feature => feature.tool ?? SHARED)))].sort().reverse(); // `*` sorts last.
+  const done = (data?.sessions ?? [])
+    .filter(session => session.status === 'done' && session.features?.length)
+    .sort((a, b) => Date.parse(a.recorded_at) - Date.parse(b.recorded_at));
+  const tools = [...new Set(done.flatMap(session => session.features.map(feature => feature.tool ?? SHARED)))]
+    .sort()
+    .reverse(); // `*` sorts last.
   const wanted = route.query.get('tool');
   const tool = tools.includes(wanted) ? wanted : tools[0];
   const set = (key, value) => replace(['trainees', id], { task: task.id, tool: wanted, [key]: value });
@@ -45,14 +59,19 @@ function Progress({ id, tasks, usual, route }) {
     <section class="card">
       <header><h2>${words.progress}</h2></header>
       <div class="filters">
-        <${Field} type="select" label=${words.task} value=${task.id} options=${tasks.map(one => [one.id, one.name])} onInput=${event => set('task', event.target.value)} />
-        ${tools.length > 0 && html`<${Field} type="select" label=${words.tool} value=${tool} options=${tools.map(name => [name, name === SHARED ? t.session.both : name])} onInput=${event => set('tool', event.target.value)} />`}
+        <${Field} type="select" label=${words.task} value=${task.id} options=${tasks.map(one => [one.id, one.name])}
+          onInput=${event => set('task', event.target.value)} />
+        ${tools.length > 0 && html`<${Field} type="select" label=${words.tool} value=${tool}
+          options=${tools.map(name => [name, name === SHARED ? t.session.both
+          : name])} onInput=${event => set('tool', event.target.value)} />`}
       </div>
       <div class="body">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${!data && !problem && html`<${Loading} />`}
-        ${data && done.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}><a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
-        ${done.length > 0 && html`<div class="sparks">${sparks(done, tool === SHARED ? null : tool).map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>`}
+        ${data && done.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>
+          <a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
+        ${done.length > 0 && html`<div class="sparks">${sparks(done, tool === SHARED ? null
+          : tool).map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>`}
       </div>
     </section>
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
@@ -61,7 +80,8 @@ function Progress({ id, tasks, usual, route }) {
 /** One small plot per feature of that tool, with a point per session. */
 function sparks(sessions, tool) {
   const names = new Map();
-  for (const session of sessions) for (const row of featureRows(session.features, '3d')) if (row.byTool.has(tool)) names.set(row.name, row);
+  for (const session of sessions)
+    for (const row of featureRows(session.features, '3d')) if (row.byTool.has(tool)) names.set(row.name, row);
   return [...names.values()].map(({ name, title, unit }) => ({
     name,
     title,
@@ -77,6 +97,8 @@ const Sessions = ({ sessions }) => html`
   <section class="card list">
     <header><h2>${words.table}</h2></header>
     <ul class="queue">
-      ${[...sessions].reverse().map(session => html`<li key=${session.id}><div><a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a></div><${StatusPill} state=${session.status} /></li>`)}
+      ${[...sessions].reverse().map(session => html`<li key=${session.id}><div>
+        <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a></div>
+        <${StatusPill} state=${session.status} /></li>`)}
     </ul>
   </section>`;

@@ -23,24 +23,56 @@ export default function Trainees({ person }) {
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: words.codeHint, maxlength: 60, value: item?.code },
     { name: 'level', label: words.level, type: 'select', options: pairs(words.levels), value: item?.level },
-    { name: 'handedness', label: words.handedness, type: 'select', options: pairs(words.hands), value: item?.handedness },
-    ...(!item && data.groups.length ? [{ name: 'group', label: words.group, type: 'select', options: [['', words.unset], ...data.groups.map(group => [group.id, group.name])] }] : []),
+    {
+      name: 'handedness',
+      label: words.handedness,
+      type: 'select',
+      options: pairs(words.hands),
+      value: item?.handedness,
+    },
+    ...(!item && data.groups.length
+      ? [
+          {
+            name: 'group',
+            label: words.group,
+            type: 'select',
+            options: [['', words.unset], ...data.groups.map(group => [group.id, group.name])],
+          },
+        ]
+      : []),
   ];
-  const edit = useEditing({ addTitle: words.add, editTitle: words.edit, removeTitle: t.people.removeTitle, removeBody: words.removeBody, fields, save: (item, values) => saveChanges(api.trainees, item, values), remove: item => api.trainees.remove(item.id), onChange: reload });
-  const shown = data?.trainees.filter(trainee => `${trainee.name} ${trainee.code}`.toLowerCase().includes(wanted.toLowerCase())) ?? [];
+  const edit = useEditing({
+    addTitle: words.add,
+    editTitle: words.edit,
+    removeTitle: t.people.removeTitle,
+    removeBody: words.removeBody,
+    fields,
+    save: (item, values) => saveChanges(api.trainees, item, values),
+    remove: item => api.trainees.remove(item.id),
+    onChange: reload,
+  });
+  const shown =
+    data?.trainees.filter(trainee => `${trainee.name} ${trainee.code}`.toLowerCase().includes(wanted.toLowerCase())) ??
+    [];
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && data && html`<${AddButton} label=${words.add} onClick=${edit.add} />`}<//>
+    <${PageHead} title=${words.title} lead=${words.lead}>${mayEdit && data && html`<${AddButton} label=${words.add}
+      onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <section class="card">
       ${!data && !problem && html`<${Loading} />`}
       ${data && data.trainees.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${data && data.trainees.length > 0 && html`
-        <div class="filters"><${Field} label=${words.find} type="search" value=${wanted} onInput=${event => setWanted(event.target.value)} /></div>
+      ${
+        data &&
+        data.trainees.length > 0 &&
+        html`
+        <div class="filters"><${Field} label=${words.find} type="search" value=${wanted}
+          onInput=${event => setWanted(event.target.value)} /></div>
         <div class="scroll">
           <table class="table">
             <thead>
               <tr>
-                <th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col">${words.level}</th><th scope="col">${words.handedness}</th>
+                <th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col">${words.level}</th>
+                  <th scope="col">${words.handedness}</th>
                 ${mayEdit && html`<td></td>`}
               </tr>
             </thead>
@@ -51,7 +83,8 @@ export default function Trainees({ person }) {
                   <td class="code">${trainee.code}</td>
                   <td>${words.levels[trainee.level] ?? '–'}</td>
                   <td>${words.hands[trainee.handedness] ?? '–'}</td>
-                  ${mayEdit && html`<td><${RowButtons} item=${trainee} onEdit=${edit.change} onRemove=${edit.remove} /></td>`}
+                  ${mayEdit && html`<td><${RowButtons} item=${trainee} onEdit=${edit.change}
+                    onRemove=${edit.remove} /></td>`}
                 </tr>`)}
             </tbody>
           </table>

@@ -19,18 +19,34 @@ const ACCEPT = 'video/*,.mp4,.mov,.mkv,.webm,.avi,.ts,.m4v';
 
 export default function UploadPage({ person, route }) {
   const own = may(person, 'upload') ? null : traineeId(person);
-  const { data: lists, problem, reload } = useData(async () => {
-    const trainees = own ? api.trainees.get(own).then(one => [one], () => [{ id: own, name: person.trainee?.name ?? person.name }]) : api.trainees.all();
+  const {
+    data: lists,
+    problem,
+    reload,
+  } = useData(async () => {
+    const trainees = own
+      ? api.trainees.get(own).then(
+          one => [one],
+          () => [{ id: own, name: person.trainee?.name ?? person.name }],
+        )
+      : api.trainees.all();
     const [trainee, task, box] = await Promise.all([trainees, api.tasks.all(), api.boxes.all()]);
     return { trainee, task, box };
   }, []);
   const [items, setItems] = useState(uploads);
   useEffect(() => onUploads(() => setItems(uploads())), []);
 
-  if (!may(person, 'upload') && !own) return html`<${PageHead} title=${words.title} /><${Notice} tone="warn" title=${words.noTrainee} />`;
+  if (!may(person, 'upload') && !own)
+    return html`<${PageHead} title=${words.title} /><${Notice} tone="warn" title=${words.noTrainee} />`;
   const chosen = Object.fromEntries(KINDS.map(kind => [kind, choice(lists?.[kind], route.query.get(kind))]));
-  const target = KINDS.every(kind => chosen[kind]) ? Object.fromEntries(KINDS.map(kind => [kind, chosen[kind].id])) : null;
-  const set = kind => event => replace(['upload'], { ...Object.fromEntries(KINDS.map(name => [name, chosen[name]?.id])), [kind]: event.target.value });
+  const target = KINDS.every(kind => chosen[kind])
+    ? Object.fromEntries(KINDS.map(kind => [kind, chosen[kind].id]))
+    : null;
+  const set = kind => event =>
+    replace(['upload'], {
+      ...Object.fromEntries(KINDS.map(name => [name, chosen[name]?.id])),
+      [kind]: event.target.value,
+    });
   return html`
     <${PageHead} title=${words.title} lead=${words.lead} />
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
@@ -38,12 +54,14 @@ export default function UploadPage({ person, route }) {
     ${lists && html`<${Target} lists=${lists} chosen=${chosen} onSet=${set} target=${target} />`}
     <section class="card list">
       <header><h2>${words.list}</h2></header>
-      ${items.length ? html`<${Sending} items=${items} />` : html`<${Empty} title=${words.none} body=${words.noneBody} />`}
+      ${items.length ? html`<${Sending} items=${items} />`
+        : html`<${Empty} title=${words.none} body=${words.noneBody} />`}
     </section>`;
 }
 
 /** By id or code; where there is only one, it is chosen already. */
-const choice = (list = [], key) => list.find(item => item.id === key || item.code === key) ?? (list.length === 1 ? list[0] : null);
+const choice = (list = [], key) =>
+  list.find(item => item.id === key || item.code === key) ?? (list.length === 1 ? list[0] : null);
 
 function Target({ lists, chosen, onSet, target }) {
   const when = useRef(null);
@@ -53,19 +71,27 @@ function Target({ lists, chosen, onSet, target }) {
     if (!target) return setHeldUp(true);
     setHeldUp(false);
     const recorded = when.current.value && new Date(when.current.value).toISOString();
-    addFiles([...files], { ...target, ...(recorded ? { recorded_at: recorded } : {}) }, words.forWhom(...KINDS.map(kind => chosen[kind].name)));
+    addFiles(
+      [...files],
+      { ...target, ...(recorded ? { recorded_at: recorded } : {}) },
+      words.forWhom(...KINDS.map(kind => chosen[kind].name)),
+    );
     return undefined;
   };
   return html`
     <section class="card">
       <div class="body stack">
-        ${missing.map(kind => html`<${Notice} key=${kind} tone="warn" title=${words.missing[kind]}><a href=${href([{ trainee: 'trainees', task: 'tasks', box: 'boxes' }[kind]])}>${words.make}</a><//>`)}
+        ${missing.map(kind => html`<${Notice} key=${kind} tone="warn" title=${words.missing[kind]}>
+          <a href=${href([{ trainee: 'trainees', task: 'tasks', box: 'boxes' }[kind]])}>${words.make}</a><//>`)}
         <div class="fields">
-          ${KINDS.map(kind => html`<${Field} key=${kind} type="select" label=${LABELS[kind]} value=${chosen[kind]?.id} options=${[['', words.choose], ...lists[kind].map(item => [item.id, item.name])]} onInput=${onSet(kind)} />`)}
+          ${KINDS.map(kind => html`<${Field} key=${kind} type="select" label=${LABELS[kind]} value=${chosen[kind]?.id}
+            options=${[['', words.choose], ...lists[kind].map(item => [item.id, item.name])]}
+            onInput=${onSet(kind)} />`)}
           <${Field} type="datetime-local" label=${words.when} hint=${words.whenHint} inputRef=${when} />
         </div>
         <${Drop} onFiles=${take} />
-        ${heldUp && !target && html`<p class="notice warn" role="alert"><${icons.warning} /><strong>${words.need}</strong></p>`}
+        ${heldUp && !target && html`<p class="notice warn" role="alert"><${icons.warning} /><strong>
+          ${words.need}</strong></p>`}
       </div>
     </section>`;
 }
@@ -86,9 +112,12 @@ function Drop({ onFiles }) {
     input.current.value = ''; // The same file may be chosen again.
   };
   return html`
-    <div class=${`drop ${over ? 'over' : ''}`} onDragEnter=${event => stop(event, true)} onDragOver=${event => stop(event, true)} onDragLeave=${event => stop(event, false)} onDrop=${drop}>
+    <div class=${`drop ${over ? 'over'
+      : ''}`} onDragEnter=${event => stop(event, true)} onDragOver=${event => stop(event, true)}
+      onDragLeave=${event => stop(event, false)} onDrop=${drop}>
       <${icons.upload} size=${36} />
       <div><strong>${words.drop}</strong><p class="muted">${words.or}</p></div>
-      <label class="button main"><input ref=${input} type="file" multiple accept=${ACCEPT} onChange=${picked} />${words.pick}</label>
+      <label class="button main"><input ref=${input} type="file" multiple accept=${ACCEPT} onChange=${picked} />
+        ${words.pick}</label>
     </div>`;
 }

@@ -12,9 +12,27 @@ const BOARD_FIELDS = [
   { name: 'columns', label: words.columns, type: 'number', min: 3, max: 50, required: true, value: 9 },
   { name: 'rows', label: words.rows, type: 'number', min: 3, max: 50, required: true, value: 6 },
   { name: 'square', label: words.square, type: 'number', min: 0.1, max: 1000, step: 'any', required: true, value: 21 },
-  { name: 'files', label: words.files, hint: words.filesHint, type: 'file', multiple: true, accept: 'image/*,video/*', required: true, wide: true },
+  {
+    name: 'files',
+    label: words.files,
+    hint: words.filesHint,
+    type: 'file',
+    multiple: true,
+    accept: 'image/*,video/*',
+    required: true,
+    wide: true,
+  },
 ];
-const FILE_FIELDS = [{ name: 'file', label: 'camera.json', hint: words.putHint, type: 'file', accept: '.json,application/json', required: true }];
+const FILE_FIELDS = [
+  {
+    name: 'file',
+    label: 'camera.json',
+    hint: words.putHint,
+    type: 'file',
+    accept: '.json,application/json',
+    required: true,
+  },
+];
 
 export function CameraSummary({ camera, calibrations }) {
   if (!camera) return html`<p class="muted">${words.noCamera}</p>`;
@@ -24,23 +42,30 @@ export function CameraSummary({ camera, calibrations }) {
     [words.focal, `${number(camera.fx)} × ${number(camera.fy)} px`],
     [words.centre, `${number(camera.cx)}, ${number(camera.cy)} px`],
     [words.when, dateTime(camera.calibrated_at)],
-    ...(camera.photos?.length ? [[words.photos, words.photosUsed(camera.photos.filter(photo => photo.used).length, camera.photos.length)]] : []),
+    ...(camera.photos?.length
+      ? [[words.photos, words.photosUsed(camera.photos.filter(photo => photo.used).length, camera.photos.length)]]
+      : []),
   ];
   return html`
     <dl class="facts">${facts.map(([name, value]) => html`<dt key=${name}>${name}</dt><dd>${value}</dd>`)}</dl>
-    ${camera.photos?.length > 0 && html`<details><summary>${words.photos}</summary><${Photos} photos=${camera.photos} /></details>`}
-    ${calibrations?.length > 1 && html`<details><summary>${words.history}</summary><ul>${calibrations.map(one => html`<li key=${one.id}>${dateTime(one.created_at)} · ${words.rms} ${number(one.rms_px)} px</li>`)}</ul></details>`}`;
+    ${camera.photos?.length > 0 && html`<details><summary>${words.photos}</summary>
+      <${Photos} photos=${camera.photos} /></details>`}
+    ${calibrations?.length > 1 && html`<details><summary>${words.history}</summary><ul>
+      ${calibrations.map(one => html`<li key=${one.id}>
+      ${dateTime(one.created_at)} · ${words.rms} ${number(one.rms_px)} px</li>`)}</ul></details>`}`;
 }
 
 const Photos = ({ photos }) => html`
   <div class="scroll">
     <table class="table dense">
-      <thead><tr><th scope="col">${words.photo}</th><th scope="col">${words.used}</th><th scope="col" class="number">${words.residual}</th><th scope="col">${words.reason}</th></tr></thead>
+      <thead><tr><th scope="col">${words.photo}</th><th scope="col">${words.used}</th><th scope="col" class="number">
+        ${words.residual}</th><th scope="col">${words.reason}</th></tr></thead>
       <tbody>
         ${photos.map(photo => html`
           <tr key=${photo.file}>
             <th scope="row">${photo.file}</th>
-            <td><span class=${`pill ${photo.used ? 'good' : 'warn'}`}>${photo.used ? words.used : words.left}</span></td>
+            <td><span class=${`pill ${photo.used ? 'good' : 'warn'}`}>${photo.used ? words.used
+              : words.left}</span></td>
             <td class="number">${number(photo.rms_px)}</td>
             <td>${photo.reason}</td>
           </tr>`)}

@@ -9,7 +9,14 @@ import { jobIdOf, JobProgress } from './job.js';
 
 const words = t.box;
 const FIELDS = [
-  { name: 'annotations', label: words.annotations, hint: words.annotationsHint, type: 'file', accept: '.json,application/json', required: true },
+  {
+    name: 'annotations',
+    label: words.annotations,
+    hint: words.annotationsHint,
+    type: 'file',
+    accept: '.json,application/json',
+    required: true,
+  },
   { name: 'clip', label: words.clip, hint: words.clipHint, type: 'file', accept: 'video/*,.mkv,.ts' },
   { name: 'frames', label: words.frames, hint: words.framesHint, type: 'file', multiple: true, accept: 'image/*' },
 ];
@@ -20,12 +27,16 @@ export function PaletteSummary({ palette }) {
     <div class="columns">
       ${palette.tools?.length > 0 && html`
         <table class="table dense">
-          <thead><tr><th scope="col">${t.session.tool}</th><th scope="col" class="number">${words.diameter}</th><th scope="col" class="number">${words.band}</th></tr></thead>
-          <tbody>${palette.tools.map(tool => html`<tr key=${tool.name ?? tool.tool}><th scope="row">${tool.name ?? tool.tool}</th><td class="number">${number(tool.diameter_mm)} mm</td><td class="number">${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td></tr>`)}</tbody>
+          <thead><tr><th scope="col">${t.session.tool}</th><th scope="col" class="number">${words.diameter}</th>
+            <th scope="col" class="number">${words.band}</th></tr></thead>
+          <tbody>${palette.tools.map(tool => html`<tr key=${tool.name ?? tool.tool}><th scope="row">
+            ${tool.name ?? tool.tool}</th><td class="number">${number(tool.diameter_mm)} mm</td><td class="number">
+            ${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td></tr>`)}</tbody>
         </table>`}
       <table class="table dense">
         <thead><tr><th scope="col">${words.label}</th><th scope="col" class="number">${words.samples}</th></tr></thead>
-        <tbody>${counts(palette).map(([label, samples]) => html`<tr key=${label}><th scope="row">${label}</th><td class="number">${samples}</td></tr>`)}</tbody>
+        <tbody>${counts(palette).map(([label, samples]) => html`<tr key=${label}><th scope="row">${label}</th>
+          <td class="number">${samples}</td></tr>`)}</tbody>
       </table>
     </div>`;
 }

@@ -10,7 +10,8 @@ const words = t.session;
 export function featureRows(features, space) {
   const rows = new Map();
   for (const feature of features.filter(feature => feature.space === space)) {
-    if (!rows.has(feature.name)) rows.set(feature.name, { name: feature.name, title: feature.title, unit: feature.unit, byTool: new Map() });
+    if (!rows.has(feature.name))
+      rows.set(feature.name, { name: feature.name, title: feature.title, unit: feature.unit, byTool: new Map() });
     rows.get(feature.name).byTool.set(feature.tool, feature);
   }
   return [...rows.values()];
@@ -26,7 +27,8 @@ export function Features({ features, tools }) {
   return html`
     ${spaces.length > 1 && html`
       <div class="row chooser" role="group" aria-label=${words.plane}>
-        ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name} onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
+        ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
+          onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
       </div>`}
     <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
       <table class="table dense">
@@ -38,14 +40,13 @@ export function Features({ features, tools }) {
           </tr>
         </thead>
         <tbody>
-          ${rows.map(
-            row => html`
+          ${rows.map(row => html`
               <tr key=${row.name}>
                 <th scope="row">${row.title}${whyNot(row).map(why => html`<small key=${why}>${why}</small>`)}</th>
-                ${columns.map(tool => html`<td key=${tool} class="number"><${Value} feature=${row.byTool.get(tool)} /></td>`)}
+                ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
+                  feature=${row.byTool.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
-              </tr>`,
-          )}
+              </tr>`)}
         </tbody>
       </table>
     </div>`;
@@ -53,7 +54,9 @@ export function Features({ features, tools }) {
 
 /** The reasons stand under the title, where there is room; the cell only says that there is no number. */
 function whyNot(row) {
-  return [...row.byTool.values()].filter(isMissing).map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
+  return [...row.byTool.values()]
+    .filter(isMissing)
+    .map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
 }
 
 const isMissing = feature => feature.value === null || feature.value === undefined;

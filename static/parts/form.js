@@ -5,16 +5,41 @@ import { t } from '../texts.js';
 import { ProblemNotice } from './notice.js';
 
 /** One labelled input. `type`: text, password, number, date…, file, select (`options: [value, words][]`), textarea, checks. */
-export function Field({ name, label, hint, type = 'text', value, options, required, optional, wide, onInput, inputRef, ...more }) {
+export function Field({
+  name,
+  label,
+  hint,
+  type = 'text',
+  value,
+  options,
+  required,
+  optional,
+  wide,
+  onInput,
+  inputRef,
+  ...more
+}) {
   const id = useId();
-  const shared = { id, name, required, 'aria-describedby': hint ? `${id}-hint` : undefined, onInput, ref: inputRef, ...more };
-  if (type === 'checks') return html`<${Checks} name=${name} label=${label} hint=${hint} options=${options} value=${value} />`;
+  const shared = {
+    id,
+    name,
+    required,
+    'aria-describedby': hint ? `${id}-hint` : undefined,
+    onInput,
+    ref: inputRef,
+    ...more,
+  };
+  if (type === 'checks')
+    return html`<${Checks} name=${name} label=${label} hint=${hint} options=${options} value=${value} />`;
   return html`
     <div class=${`field ${wide ? 'wide' : ''}`}>
       <label for=${id}>${label}${optional && html` <span class="muted">(${t.form.optional})</span>`}</label>
-      ${type === 'select' && html`<select ...${shared} value=${value ?? ''}>${options.map(([key, words]) => html`<option value=${key} selected=${key === (value ?? '')}>${words}</option>`)}</select>`}
+      ${type === 'select' && html`<select ...${shared} value=${value ?? ''}>
+        ${options.map(([key, words]) => html`<option value=${key} selected=${key === (value ?? '')}>
+        ${words}</option>`)}</select>`}
       ${type === 'textarea' && html`<textarea ...${shared} defaultValue=${value ?? ''}></textarea>`}
-      ${type !== 'select' && type !== 'textarea' && html`<input type=${type} ...${shared} ...${type === 'file' ? {} : { defaultValue: value ?? '' }} />`}
+      ${type !== 'select' && type !== 'textarea' && html`<input type=${type} ...${shared} ...${type === 'file' ? {}
+        : { defaultValue: value ?? '' }} />`}
       ${hint && html`<p class="hint" id=${`${id}-hint`}>${hint}</p>`}
     </div>`;
 }
@@ -23,7 +48,8 @@ const Checks = ({ name, label, hint, options, value = [] }) => html`
   <fieldset class="field plain">
     <legend>${label}</legend>
     ${hint && html`<p class="hint">${hint}</p>`}
-    ${options.map(([key, words]) => html`<label class="check"><input type="checkbox" name=${name} value=${key} defaultChecked=${value.includes(key)} />${words}</label>`)}
+    ${options.map(([key, words]) => html`<label class="check"><input type="checkbox" name=${name} value=${key}
+      defaultChecked=${value.includes(key)} />${words}</label>`)}
   </fieldset>`;
 
 /** Calls `onSave(values, form)` and shows what the server says against it. A field with `when(chosen)` is there only if that holds. */
@@ -32,7 +58,8 @@ export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords
   const [problem, setProblem] = useState(null);
   const [chosen, setChosen] = useState(() => Object.fromEntries(fields.map(field => [field.name, field.value])));
   const form = useRef(null);
-  const choose = event => event.target.tagName === 'SELECT' && setChosen(before => ({ ...before, [event.target.name]: event.target.value }));
+  const choose = event =>
+    event.target.tagName === 'SELECT' && setChosen(before => ({ ...before, [event.target.name]: event.target.value }));
   const shown = fields.filter(field => !field.when || field.when(chosen));
   const save = async event => {
     event.preventDefault();
@@ -48,11 +75,13 @@ export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords
   return html`
     <form class="stack" ref=${form} onSubmit=${save} onInput=${choose}>
       <${ProblemNotice} problem=${problem} />
-      <div class="fields">${shown.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)} ...${field} />`)}</div>
+      <div class="fields">${shown.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)}
+        ...${field} />`)}</div>
       ${children}
       <div class="actions row">
         ${onCancel && html`<button class="button" type="button" onClick=${onCancel}>${t.form.cancel}</button>`}
-        <button class=${`button ${danger ? 'danger' : 'main'}`} type="submit" disabled=${busy}>${busy ? busyWords : submit}</button>
+        <button class=${`button ${danger ? 'danger' : 'main'}`} type="submit" disabled=${busy}>${busy ? busyWords
+          : submit}</button>
       </div>
     </form>`;
 }

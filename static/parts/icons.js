@@ -1,7 +1,9 @@
 // Line icons, drawn here: 24-unit grid, one stroke width. They are decoration; the words beside them carry the meaning.
 import { html } from './preact.js';
 
-const icon = paths => ({ size = 20 } = {}) => html`
+const icon =
+  paths =>
+  ({ size = 20 } = {}) => html`
   <svg width=${size} height=${size} viewBox="0 0 24 24" fill="none" stroke="currentColor" stroke-width="2"
     stroke-linecap="round" stroke-linejoin="round" aria-hidden="true" focusable="false">
     ${paths.map(d => html`<path d=${d} />`)}
@@ -19,7 +21,10 @@ export const icons = {
   info: icon(['M12 21a9 9 0 1 0 0-18 9 9 0 0 0 0 18z', 'M12 11v5', 'M12 8v.01']),
   close: icon(['m6 6 12 12', 'M18 6 6 18']),
   add: icon(['M12 5v14', 'M5 12h14']),
-  sun: icon(['M12 16a4 4 0 1 0 0-8 4 4 0 0 0 0 8z', 'M12 2v2M12 20v2M4.9 4.900l1.4 1.400M17.7 17.700l1.4 1.400M2 12h2M20 12h2M4.9 19.100l1.4-1.400M17.7 6.300l1.4-1.4']),
+  sun: icon([
+    'M12 16a4 4 0 1 0 0-8 4 4 0 0 0 0 8z',
+    'M12 2v2M12 20v2M4.9 4.900l1.4 1.400M17.7 17.700l1.4 1.400M2 12h2M20 12h2M4.9 19.100l1.4-1.400M17.7 6.300l1.4-1.4',
+  ]),
   moon: icon(['M20 14.500A8.5 8.5 0 0 1 9.5 4 8.5 8.5 0 1 0 20 14.500z']),
   system: icon(['M3 5h18v11H3z', 'M9 20h6', 'M12 16v4']),
 };

@@ -20,7 +20,10 @@ export function JobProgress({ id, done, onDone }) {
   const look = () => api.jobs.get(id).then(setJob, error => setProblem(asProblem(error)));
   const ended = ENDED.includes(job?.state);
 
-  useLive('job', event => event.id === id && (ENDED.includes(event.state) ? look() : setJob(before => ({ ...before, ...event }))));
+  useLive(
+    'job',
+    event => event.id === id && (ENDED.includes(event.state) ? look() : setJob(before => ({ ...before, ...event }))),
+  );
   useEffect(() => {
     look();
     if (ended) return undefined;

@@ -9,32 +9,54 @@ import { icons } from './icons.js';
  * `const edit = useEditing({ title, fields, noun, onChange })` gives `edit.add()`, `edit.change(item)`, `edit.remove(item)`
  * and `edit.dialogs` to put on the page. `fields(item)` tells the form's fields, `item` null for a new one.
  */
-export function useEditing({ addTitle, editTitle, removeTitle, removeBody = t.people.removeBody, fields, save, remove, onChange }) {
+export function useEditing({
+  addTitle,
+  editTitle,
+  removeTitle,
+  removeBody = t.people.removeBody,
+  fields,
+  save,
+  remove,
+  onChange,
+}) {
   const [open, setOpen] = useState(null);
   const close = () => setOpen(null);
   const finish = () => (close(), onChange());
   const item = open?.item ?? null;
-  const dialogs = open && (open.removing
-    ? html`<${Confirm} title=${removeTitle(item.name)} body=${removeBody} yes=${t.form.remove} onYes=${() => remove(item).then(onChange)} onClose=${close} />`
-    : html`
+  const dialogs =
+    open &&
+    (open.removing
+      ? html`<${Confirm} title=${removeTitle(item.name)} body=${removeBody} yes=${t.form.remove}
+        onYes=${() => remove(item).then(onChange)} onClose=${close} />` : html`
       <${Dialog} title=${item ? editTitle : addTitle} onClose=${close}>
         <${Form} fields=${fields(item)} onSave=${values => save(item, values).then(finish)} onCancel=${close} />
       <//>`);
-  return { add: () => setOpen({}), change: chosen => setOpen({ item: chosen }), remove: chosen => setOpen({ item: chosen, removing: true }), dialogs };
+  return {
+    add: () => setOpen({}),
+    change: chosen => setOpen({ item: chosen }),
+    remove: chosen => setOpen({ item: chosen, removing: true }),
+    dialogs,
+  };
 }
 
-export const AddButton = ({ label, onClick }) => html`<button class="button main" type="button" onClick=${onClick}><${icons.add} />${label}</button>`;
+export const AddButton = ({ label, onClick }) =>
+  html`<button class="button main" type="button" onClick=${onClick}><${icons.add} />${label}</button>`;
 
 /** The buttons at the end of a row; the name is for those who hear it out of its row. */
 export const RowButtons = ({ item, onEdit, onRemove }) => html`
   <div class="row ends">
-    ${onEdit && html`<button class="button" type="button" aria-label=${`${t.tasks.edit}: ${item.name}`} onClick=${() => onEdit(item)}>${t.tasks.edit}</button>`}
-    ${onRemove && html`<button class="button bare" type="button" aria-label=${`${t.form.remove}: ${item.name}`} onClick=${() => onRemove(item)}>${t.form.remove}</button>`}
+    ${onEdit && html`<button class="button" type="button" aria-label=${`${t.tasks.edit}: ${item.name}`}
+      onClick=${() => onEdit(item)}>${t.tasks.edit}</button>`}
+    ${onRemove && html`<button class="button bare" type="button" aria-label=${`${t.form.remove}: ${item.name}`}
+      onClick=${() => onRemove(item)}>${t.form.remove}</button>`}
   </div>`;
 
 /** Creating sends what was typed; changing sends only what differs, so that two people editing do not undo each other. */
 export async function saveChanges(noun, item, values) {
   if (!item) return noun.create(values);
-  const differs = Object.entries(values).filter(([key, value]) => value !== undefined && value !== (item[key] ?? null) && !(value === null && item[key] === undefined));
+  const differs = Object.entries(values).filter(
+    ([key, value]) =>
+      value !== undefined && value !== (item[key] ?? null) && !(value === null && item[key] === undefined),
+  );
   return differs.length ? noun.change(item.id, Object.fromEntries(differs)) : item;
 }

@@ -14,7 +14,8 @@ export function ProblemNotice({ problem, onRetry, onDismiss }) {
         ${problem.detail && html`<p>${problem.detail}</p>`}
         ${onRetry && html`<p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
       </div>
-      ${onDismiss && html`<button class="button bare" type="button" aria-label=${t.problems.dismiss} onClick=${onDismiss}><${icons.close} /></button>`}
+      ${onDismiss && html`<button class="button bare" type="button" aria-label=${t.problems.dismiss}
+        onClick=${onDismiss}><${icons.close} /></button>`}
     </div>`;
 }
 

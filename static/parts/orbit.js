@@ -79,9 +79,14 @@ export function connectOrbit(canvas, orbit, changed) {
     },
     keydown(event) {
       const keys = {
-        ArrowLeft: () => orbit.turn(-0.1, 0), ArrowRight: () => orbit.turn(0.1, 0),
-        ArrowUp: () => orbit.turn(0, -0.1), ArrowDown: () => orbit.turn(0, 0.1),
-        '+': () => orbit.scale(1.15), '=': () => orbit.scale(1.15), '-': () => orbit.scale(1 / 1.15), 0: () => orbit.reset(),
+        ArrowLeft: () => orbit.turn(-0.1, 0),
+        ArrowRight: () => orbit.turn(0.1, 0),
+        ArrowUp: () => orbit.turn(0, -0.1),
+        ArrowDown: () => orbit.turn(0, 0.1),
+        '+': () => orbit.scale(1.15),
+        '=': () => orbit.scale(1.15),
+        '-': () => orbit.scale(1 / 1.15),
+        0: () => orbit.reset(),
       };
       if (!keys[event.key] || event.ctrlKey || event.metaKey) return;
       event.preventDefault();

@@ -45,7 +45,16 @@ export function drawOverlay(canvas, track, frame, { show, hidden, size }) {
     if (show.tip) drawTip(pen, tool, tool.state[frame] === PREDICTED, x, y);
     if (show.depth) drawDepth(pen, tool, frame, x, y, width);
   }
-  if (show.tip) unseen.forEach((tool, line) => write(pen, tool.bright, t.session.unseen(tool.name, whyUnseen(tool, frame)), box.left + 12, box.top + 24 + 20 * line));
+  if (show.tip)
+    unseen.forEach((tool, line) =>
+      write(
+        pen,
+        tool.bright,
+        t.session.unseen(tool.name, whyUnseen(tool, frame)),
+        box.left + 12,
+        box.top + 24 + 20 * line,
+      ),
+    );
 }
 
 /** The last two seconds, older parts fainter; a gap stays a gap. */

@@ -27,7 +27,13 @@ export function Path3d({ track, playback, hidden }) {
     draw.current = soon;
     const resize = new ResizeObserver(soon);
     resize.observe(canvas.current);
-    const ends = [playback.onTick(soon), connectOrbit(canvas.current, orbit, soon), onThemeChange(repaint), () => resize.disconnect(), () => cancelAnimationFrame(pending)];
+    const ends = [
+      playback.onTick(soon),
+      connectOrbit(canvas.current, orbit, soon),
+      onThemeChange(repaint),
+      () => resize.disconnect(),
+      () => cancelAnimationFrame(pending),
+    ];
     return () => ends.forEach(end => end());
   }, [track, hidden, by]);
 
@@ -40,13 +46,16 @@ export function Path3d({ track, playback, hidden }) {
       <canvas ref=${canvas} tabindex="0" role="img" aria-label=${words.spaceName}></canvas>
       <div class="row apart">
         <div class="row" role="group" aria-label=${words.space}>
-          ${Object.entries(VIEWS).map(([name, view]) => html`<button key=${name} class="button" type="button" onClick=${() => look(view)}>${words.views[name]}</button>`)}
+          ${Object.entries(VIEWS).map(([name, view]) => html`<button key=${name} class="button" type="button"
+            onClick=${() => look(view)}>${words.views[name]}</button>`)}
         </div>
         <div class="row" role="group" aria-label=${words.colourBy}>
-          ${['speed', 'tool'].map(way => html`<button key=${way} class="button" type="button" aria-pressed=${by === way} onClick=${() => setBy(way)}>${words.by[way]}</button>`)}
+          ${['speed', 'tool'].map(way => html`<button key=${way} class="button" type="button" aria-pressed=${by === way}
+            onClick=${() => setBy(way)}>${words.by[way]}</button>`)}
         </div>
       </div>
-      ${by === 'speed' && html`<div class="scale"><span>${words.slow}</span><span class="ramp"></span><span>${words.fast(number(track.topSpeed))}</span></div>`}
+      ${by === 'speed' && html`<div class="scale"><span>${words.slow}</span><span class="ramp"></span><span>
+        ${words.fast(number(track.topSpeed))}</span></div>`}
       <p class="small muted">${words.spaceHint}</p>
     </div>`;
 }

@@ -40,7 +40,13 @@ export class Playback {
       this.playing = !video.paused;
       this.#tell();
     };
-    const handlers = { play: state, pause: state, seeked: follow, loadedmetadata: follow, timeupdate: () => video.paused && follow() };
+    const handlers = {
+      play: state,
+      pause: state,
+      seeked: follow,
+      loadedmetadata: follow,
+      timeupdate: () => video.paused && follow(),
+    };
     for (const [name, handler] of Object.entries(handlers)) video.addEventListener(name, handler);
     const stop = this.#followFrames(video);
     return () => {

@@ -35,14 +35,17 @@ export function Player({ address, size, track, playback, hidden }) {
   return html`
     <div ref=${screen} class="player">
       <div class="screen" style=${{ aspectRatio: shape }}>
-        <video ref=${video} src=${address} preload="auto" playsinline muted aria-label=${words.video} onError=${failed} onClick=${() => playback.toggle()}></video>
+        <video ref=${video} src=${address} preload="auto" playsinline muted aria-label=${words.video} onError=${failed}
+          onClick=${() => playback.toggle()}></video>
         <canvas ref=${canvas} aria-hidden="true"></canvas>
         ${unplayable && html`<p class="words" role="alert">${words.noVideo}</p>`}
       </div>
-      <${Transport} playback=${playback} onFull=${() => (document.fullscreenElement ? document.exitFullscreen() : screen.current.requestFullscreen())}>
+      <${Transport} playback=${playback} onFull=${() => (document.fullscreenElement ? document.exitFullscreen()
+        : screen.current.requestFullscreen())}>
         ${track && html`
           <div class="row layers" role="group" aria-label=${words.overlay}>
-            ${LAYERS.map(layer => html`<button key=${layer} type="button" class="button" aria-pressed=${show[layer]} onClick=${() => setShow({ ...show, [layer]: !show[layer] })}>${words.show[layer]}</button>`)}
+            ${LAYERS.map(layer => html`<button key=${layer} type="button" class="button" aria-pressed=${show[layer]}
+              onClick=${() => setShow({ ...show, [layer]: !show[layer] })}>${words.show[layer]}</button>`)}
           </div>`}
       <//>
     </div>`;
@@ -72,20 +75,26 @@ function Transport({ playback, onFull, children }) {
   const toggle = () => playback.toggle();
   return html`
     <div class="transport">
-      <input ref=${slider} type="range" min="0" step="0.01" aria-label=${words.timeline} onInput=${event => playback.seek(Number(event.target.value))} onKeyDown=${ownKeys(playback)} />
+      <input ref=${slider} type="range" min="0" step="0.01" aria-label=${words.timeline}
+        onInput=${event => playback.seek(Number(event.target.value))} onKeyDown=${ownKeys(playback)} />
       <div class="row apart">
         <div class="row">
-          <button class="button" type="button" aria-label=${words.back} title=${`${words.back} (,)`} onClick=${() => playback.step(-1)}><${icons.back} /></button>
-          <button class="button main" type="button" aria-label=${playing ? words.pause : words.play} title=${playing ? words.pause : words.play} onClick=${toggle}><${playing ? icons.pause : icons.play} /></button>
-          <button class="button" type="button" aria-label=${words.forward} title=${`${words.forward} (.)`} onClick=${() => playback.step(1)}><${icons.forward} /></button>
+          <button class="button" type="button" aria-label=${words.back} title=${`${words.back} (,)`}
+            onClick=${() => playback.step(-1)}><${icons.back} /></button>
+          <button class="button main" type="button" aria-label=${playing ? words.pause : words.play} title=${playing
+            ? words.pause : words.play} onClick=${toggle}><${playing ? icons.pause : icons.play} /></button>
+          <button class="button" type="button" aria-label=${words.forward} title=${`${words.forward} (.)`}
+            onClick=${() => playback.step(1)}><${icons.forward} /></button>
           <span ref=${reading} class="clock"></span>
         </div>
         ${children}
         <div class="row">
           <select class="select" aria-label=${words.rate} value=${String(rate)} onChange=${change}>
-            ${RATES.map(value => html`<option key=${value} value=${String(value)} selected=${value === rate}>${words.rateOf(value)}</option>`)}
+            ${RATES.map(value => html`<option key=${value} value=${String(value)} selected=${value === rate}>
+              ${words.rateOf(value)}</option>`)}
           </select>
-          <button class="button" type="button" aria-label=${words.full} title=${words.full} onClick=${onFull}><${icons.full} /></button>
+          <button class="button" type="button" aria-label=${words.full} title=${words.full} onClick=${onFull}>
+            <${icons.full} /></button>
         </div>
       </div>
     </div>`;
@@ -110,7 +119,12 @@ export function pageKeys(playback) {
     const at = event.target;
     if (at.closest?.('input:not([type="range"]), select, textarea')) return;
     const onControl = at.closest?.('button, a, summary');
-    const actions = { ',': () => playback.step(-1), '.': () => playback.step(1), ArrowLeft: () => playback.seek(playback.time - 1), ArrowRight: () => playback.seek(playback.time + 1) };
+    const actions = {
+      ',': () => playback.step(-1),
+      '.': () => playback.step(1),
+      ArrowLeft: () => playback.seek(playback.time - 1),
+      ArrowRight: () => playback.seek(playback.time + 1),
+    };
     if (event.key === ' ' && !onControl) actions[' '] = () => playback.toggle();
     if (!actions[event.key]) return;
     event.preventDefault();

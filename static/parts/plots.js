@@ -27,7 +27,9 @@ export function Plots({ track, playback, hidden, span }) {
   useEffect(() => {
     if (!uPlot) return undefined;
     const plots = AXES.map(([name, field]) => makePlot(uPlot, places.current[name], track, field, hidden, playback));
-    const resize = new ResizeObserver(() => plots.forEach(plot => plot.chart.setSize({ width: plot.place.clientWidth, height: HEIGHT })));
+    const resize = new ResizeObserver(() =>
+      plots.forEach(plot => plot.chart.setSize({ width: plot.place.clientWidth, height: HEIGHT })),
+    );
     resize.observe(places.current.x);
     const follow = playback.onTick(() => plots.forEach(plot => turnPage(plot, track, playback.time, span)));
     return () => {
@@ -39,20 +41,23 @@ export function Plots({ track, playback, hidden, span }) {
 
   return html`
     <div class="plots">
-      ${AXES.map(
-        ([name]) => html`
+      ${AXES.map(([name]) => html`
           <div key=${name} class="plot" role="img" aria-label=${words.plotName(words.axis[name])}>
             <div class="title" aria-hidden="true">${words.axis[name]}</div>
             <div ref=${element => (places.current[name] = element)}></div>
-          </div>`,
-      )}
+          </div>`)}
     </div>`;
 }
 
 function makePlot(uPlot, place, track, field, hidden, playback) {
   const tools = track.tools.filter(tool => !hidden.has(tool.name));
   const { muted, line } = inkOf();
-  const axis = { stroke: muted, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 }, font: '12px system-ui, sans-serif' };
+  const axis = {
+    stroke: muted,
+    grid: { stroke: line, width: 1 },
+    ticks: { stroke: line, width: 1, size: 4 },
+    font: '12px system-ui, sans-serif',
+  };
   const isLast = field === 'speed';
   const chart = new uPlot(
     {
@@ -65,7 +70,14 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
       select: { show: false },
       scales: { x: { time: false, range: (_, low, high) => [low, high] } },
       axes: [
-        { ...axis, show: true, size: isLast ? 30 : 6, values: isLast ? (_, all) => all.map(value => `${number(value)} s`.replace(/\.00? s/, ' s')) : (_, all) => all.map(() => '') },
+        {
+          ...axis,
+          show: true,
+          size: isLast ? 30 : 6,
+          values: isLast
+            ? (_, all) => all.map(value => `${number(value)} s`.replace(/\.00? s/, ' s'))
+            : (_, all) => all.map(() => ''),
+        },
         { ...axis, size: 56, space: 26, values: (_, all) => all.map(value => String(value).replace('-', '−')) },
       ],
       series: [{}, ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
@@ -80,11 +92,19 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
   return { chart, place, end: connect(chart, playback) };
 }
 
-const stroke = (tool, dashed) => ({ stroke: tool.ink(), width: 1.75, dash: dashed ? [5, 4] : undefined, spanGaps: false, points: { show: false } });
+const stroke = (tool, dashed) => ({
+  stroke: tool.ink(),
+  width: 1.75,
+  dash: dashed ? [5, 4] : undefined,
+  spanGaps: false,
+  points: { show: false },
+});
 
 /** Observed and predicted apart; a predicted stretch takes in its neighbours, so that the curve does not break where nothing is missing. */
 function split(tool, values) {
-  const observed = Array.from(values, (value, i) => (tool.state[i] === OBSERVED && Number.isFinite(value) ? value : null));
+  const observed = Array.from(values, (value, i) =>
+    tool.state[i] === OBSERVED && Number.isFinite(value) ? value : null,
+  );
   const touches = i => tool.state[i - 1] === PREDICTED || tool.state[i + 1] === PREDICTED;
   const predicted = Array.from(values, (value, i) => {
     const wanted = tool.state[i] === PREDICTED || (tool.state[i] !== MISSING && touches(i));
@@ -118,7 +138,8 @@ function turnPage({ chart }, track, time, span) {
   const near = time > min + span * EDGE && time < max - span * EDGE;
   const start = Math.min(Math.max(first, time - span / 2), Math.max(first, last - span));
   // Turned over like a page, not at every picture: drawing the curves anew costs more than anything else here.
-  if (max - min > span * 1.01 || (!near && min !== start)) chart.setScale('x', { min: start, max: Math.min(start + span, last) });
+  if (max - min > span * 1.01 || (!near && min !== start))
+    chart.setScale('x', { min: start, max: Math.min(start + span, last) });
 }
 
 function placeHead(chart, track, time) {

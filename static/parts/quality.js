@@ -18,22 +18,27 @@ export const Quality = ({ quality }) => html`
 function Tool({ tool }) {
   const all = STATES.reduce((sum, state) => sum + (tool[state] ?? 0), 0) || 1;
   const share = state => percent((tool[state] ?? 0) / all);
-  const reasons = Object.entries(tool.reasons ?? {}).filter(([, count]) => count > 0).sort((a, b) => b[1] - a[1]);
+  const reasons = Object.entries(tool.reasons ?? {})
+    .filter(([, count]) => count > 0)
+    .sort((a, b) => b[1] - a[1]);
   return html`
     <section class="stack tight">
       <div class="row apart">
         <h3>${tool.tool}</h3>
-        ${Number.isFinite(tool.border_residual_px) && html`<span class="small muted">${words.residual(number(tool.border_residual_px))}</span>`}
+        ${Number.isFinite(tool.border_residual_px) && html`<span class="small muted">
+          ${words.residual(number(tool.border_residual_px))}</span>`}
       </div>
       <div class="shares" aria-hidden="true">
-        ${STATES.filter(state => tool[state] > 0).map(state => html`<span key=${state} class=${`share-${state}`} style=${{ flexGrow: tool[state] }}></span>`)}
+        ${STATES.filter(state => tool[state] > 0).map(state => html`<span key=${state} class=${`share-${state}`}
+          style=${{ flexGrow: tool[state] }}></span>`)}
       </div>
       <p class="small">${words.shares(share('observed'), share('predicted'), share('missing'))}</p>
       ${reasons.length > 0 && html`
         <details class="small">
           <summary>${words.why}</summary>
           <ul class="reasons">
-            ${reasons.map(([reason, count]) => html`<li key=${reason}><span>${words.reasons[reason] ?? reason}</span><span class="number">${words.frames(count)}</span></li>`)}
+            ${reasons.map(([reason, count]) => html`<li key=${reason}><span>${words.reasons[reason] ?? reason}</span>
+              <span class="number">${words.frames(count)}</span></li>`)}
           </ul>
         </details>`}
     </section>`;

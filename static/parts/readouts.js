@@ -5,11 +5,17 @@ import { t } from '../texts.js';
 import { whyUnseen } from './overlay.js';
 
 const words = t.session;
-const VALUES = [['x_mm', 1], ['y_mm', 1], ['z_mm', 1], ['speed', 0]];
+const VALUES = [
+  ['x_mm', 1],
+  ['y_mm', 1],
+  ['z_mm', 1],
+  ['speed', 0],
+];
 
 /** A tool's sign in its colour, as on the video. */
 export const ToolMark = ({ tool }) => html`
-  <svg class="mark" viewBox="0 0 16 16" width="14" height="14" fill="none" stroke=${tool.ink()} stroke-width="2.5" stroke-linejoin="round" aria-hidden="true">
+  <svg class="mark" viewBox="0 0 16 16" width="14" height="14" fill="none" stroke=${tool.ink()} stroke-width="2.5"
+    stroke-linejoin="round" aria-hidden="true">
     ${tool.shape === 'circle' && html`<circle cx="8" cy="8" r="5.5" />`}
     ${tool.shape === 'diamond' && html`<path d="M8 1.5 14.5 8 8 14.5 1.5 8z" />`}
     ${tool.shape === 'square' && html`<path d="M3 3h10v10H3z" />`}
@@ -19,7 +25,8 @@ export const ToolMark = ({ tool }) => html`
 export const ToolSwitches = ({ track, hidden, onToggle }) => html`
   <div class="tools" role="group" aria-label=${words.tool}>
     ${track.tools.map(tool => html`
-      <button key=${tool.name} type="button" class="button tool" aria-pressed=${!hidden.has(tool.name)} onClick=${() => onToggle(tool.name)}>
+      <button key=${tool.name} type="button" class="button tool" aria-pressed=${!hidden.has(tool.name)}
+        onClick=${() => onToggle(tool.name)}>
         <${ToolMark} tool=${tool} />${tool.name}
       </button>`)}
   </div>`;
@@ -30,7 +37,8 @@ export function Readouts({ track, playback }) {
     () =>
       playback.onTick(({ frame }) => {
         for (const tool of track.tools) {
-          for (const [field, digits] of VALUES) cells.current[`${tool.name} ${field}`].textContent = fixed(tool[field][frame], digits);
+          for (const [field, digits] of VALUES)
+            cells.current[`${tool.name} ${field}`].textContent = fixed(tool[field][frame], digits);
           const why = whyUnseen(tool, frame);
           cells.current[`${tool.name} state`].textContent = words.states[tool.state[frame]] + (why && `: ${why}`);
         }
@@ -44,19 +52,19 @@ export function Readouts({ track, playback }) {
         <thead>
           <tr>
             <th scope="col">${words.tool}</th>
-            ${['x', 'y', 'z', 'speed'].map(name => html`<th scope="col" class="number" key=${name}>${words[name]}</th>`)}
+            ${['x', 'y', 'z', 'speed'].map(name => html`<th scope="col" class="number" key=${name}>
+              ${words[name]}</th>`)}
             <th scope="col" class="state">${words.state}</th>
           </tr>
         </thead>
         <tbody>
-          ${track.tools.map(
-            tool => html`
+          ${track.tools.map(tool => html`
               <tr key=${tool.name}>
                 <th scope="row"><span class="tool"><${ToolMark} tool=${tool} />${tool.name}</span></th>
-                ${VALUES.map(([field]) => html`<td key=${field} class="number" ref=${cell(`${tool.name} ${field}`)}></td>`)}
+                ${VALUES.map(([field]) => html`<td key=${field} class="number"
+                  ref=${cell(`${tool.name} ${field}`)}></td>`)}
                 <td class="state" ref=${cell(`${tool.name} state`)}></td>
-              </tr>`,
-          )}
+              </tr>`)}
         </tbody>
       </table>
     </div>`;

@@ -18,7 +18,13 @@ const SPANS = ['all', '20', '5'];
 const FORMATS = ['csv', 'json', 'parquet'];
 
 export function Review({ session, trajectory, diagnostics, start }) {
-  const track = useMemo(() => (trajectory?.columns.frame.length ? buildTrack(trajectory, diagnostics, session.video?.frames ?? session.quality?.frames) : null), [trajectory, diagnostics]);
+  const track = useMemo(
+    () =>
+      trajectory?.columns.frame.length
+        ? buildTrack(trajectory, diagnostics, session.video?.frames ?? session.quality?.frames)
+        : null,
+    [trajectory, diagnostics],
+  );
   const playback = useMemo(() => new Playback(), []);
   const [hidden, setHidden] = useState(new Set());
   const [span, setSpan] = useState('all');
@@ -35,18 +41,22 @@ export function Review({ session, trajectory, diagnostics, start }) {
   useEffect(() => startAt(playback, start), [start]);
   useEffect(() => keepAddress(playback, session.id), []);
 
-  const toggle = name => setHidden(before => new Set(before.has(name) ? [...before].filter(other => other !== name) : [...before, name]));
+  const toggle = name =>
+    setHidden(before => new Set(before.has(name) ? [...before].filter(other => other !== name) : [...before, name]));
   return html`
     <div class="review">
       <div class="stack">
         <section class="card first">
-          <${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track} playback=${playback} hidden=${hidden} />
+          <${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
+            playback=${playback} hidden=${hidden} />
           ${track && html`<${Readouts} track=${track} playback=${playback} />`}
           <p class="small muted keys">${words.keys}</p>
         </section>
-        ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback} hidden=${hidden} /><//>`}
+        ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback}
+          hidden=${hidden} /><//>`}
         <div class="pair">
-          ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality} quality=${session.quality} /><//>`}
+          ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality}
+            quality=${session.quality} /><//>`}
           <${Card} title=${words.versions}><${Made} session=${session} /><//>
         </div>
       </div>
@@ -63,7 +73,8 @@ export function Review({ session, trajectory, diagnostics, start }) {
             <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)} />
             <p class="small muted keys">${words.curvesHint}</p>
           </section>`}
-        ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header><${Features} features=${session.features} tools=${session.tools} /></section>`}
+        ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header>
+          <${Features} features=${session.features} tools=${session.tools} /></section>`}
       </div>
     </div>`;
 }
@@ -73,7 +84,9 @@ const SpanChoice = ({ span, onChange }) => html`
     ${SPANS.map(key => html`<option key=${key} value=${key} selected=${key === span}>${words.spans[key]}</option>`)}
   </select>`;
 
-const Card = ({ title, place = '', children }) => html`<section class=${`card ${place}`}><header><h2>${title}</h2></header><div class="body">${children}</div></section>`;
+const Card = ({ title, place = '', children }) =>
+  html`<section class=${`card ${place}`}><header><h2>${title}</h2></header><div class="body">
+    ${children}</div></section>`;
 
 /** A deep link's `?t=`: go there as soon as the recording can. */
 function startAt(playback, seconds) {
@@ -105,15 +118,18 @@ function Made({ session }) {
   return html`
     <div class="stack">
       <dl class="facts">
-        ${video && html`${video.width && html`<dt>${words.size}</dt><dd>${video.width} × ${video.height}, ${words.frames(video.frames)}</dd>`}
+        ${video && html`${video.width && html`<dt>${words.size}</dt><dd>
+          ${video.width} × ${video.height}, ${words.frames(video.frames)}</dd>`}
           <dt>${words.length}</dt><dd>${clock(video.duration_s)}</dd>
           <dt>${words.file}</dt><dd>${bytes(video.bytes)}</dd>`}
-        ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt><dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`)}
+        ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt>
+          <dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`)}
       </dl>
       ${session.status === 'done' && html`
         <div class="row">
           <span class="label">${words.download}</span>
-          ${FORMATS.map(format => html`<a key=${format} class="button" download href=${api.sessions.trajectoryAddress(session.id, format)}>${words.formats[format]}</a>`)}
+          ${FORMATS.map(format => html`<a key=${format} class="button" download
+            href=${api.sessions.trajectoryAddress(session.id, format)}>${words.formats[format]}</a>`)}
         </div>`}
     </div>`;
 }

@@ -33,10 +33,9 @@ export function Shell({ person, current, children }) {
       <a class="brand" href=${href([])}><${Brand} />${t.product}</a>
       <nav aria-label=${t.nav.label}>
         <ul>
-          ${places(person).map(
-            ([name, path]) => html`
-              <li key=${name}><a href=${href(path)} aria-current=${isCurrent(name, current, person) ? 'page' : undefined}>${t.nav[name]}</a></li>`,
-          )}
+          ${places(person).map(([name, path]) => html`
+              <li key=${name}><a href=${href(path)} aria-current=${isCurrent(name, current, person) ? 'page'
+                : undefined}>${t.nav[name]}</a></li>`)}
         </ul>
       </nav>
       <div class="account">
@@ -50,7 +49,8 @@ export function Shell({ person, current, children }) {
 }
 
 /** A trainee's own page lies under `trainees`, which a trainee's navigation calls "My progress". */
-const isCurrent = (name, current, person) => name === current || (name === 'own' && current === 'trainees' && person.role === 'trainee');
+const isCurrent = (name, current, person) =>
+  name === current || (name === 'own' && current === 'trainees' && person.role === 'trainee');
 
 function ThemeSwitch() {
   const [choice, setChoice] = useState(themeChoice);

@@ -48,7 +48,9 @@ export class SpacePainter {
 function boundsOf(tools) {
   const ends = ['x_mm', 'y_mm', 'z_mm'].map(field => {
     let [low, high] = [Infinity, -Infinity];
-    for (const tool of tools) for (const value of tool[field]) if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
+    for (const tool of tools)
+      for (const value of tool[field])
+        if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
     if (low > high) [low, high] = [-50, 50];
     const step = 20;
     return [Math.floor((low - 5) / step) * step, Math.ceil((high + 5) / step) * step];
@@ -138,5 +140,8 @@ function drawTip(pen, tool, frame, place) {
 /** Slow to fast, mixed in the browser's perceptual space. */
 function ramp() {
   const [slow, fast] = [colour('--slow'), colour('--fast')];
-  return Array.from({ length: SHADES }, (_, i) => `color-mix(in oklab, ${fast} ${Math.round((100 * i) / (SHADES - 1))}%, ${slow})`);
+  return Array.from(
+    { length: SHADES },
+    (_, i) => `color-mix(in oklab, ${fast} ${Math.round((100 * i) / (SHADES - 1))}%, ${slow})`,
+  );
 }

@@ -13,9 +13,11 @@ export function Spark({ title, unit: name, points }) {
   const last = known[known.length - 1];
   return html`
     <section class="card spark">
-      <header><h3>${title}</h3><span class="last">${last ? `${number(last.value)} ${unit(name)}` : t.session.notEnough}</span></header>
+      <header><h3>${title}</h3><span class="last">${last ? `${number(last.value)} ${unit(name)}`
+        : t.session.notEnough}</span></header>
       ${known.length > 0 && html`<${Curve} title=${title} name=${unit(name)} points=${points} known=${known} />`}
-      <p class="small muted">${known.length > 1 && known.every(point => point.value > 0) ? words.change(change(known), date(known[0].recorded_at)) : '\u00a0'}</p>
+      <p class="small muted">${known.length > 1 && known.every(point => point.value > 0)
+        ? words.change(change(known), date(known[0].recorded_at)) : '\u00a0'}</p>
     </section>`;
 }
 
@@ -29,7 +31,12 @@ function Curve({ title, name, points, known }) {
   const [low, high] = limits(known.map(point => point.value));
   const x = index => LEFT + ((WIDTH - LEFT - RIGHT) * index) / Math.max(1, points.length - 1);
   const y = value => TOP + (HEIGHT - TOP - BOTTOM) * (1 - (value - low) / (high - low));
-  const line = points.map((point, i) => (point.value === null ? null : `${i && points[i - 1].value !== null ? 'L' : 'M'}${x(i)} ${y(point.value)}`)).filter(Boolean).join('');
+  const line = points
+    .map((point, i) =>
+      point.value === null ? null : `${i && points[i - 1].value !== null ? 'L' : 'M'}${x(i)} ${y(point.value)}`,
+    )
+    .filter(Boolean)
+    .join('');
   return html`
     <svg viewBox="0 0 ${WIDTH} ${HEIGHT}" role="group" aria-label=${words.spark(title, points.length)}>
       ${[low, (low + high) / 2, high].map(value => html`
@@ -38,9 +45,15 @@ function Curve({ title, name, points, known }) {
       <text class="axis" x=${LEFT} y=${HEIGHT - 4}>1</text>
       <text class="axis" x=${WIDTH - RIGHT} y=${HEIGHT - 4} text-anchor="end">${points.length}</text>
       <path class="curve" d=${line} fill="none" />
-      ${points.map((point, i) => point.value !== null && html`
-        <a key=${point.id} href=${href(['sessions', point.id])} aria-label=${`${date(point.recorded_at)}: ${number(point.value)} ${name}`}>
-          <circle class="hit" cx=${x(i)} cy=${y(point.value)} r="12" /><circle class="dot" cx=${x(i)} cy=${y(point.value)} r="3.5"><title>${`${date(point.recorded_at)}: ${number(point.value)} ${name}`}</title></circle>
+      ${points.map(
+        (point, i) =>
+          point.value !== null &&
+          html`
+        <a key=${point.id} href=${href(['sessions', point.id])}
+          aria-label=${`${date(point.recorded_at)}: ${number(point.value)} ${name}`}>
+          <circle class="hit" cx=${x(i)} cy=${y(point.value)} r="12" /><circle class="dot" cx=${x(i)}
+            cy=${y(point.value)} r="3.5"><title>
+            ${`${date(point.recorded_at)}: ${number(point.value)} ${name}`}</title></circle>
         </a>`)}
     </svg>`;
 }

@@ -3,14 +3,24 @@ import { html } from './preact.js';
 import { t } from '../texts.js';
 import { percent } from '../format.js';
 
-const TONES = { receiving: 'busy', queued: '', tracking: 'busy', running: 'busy', done: 'good', failed: 'bad', quarantined: 'warn' };
+const TONES = {
+  receiving: 'busy',
+  queued: '',
+  tracking: 'busy',
+  running: 'busy',
+  done: 'good',
+  failed: 'bad',
+  quarantined: 'warn',
+};
 
 /** One word for a session's state; a quarantined session is `failed` on the wire and set aside to people. */
 export const stateOf = session => (session.quarantined ? 'quarantined' : session.status);
 
-export const StatusPill = ({ state }) => html`<span class=${`pill ${TONES[state] ?? ''}`}>${t.status[state] ?? t.jobStates[state] ?? state}</span>`;
+export const StatusPill = ({ state }) =>
+  html`<span class=${`pill ${TONES[state] ?? ''}`}>${t.status[state] ?? t.jobStates[state] ?? state}</span>`;
 
 export const ProgressBar = ({ value, name }) => html`
-  <progress class="bar" max="1" value=${value ?? 0} aria-label=${name} aria-valuetext=${percent(value ?? 0)}></progress>`;
+  <progress class="bar" max="1" value=${value ?? 0} aria-label=${name}
+    aria-valuetext=${percent(value ?? 0)}></progress>`;
 
 export const isMoving = session => ['receiving', 'queued', 'tracking'].includes(session.status);

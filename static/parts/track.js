@@ -9,7 +9,17 @@ const FIELDS = ['x_mm', 'y_mm', 'z_mm', 'tip_u_px', 'tip_v_px'];
 const KNOWN = ['orange', 'cyan', 'red', 'green', 'blue', 'yellow', 'purple', 'pink', 'grey'];
 const ALIASES = { violet: 'purple', magenta: 'pink', turquoise: 'cyan', gray: 'grey', amber: 'orange' };
 /** On the video the colours must stand out from tissue, tape and tubes in both themes. */
-const BRIGHT = { orange: '#ffa142', cyan: '#38e1ff', red: '#ff6b6b', green: '#7bf07f', blue: '#7da7ff', yellow: '#ffe04d', purple: '#cf9dff', pink: '#ff8fd0', grey: '#e6eeee' };
+const BRIGHT = {
+  orange: '#ffa142',
+  cyan: '#38e1ff',
+  red: '#ff6b6b',
+  green: '#7bf07f',
+  blue: '#7da7ff',
+  yellow: '#ffe04d',
+  purple: '#cf9dff',
+  pink: '#ff8fd0',
+  grey: '#e6eeee',
+};
 /** Shapes tell tools apart for those whom colours do not. */
 export const SHAPES = ['circle', 'diamond', 'square', 'triangle'];
 
@@ -23,13 +33,27 @@ export function buildTrack(trajectory, diagnostics, frames = 0) {
   const toolOf = (diagnostics?.tools ?? names).map(name => tools[names.indexOf(name)]);
   seen.frame.forEach((frame, row) => fillSeen(toolOf[seen.tool[row]], frame, seen, row));
   const times = frameTimes(columns, count);
-  return { times, tools, frames: count, width: diagnostics?.width, height: diagnostics?.height, topSpeed: quantile(tools, 0.98), duration: times[count - 1] ?? 0 };
+  return {
+    times,
+    tools,
+    frames: count,
+    width: diagnostics?.width,
+    height: diagnostics?.height,
+    topSpeed: quantile(tools, 0.98),
+    duration: times[count - 1] ?? 0,
+  };
 }
 
 function emptyTool(name, index, count) {
   const lower = name.toLowerCase();
   const family = KNOWN.includes(lower) ? lower : (ALIASES[lower] ?? KNOWN[(index * 2 + 2) % KNOWN.length]);
-  const tool = { name, index, shape: SHAPES[index % SHAPES.length], bright: BRIGHT[family], ink: () => colour(`--tool-${family}`) };
+  const tool = {
+    name,
+    index,
+    shape: SHAPES[index % SHAPES.length],
+    bright: BRIGHT[family],
+    ink: () => colour(`--tool-${family}`),
+  };
   for (const field of [...FIELDS, 'speed']) tool[field] = new Float64Array(count).fill(NaN);
   tool.state = new Uint8Array(count);
   tool.borderA = new Array(count).fill(null);
@@ -64,7 +88,8 @@ function frameTimes(columns, count) {
   for (let frame = last + 1; frame < count; frame++) times[frame] = times[last] + (frame - last) * step;
   for (let i = 1; i < known.length; i++) {
     const [from, to] = [known[i - 1], known[i]];
-    for (let frame = from + 1; frame < to; frame++) times[frame] = times[from] + ((times[to] - times[from]) * (frame - from)) / (to - from);
+    for (let frame = from + 1; frame < to; frame++)
+      times[frame] = times[from] + ((times[to] - times[from]) * (frame - from)) / (to - from);
   }
   return times;
 }

@@ -26,7 +26,14 @@ export function onUploads(callback) {
 /** Queues files for one trainee, task and box; a file that was interrupted goes on where it stopped. */
 export function addFiles(files, target, words) {
   for (const file of files) {
-    const lost = items.find(item => item.state === 'lost' && isSame(item, file) && item.target.trainee === target.trainee && item.target.task === target.task && item.target.box === target.box);
+    const lost = items.find(
+      item =>
+        item.state === 'lost' &&
+        isSame(item, file) &&
+        item.target.trainee === target.trainee &&
+        item.target.task === target.task &&
+        item.target.box === target.box,
+    );
     if (lost) resumeWith(lost.key, file);
     else add(file, target, words);
   }
@@ -35,14 +42,24 @@ export function addFiles(files, target, words) {
 function add(file, target, words) {
   const key = crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`; // randomUUID is missing on plain http.
   const recorded_at = target.recorded_at || new Date(file.lastModified).toISOString();
-  const item = { key, name: file.name, size: file.size, modified: file.lastModified, target: { ...target, recorded_at }, words, sent: 0, state: 'waiting' };
+  const item = {
+    key,
+    name: file.name,
+    size: file.size,
+    modified: file.lastModified,
+    target: { ...target, recorded_at },
+    words,
+    sent: 0,
+    state: 'waiting',
+  };
   items = [item, ...items];
   running.set(key, { file });
   changed();
   next();
 }
 
-const isSame = (item, file) => item.name === file.name && item.size === file.size && item.modified === file.lastModified;
+const isSame = (item, file) =>
+  item.name === file.name && item.size === file.size && item.modified === file.lastModified;
 
 /** After a reload: the person has chosen the file again. Returns false where it is another one. */
 export function resumeWith(key, file) {
@@ -121,7 +138,12 @@ function send(item) {
     },
     onShouldRetry: error => !isFinal(error.originalResponse?.getStatus() ?? 0),
     onSuccess: () => finish(key, { state: 'done', sent: item.size }),
-    onError: error => finish(key, { state: 'failed', problem: problemOf(error), ...(isGone(error) ? { url: undefined, sent: 0 } : {}) }),
+    onError: error =>
+      finish(key, {
+        state: 'failed',
+        problem: problemOf(error),
+        ...(isGone(error) ? { url: undefined, sent: 0 } : {}),
+      }),
   });
   handle.upload = upload;
   change(key, { state: 'sending', problem: null });
@@ -142,7 +164,9 @@ function problemOf(error) {
 }
 
 function save() {
-  const kept = items.filter(item => item.state !== 'done' && (item.url || item.state !== 'failed')).map(({ problem, rate, ...item }) => item);
+  const kept = items
+    .filter(item => item.state !== 'done' && (item.url || item.state !== 'failed'))
+    .map(({ problem, rate, ...item }) => item);
   try {
     localStorage.setItem(KEY, JSON.stringify(kept));
   } catch {

@@ -18,7 +18,15 @@ const url = need('TROCAR_URL').replace(/\/$/, '');
 const [login, password, clip] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD'), need('TROCAR_CLIP')];
 const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
 const shots = process.env.TROCAR_SCREENSHOTS;
-const FLAGS = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update', '--disable-sync'];
+const FLAGS = [
+  '--no-sandbox',
+  '--disable-gpu',
+  '--disable-quic',
+  '--no-first-run',
+  '--disable-background-networking',
+  '--disable-component-update',
+  '--disable-sync',
+];
 
 let browser;
 let page;
@@ -60,7 +68,11 @@ test('a wrong password is refused in words, the right one opens the page that wa
 });
 
 test('a recording is uploaded, and the page leads to its session', async () => {
-  for (const [label, wanted] of [['Trainee', process.env.TROCAR_TRAINEE], ['Task', process.env.TROCAR_TASK], ['Box', process.env.TROCAR_BOX]]) {
+  for (const [label, wanted] of [
+    ['Trainee', process.env.TROCAR_TRAINEE],
+    ['Task', process.env.TROCAR_TASK],
+    ['Box', process.env.TROCAR_BOX],
+  ]) {
     const chooser = page.getByLabel(label, { exact: true });
     if (wanted) await chooser.selectOption({ label: wanted });
     else if (!(await chooser.inputValue())) await chooser.selectOption({ index: 1 });
@@ -93,7 +105,10 @@ test('the features on the page are those that REST tells', async () => {
   const first = features.find(feature => feature.space === '3d' && feature.tool === tools[0] && feature.value !== null);
   const row = page.locator('tr', { has: page.locator('th', { hasText: first.title }) }).first();
   const shown = Number((await row.locator('td').first().innerText()).replace('−', '-').replaceAll(',', ''));
-  assert.ok(Math.abs(shown - first.value) <= 0.01 * Math.abs(first.value), `${first.name}: page ${shown}, REST ${first.value}`);
+  assert.ok(
+    Math.abs(shown - first.value) <= 0.01 * Math.abs(first.value),
+    `${first.name}: page ${shown}, REST ${first.value}`,
+  );
 });
 
 /** How much is drawn on the overlay, and a number that changes with what is drawn. */
@@ -102,7 +117,8 @@ const overlay = () =>
     const canvas = document.querySelector('.screen canvas');
     const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
     let [drawn, sum] = [0, 0];
-    for (let i = 3; i < data.length; i += 4) if (data[i]) [drawn, sum] = [drawn + 1, (sum * 31 + i * data[i]) % 1_000_003];
+    for (let i = 3; i < data.length; i += 4)
+      if (data[i]) [drawn, sum] = [drawn + 1, (sum * 31 + i * data[i]) % 1_000_003];
     return { drawn, sum };
   });
 
@@ -111,7 +127,11 @@ const moment = () => page.evaluate(() => document.querySelector('video').current
 test('playing moves the picture, the overlay and the line in the curves together', async () => {
   const still = await overlay();
   assert.ok(still.drawn > 100, 'the overlay shows the tools');
-  const line = () => page.locator('.playhead').first().evaluate(element => new DOMMatrix(getComputedStyle(element).transform).e);
+  const line = () =>
+    page
+      .locator('.playhead')
+      .first()
+      .evaluate(element => new DOMMatrix(getComputedStyle(element).transform).e);
   const before = await line();
   await page.getByRole('button', { name: 'Play', exact: true }).click();
   await page.waitForFunction(() => document.querySelector('video').currentTime > 1);
@@ -127,26 +147,52 @@ test('a click in a curve goes to that moment, and the keys step by one frame', a
   const length = await page.evaluate(() => document.querySelector('video').duration);
   await curve.click({ position: { x: box.width / 2, y: box.height / 2 } });
   await page.waitForFunction(() => !document.querySelector('video').seeking);
-  assert.ok(Math.abs((await moment()) - length / 2) < length * 0.02, `half-way of ${length} s is at ${await moment()} s`);
+  assert.ok(
+    Math.abs((await moment()) - length / 2) < length * 0.02,
+    `half-way of ${length} s is at ${await moment()} s`,
+  );
   const frame = async () => Number(/frame (\d+)/.exec(await page.locator('.transport .clock').innerText())[1]);
   const at = await frame();
   await page.locator('main').press('.');
-  await page.waitForFunction(wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`), at + 1);
+  await page.waitForFunction(
+    wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`),
+    at + 1,
+  );
   await page.locator('main').press(',');
-  await page.waitForFunction(wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`), at);
+  await page.waitForFunction(
+    wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`),
+    at,
+  );
 });
 
 test('a link to a moment leads to it, in the video and in the curves', async () => {
   await page.goto(`${url}/sessions/${session}?t=1.5`);
   await page.locator('.plots canvas').first().waitFor();
   await page.waitForFunction(() => Math.abs(document.querySelector('video')?.currentTime - 1.5) < 0.05);
-  await page.waitForFunction(() => new DOMMatrix(getComputedStyle(document.querySelector('.playhead')).transform).e > 10);
+  await page.waitForFunction(
+    () => new DOMMatrix(getComputedStyle(document.querySelector('.playhead')).transform).e > 10,
+  );
 });
 
 test('every page is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
   const { trainee, box } = await ask(`sessions/${session}`);
-  const pages = { today: '/', sessions: '/sessions', session: `/sessions/${session}?t=1.5`, upload: '/upload', trainees: '/trainees', trainee: `/trainees/${trainee.id}`, tasks: '/tasks', boxes: '/boxes', box: `/boxes/${box.id}`, people: '/people', account: '/account' };
-  for (const [size, viewport] of Object.entries({ desk: { width: 1440, height: 900 }, tablet: { width: 820, height: 1180 } })) {
+  const pages = {
+    today: '/',
+    sessions: '/sessions',
+    session: `/sessions/${session}?t=1.5`,
+    upload: '/upload',
+    trainees: '/trainees',
+    trainee: `/trainees/${trainee.id}`,
+    tasks: '/tasks',
+    boxes: '/boxes',
+    box: `/boxes/${box.id}`,
+    people: '/people',
+    account: '/account',
+  };
+  for (const [size, viewport] of Object.entries({
+    desk: { width: 1440, height: 900 },
+    tablet: { width: 820, height: 1180 },
+  })) {
     for (const colorScheme of ['light', 'dark']) {
       await page.setViewportSize(viewport);
       await page.emulateMedia({ colorScheme });
@@ -156,7 +202,9 @@ test('every page is shown in both themes on a desk and on a tablet, and none is 
         await page.waitForFunction(() => !document.querySelector('main .loading'));
         if (name === 'session') await page.locator('.plots canvas').first().waitFor();
         await picture(`page-${name}-${size}-${colorScheme}`);
-        const over = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+        const over = await page.evaluate(
+          () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
+        );
         assert.ok(over <= 0, `${name} is ${over} px wider than a ${size}`);
       }
     }

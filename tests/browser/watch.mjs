@@ -13,7 +13,8 @@ export function tracesOf(page, origin) {
   });
   page.on('pageerror', error => broken.push(error.message));
   page.on('console', message => {
-    if (message.type() === 'error' && !EXPECTED.test(message.text())) broken.push(`${message.text()} ${message.location().url}`);
+    if (message.type() === 'error' && !EXPECTED.test(message.text()))
+      broken.push(`${message.text()} ${message.location().url}`);
   });
   return () => ({ foreign, broken });
 }
