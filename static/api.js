@@ -101,7 +101,8 @@ export const api = {
     putCamera: (id, json) => call('PUT', ['boxes', id, 'camera'], { json }),
     calibrations: id => everything(['boxes', id, 'calibrations']),
     calibrate: (id, form) => call('POST', ['boxes', id, 'calibrations'], { form }),
-    palette: id => call('GET', ['boxes', id, 'palette']),
+    /** The versions of the colours, newest first. */
+    palettes: id => everything(['boxes', id, 'palette']),
     putPalette: (id, form) => call('PUT', ['boxes', id, 'palette'], { form }),
   },
   sessions: {

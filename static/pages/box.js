@@ -22,12 +22,12 @@ export default function BoxPage({ person, route }) {
   } = useData(
     async signal => {
       const found = await api.boxes.get(id, signal);
-      const [camera, colours, calibrations] = await Promise.all([
+      const [camera, palettes, calibrations] = await Promise.all([
         found.calibration && api.boxes.camera(id),
-        found.palette && api.boxes.palette(id),
+        api.boxes.palettes(id),
         api.boxes.calibrations(id),
       ]);
-      return { ...found, camera, colours, calibrations };
+      return { ...found, camera, palettes, calibrations };
     },
     [id],
   );
@@ -61,7 +61,7 @@ export default function BoxPage({ person, route }) {
       <section class="card">
         <header><h2>${words.palette}</h2><${PaletteState} palette=${box.palette} /></header>
         <div class="body stack">
-          <${PaletteSummary} palette=${box.colours} />
+          <${PaletteSummary} palette=${box.palettes[0]} />
           ${mayEdit && html`<${PaletteForm} box=${box} onChange=${reload} />`}
         </div>
       </section>

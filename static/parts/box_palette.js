@@ -1,7 +1,7 @@
 // A box's tape colours: what was learned, and learning from annotations with the clip or the frames that they mark.
 import { html, useState } from './preact.js';
 import { api, Problem } from '../api.js';
-import { number } from '../format.js';
+import { dateTime, number } from '../format.js';
 import { t } from '../texts.js';
 import { readJson } from './box_camera.js';
 import { Form } from './form.js';
@@ -24,28 +24,34 @@ const FIELDS = [
 export function PaletteSummary({ palette }) {
   if (!palette) return html`<p class="muted">${words.noPalette}</p>`;
   return html`
+    <p class="small muted">${words.learnedAs(palette.version, dateTime(palette.created_at))}</p>
     <div class="columns">
-      ${palette.tools?.length > 0 && html`
-        <table class="table dense">
-          <thead><tr><th scope="col">${t.session.tool}</th><th scope="col" class="number">${words.diameter}</th>
-            <th scope="col" class="number">${words.band}</th></tr></thead>
-          <tbody>${palette.tools.map(tool => html`<tr key=${tool.name ?? tool.tool}><th scope="row">
-            ${tool.name ?? tool.tool}</th><td class="number">${number(tool.diameter_mm)} mm</td><td class="number">
-            ${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td></tr>`)}</tbody>
-        </table>`}
+      <table class="table dense">
+        <thead>
+          <tr>
+            <th scope="col">${t.session.tool}</th>
+            <th scope="col" class="number">${words.diameter}</th>
+            <th scope="col" class="number">${words.band}</th>
+          </tr>
+        </thead>
+        <tbody>${palette.tools.map(tool => html`<${Tool} key=${tool.name} tool=${tool} />`)}</tbody>
+      </table>
       <table class="table dense">
         <thead><tr><th scope="col">${words.label}</th><th scope="col" class="number">${words.samples}</th></tr></thead>
-        <tbody>${counts(palette).map(([label, samples]) => html`<tr key=${label}><th scope="row">${label}</th>
-          <td class="number">${samples}</td></tr>`)}</tbody>
+        <tbody>
+          ${palette.counts.map(({ label, samples }) => html`
+            <tr key=${label}><th scope="row">${label}</th><td class="number">${samples}</td></tr>`)}
+        </tbody>
       </table>
     </div>`;
 }
 
-/** Sample counts come as a list or as an object, by label. */
-function counts({ samples, counts: list }) {
-  const given = list ?? samples ?? {};
-  return Array.isArray(given) ? given.map(({ label, samples: count }) => [label, count]) : Object.entries(given);
-}
+const Tool = ({ tool }) => html`
+  <tr>
+    <th scope="row">${tool.name}</th>
+    <td class="number">${number(tool.diameter_mm)} mm</td>
+    <td class="number">${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td>
+  </tr>`;
 
 export function PaletteForm({ box, onChange }) {
   const [job, setJob] = useState(null);

@@ -38,6 +38,7 @@ const Item = ({ item, scoring }) => html`
         <span class="small muted">${percent(item.size ? item.sent / item.size
           : 0)} · ${words.sent(bytes(item.sent), bytes(item.size))}${left(item)}</span>
       </div>`}
+    ${item.duplicate && html`<p class="wide small muted">${words.duplicate}</p>`}
     ${item.problem && html`<div class="wide"><${ProblemNotice} problem=${item.problem} /></div>`}
     ${item.state === 'lost' ? html`<${Again} item=${item} />` : html`<${Buttons} item=${item} />`}
   </li>`;

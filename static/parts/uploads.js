@@ -134,7 +134,7 @@ function send(item) {
     },
     onAfterResponse: (_, answer) => {
       const session = answer.getHeader('Trocar-Session');
-      if (session) change(key, { session });
+      if (session) change(key, { session, duplicate: answer.getHeader('Trocar-Duplicate') === 'true' });
     },
     onShouldRetry: error => !isFinal(error.originalResponse?.getStatus() ?? 0),
     onSuccess: () => finish(key, { state: 'done', sent: item.size }),
