@@ -37,6 +37,9 @@ impl Lamp {
         let (share, on_axis, miss) = closest_approach(point, self.at, solid.a, solid.b);
         let radius = solid.radius_a + (solid.radius_b - solid.radius_a) * on_axis;
         let width = (self.radius * share).max(1e-3);
+        if miss >= radius + width {
+            return 0.0;
+        }
         disc_left_of((miss + radius) / width) - disc_left_of((miss - radius) / width)
     }
 

@@ -35,3 +35,6 @@ pub use rig::View;
 pub use scenario::Scenario;
 pub use skill::Skill;
 pub use world::{Setup, World};
+
+#[cfg(test)]
+mod tests;

@@ -39,9 +39,11 @@ impl RoundCone {
 
     /// First meeting of the ray with the solid.
     pub fn meet(&self, v: Vector3<f64>) -> Option<Meeting> {
-        let ends = [meet_sphere(self.a, self.radius_a, v), meet_sphere(self.b, self.radius_b, v)];
-        let side = self.meet_side(v);
-        ends.into_iter().chain([side]).flatten().min_by(|p, q| p.depth.total_cmp(&q.depth))
+        // The solid is convex: a ray enters it once, through the side or through one of the ends.
+        self.meet_side(v).or_else(|| {
+            let ends = [meet_sphere(self.a, self.radius_a, v), meet_sphere(self.b, self.radius_b, v)];
+            ends.into_iter().flatten().min_by(|p, q| p.depth.total_cmp(&q.depth))
+        })
     }
 
     /// The cone that touches both spheres. With `s = (ra − rb)/h` the sine of its half angle and `y` the distance
@@ -66,8 +68,8 @@ impl RoundCone {
             let from_a = v * depth - to_a;
             let y = from_a.dot(&axis);
             let on_side = y >= self.radius_a * slope && y <= length + self.radius_b * slope;
-            let outwards = from_a - axis * y;
-            (depth > 0.0 && on_side).then(|| Meeting { depth, normal: outwards.normalize() * cosine + axis * slope })
+            let normal = (from_a - axis * y).normalize() * cosine + axis * slope;
+            (depth > 0.0 && on_side && normal.dot(&v) < 0.0).then_some(Meeting { depth, normal })
         })
     }
 
@@ -201,3 +203,6 @@ pub fn tangent_planes(point: Point3<f64>, axis: Vector3<f64>, radius: f64) -> Op
     let cosine = (1.0 - sine * sine).sqrt();
     Some([towards * sine + across * cosine, towards * sine - across * cosine])
 }
+
+#[cfg(test)]
+mod tests;

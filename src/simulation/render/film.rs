@@ -3,6 +3,7 @@
 use super::super::light::Rgb;
 use super::super::random::Dice;
 use super::super::rig::{Optics, Rig};
+use super::picture::chroma_length;
 use super::tile::TILE;
 
 /// Pixels of blur on each side.
@@ -73,8 +74,8 @@ impl Film {
     #[inline]
     fn tone_of(&self, light: f32) -> f32 {
         let at = (light * (TONES as f32 / BRIGHTEST)).clamp(0.0, TONES as f32 - 1.0);
-        let (step, share) = (at as usize, at.fract());
-        self.tone[step] + (self.tone[step + 1] - self.tone[step]) * share
+        let step = at as usize;
+        self.tone[step] + (self.tone[step + 1] - self.tone[step]) * (at - step as f32)
     }
 }
 
@@ -95,8 +96,46 @@ fn encode(light: f32) -> f32 {
     if kept <= 0.003_130_8 { 12.92 * kept } else { 1.055 * kept.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Codes of BT.709, limited range, unrounded.
-pub fn yuv(rgb: Encoded) -> [f32; 3] {
+/// A tile as codes of BT.709, limited range, before noise and rounding.
+pub struct Plate {
+    /// Luma samples in a row.
+    pub width: usize,
+    /// Chroma samples in a row.
+    pub chroma_width: usize,
+    /// Luma.
+    pub y: Vec<f32>,
+    /// Blue difference.
+    pub u: Vec<f32>,
+    /// Red difference.
+    pub v: Vec<f32>,
+}
+
+impl Plate {
+    /// Codes of a tile; a chroma sample is the mean of the pixels that share it.
+    pub fn new(tile: &[Encoded], (width, height): (usize, usize), (sx, sy): (u8, u8)) -> Self {
+        let (chroma_width, chroma_height) = (chroma_length(width, sx), chroma_length(height, sy));
+        let mut plate = Self {
+            width,
+            chroma_width,
+            y: tile.iter().map(|rgb| yuv(*rgb)[0]).collect(),
+            u: Vec::with_capacity(chroma_width * chroma_height),
+            v: Vec::with_capacity(chroma_width * chroma_height),
+        };
+        for sample in 0..chroma_width * chroma_height {
+            let (left, top) = ((sample % chroma_width) << sx, (sample / chroma_width) << sy);
+            let (right, bottom) = ((left + (1 << sx)).min(width), (top + (1 << sy)).min(height));
+            let rows = (top..bottom).flat_map(|row| &tile[row * width + left..row * width + right]);
+            let sum = rows.fold([0.0; 3], |sum: Encoded, rgb| [0, 1, 2].map(|c| sum[c] + rgb[c]));
+            let count = ((right - left) * (bottom - top)) as f32;
+            let [_, blue, red] = yuv(sum.map(|c| c / count));
+            plate.u.push(blue);
+            plate.v.push(red);
+        }
+        plate
+    }
+}
+
+fn yuv(rgb: Encoded) -> [f32; 3] {
     let [r, g, b] = rgb;
     let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     [16.0 + 219.0 * y, 128.0 + 224.0 * (b - y) / 1.8556, 128.0 + 224.0 * (r - y) / 1.5748]

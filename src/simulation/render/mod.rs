@@ -13,13 +13,15 @@ mod rays;
 mod still;
 mod tile;
 
+#[cfg(test)]
+pub(in crate::simulation) use moving::band_coverage;
 pub use photo::{Photo, Photographer};
 pub use picture::{Chroma, Rendered};
 
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-use self::film::{Encoded, Film, Grain, REACH, yuv};
+use self::film::{Film, Grain, GrainRow, Plate, REACH};
 use self::moving::{Exposure, hidden};
 use self::picture::chroma_length;
 use self::rays::Rays;
@@ -39,7 +41,7 @@ pub struct Renderer<'w> {
     film: Film,
     grain: Grain,
     /// The empty box, developed: what most tiles of every frame are.
-    plates: Vec<Vec<Encoded>>,
+    plates: Vec<Plate>,
     cones: Vec<Cone>,
 }
 
@@ -92,36 +94,41 @@ impl<'w> Renderer<'w> {
         if bodies.is_empty() && rods.is_empty() {
             return None;
         }
+        let square = self.tiling.square(tile);
+        let shadows = Shadows::new(square, |u, v| self.lost(u, v, &rods));
         let light = |(u, v): (usize, usize)| {
             let still = self.still.at(u, v);
-            let depth = f64::from(still.depth);
-            let behind = if rods.is_empty() { still.radiance } else { self.shaded(u, v, &rods) };
+            let lost = shadows.at(u, v);
+            let behind = still.radiance.map(|c| c * (1.0 - lost));
             if bodies.is_empty() {
                 return behind;
             }
-            exposure.paint(self.world, &bodies, &self.rays.of(u, v), (behind, depth))
+            exposure.paint(self.world, &bodies, &self.rays.of(u, v), (behind, f64::from(still.depth)))
         };
-        Some(self.tiling.square(tile).pixels().map(light).collect())
+        Some(square.pixels().map(light).collect())
     }
 
     fn may_shade(&self, cone: &Cone, rod: &RoundCone) -> bool {
         self.world.rig.lighting.lamps.iter().any(|lamp| lamp.may_hide(cone.middle, cone.spread_mm, rod))
     }
 
-    /// The empty box's light at a pixel, less what the rods' shadows take.
-    fn shaded(&self, u: usize, v: usize, rods: &[RoundCone]) -> Rgb {
+    /// Share of the empty box's light at a pixel that the rods' shadows take.
+    fn lost(&self, u: usize, v: usize, rods: &[RoundCone]) -> f32 {
+        if rods.is_empty() {
+            return 0.0;
+        }
         let still = self.still.at(u, v);
         let point = Point3::from(self.rays.centre(u, v) * f64::from(still.depth));
         let hidden = hidden(self.world, point, rods.iter());
-        let lost: f32 = (0..LAMPS).map(|lamp| still.from_lamp[lamp] * hidden[lamp]).sum();
-        still.radiance.map(|c| c * (1.0 - lost))
+        (0..LAMPS).map(|lamp| still.from_lamp[lamp] * hidden[lamp]).sum()
     }
 
     /// The tile as the sensor encodes it, without noise.
-    fn develop(&self, tile: usize, painted: &[Painted]) -> Vec<Encoded> {
+    fn develop(&self, tile: usize, painted: &[Painted]) -> Plate {
         let square = self.tiling.square(tile);
         let patch = self.tiling.patch(square, REACH, |u, v| self.light_at(u, v, painted));
-        self.film.develop(&patch, square.left, square.top, square.size())
+        let encoded = self.film.develop(&patch, square.left, square.top, square.size());
+        Plate::new(&encoded, square.size(), self.chroma.shift())
     }
 
     fn light_at(&self, u: usize, v: usize, painted: &[Painted]) -> Rgb {
@@ -142,18 +149,25 @@ impl<'w> Renderer<'w> {
         let bands = picture.y.par_chunks_mut(width * TILE);
         let chroma = picture.u.par_chunks_mut(chroma_band).zip(picture.v.par_chunks_mut(chroma_band));
         bands.zip(chroma).enumerate().for_each(|(band, (y, (u, v)))| {
-            let mut sheet = vec![[0.0f32; 3]; y.len()];
+            let mut grain = self.grain.row(self.world.seed, &format!("frame {:016x} band {band}", time_s.to_bits()));
             for tile in band * columns..(band + 1) * columns {
-                let square = self.tiling.square(tile);
+                let left = self.tiling.square(tile).left;
                 if self.is_still(tile, painted) {
-                    lay(&self.plates[tile], square, width, &mut sheet);
+                    self.digitise(&self.plates[tile], left, &mut grain, (y, u, v));
                 } else {
-                    lay(&self.develop(tile, painted), square, width, &mut sheet);
+                    self.digitise(&self.develop(tile, painted), left, &mut grain, (y, u, v));
                 }
             }
-            let key = format!("frame {:016x} band {band}", time_s.to_bits());
-            self.digitise(&sheet, &key, (y, u, v));
         });
+    }
+
+    /// A tile's codes with noise, into its place in a band of the planes.
+    fn digitise(&self, plate: &Plate, left: usize, grain: &mut GrainRow, band: (&mut [u8], &mut [u8], &mut [u8])) {
+        let shift = self.chroma.shift().0;
+        let (width, chroma_width) = (self.tiling.width, chroma_length(self.tiling.width, shift));
+        lay(&plate.y, plate.width, band.0, left, width, |code| grain.luma(code));
+        lay(&plate.u, plate.chroma_width, band.1, left >> shift, chroma_width, |code| grain.chroma(code));
+        lay(&plate.v, plate.chroma_width, band.2, left >> shift, chroma_width, |code| grain.chroma(code));
     }
 
     fn is_still(&self, tile: usize, painted: &[Painted]) -> bool {
@@ -164,32 +178,24 @@ impl<'w> Renderer<'w> {
             painted[r * self.tiling.columns + first..=r * self.tiling.columns + last].iter().all(Option::is_none)
         })
     }
+}
 
-    /// Codes with noise; chroma is the mean of the pixels that share it.
-    fn digitise(&self, sheet: &[Encoded], key: &str, (y, u, v): (&mut [u8], &mut [u8], &mut [u8])) {
-        let width = self.tiling.width;
-        let mut grain = self.grain.row(self.world.seed, key);
-        for (code, rgb) in y.iter_mut().zip(sheet) {
-            *code = grain.luma(yuv(*rgb)[0]);
-        }
-        let (sx, sy) = self.chroma.shift();
-        let chroma_width = chroma_length(width, sx);
-        let height = sheet.len() / width;
-        for (i, (u, v)) in u.iter_mut().zip(v).enumerate() {
-            let (left, top) = ((i % chroma_width) << sx, (i / chroma_width) << sy);
-            let (right, bottom) = ((left + (1 << sx)).min(width), (top + (1 << sy)).min(height));
-            let mut sum = [0.0f32; 3];
-            for row in top..bottom {
-                for rgb in &sheet[row * width + left..row * width + right] {
-                    for (channel, value) in sum.iter_mut().zip(rgb) {
-                        *channel += value;
-                    }
-                }
-            }
-            let count = ((right - left) * (bottom - top)) as f32;
-            let [_, blue, red] = yuv(sum.map(|c| c / count));
-            (*u, *v) = (grain.chroma(blue), grain.chroma(red));
-        }
+/// What shadows take in a tile, looked at once for every 2×2 pixels: their edges are softer than that.
+struct Shadows {
+    square: Square,
+    lost: Vec<f32>,
+}
+
+impl Shadows {
+    fn new(square: Square, lost_at: impl Fn(usize, usize) -> f32) -> Self {
+        let rows = (square.top..square.bottom).step_by(2);
+        let places = rows.flat_map(|v| (square.left..square.right).step_by(2).map(move |u| (u, v)));
+        Self { square, lost: places.map(|(u, v)| lost_at(u, v)).collect() }
+    }
+
+    fn at(&self, u: usize, v: usize) -> f32 {
+        let columns = self.square.size().0.div_ceil(2);
+        self.lost[(v - self.square.top) / 2 * columns + (u - self.square.left) / 2]
     }
 }
 
@@ -213,10 +219,11 @@ impl Cone {
     }
 }
 
-/// Copies a tile into its place in a band.
-fn lay(tile: &[Encoded], square: Square, width: usize, band: &mut [Encoded]) {
-    let (tile_width, _) = square.size();
-    for (row, line) in tile.chunks_exact(tile_width).enumerate() {
-        band[row * width + square.left..][..tile_width].copy_from_slice(line);
+/// Writes a tile's codes into a plane's band, `left` samples from its edge.
+fn lay(codes: &[f32], tile_width: usize, band: &mut [u8], left: usize, width: usize, mut code: impl FnMut(f32) -> u8) {
+    for (row, line) in codes.chunks_exact(tile_width).enumerate() {
+        for (sample, value) in band[row * width + left..][..tile_width].iter_mut().zip(line) {
+            *sample = code(*value);
+        }
     }
 }

@@ -78,6 +78,17 @@ impl Exposure {
 
     /// The pixel's light where some of these bodies may be in it; `behind` is the light and depth of what is behind.
     pub fn paint(&self, world: &World, near: &[usize], pixel: &PixelRays, behind: (Rgb, f64)) -> Rgb {
+        self.gather(near, pixel, behind, |met, v| self.shade(world, met, v))
+    }
+
+    /// The mean over the pixel and the exposure of what `of` says of each meeting.
+    fn gather(
+        &self,
+        near: &[usize],
+        pixel: &PixelRays,
+        behind: (Rgb, f64),
+        of: impl Fn(&Met, Vector3<f64>) -> Rgb,
+    ) -> Rgb {
         let mut touched = [0; MOST_BODIES];
         let mut count = 0;
         let mut edge = false;
@@ -89,36 +100,38 @@ impl Exposure {
                 edge |= lie == Lie::Edge;
             }
         }
-        match (count, edge) {
-            (0, _) => behind.0,
-            (_, false) => self.look_once(world, &touched[..count], pixel.centre, behind),
-            (_, true) => self.look_often(world, &touched[..count], pixel, behind),
+        let touched = &touched[..count];
+        if touched.is_empty() {
+            behind.0
+        } else if edge {
+            self.look_often(touched, pixel, behind, of)
+        } else {
+            let met = nearest(&self.middle, touched, pixel.centre).filter(|met| met.meeting.depth < behind.1);
+            met.map_or(behind.0, |met| of(&met, pixel.centre))
         }
     }
 
-    fn look_once(&self, world: &World, bodies: &[usize], v: Vector3<f64>, behind: (Rgb, f64)) -> Rgb {
-        let met = nearest(&self.middle, bodies, v).filter(|met| met.meeting.depth < behind.1);
-        met.map_or(behind.0, |met| self.shade(world, &met, v))
-    }
-
     /// Sixteen looks; each part that they meet is shaded once, since over one pixel only its outline matters.
-    fn look_often(&self, world: &World, bodies: &[usize], pixel: &PixelRays, behind: (Rgb, f64)) -> Rgb {
+    fn look_often(
+        &self,
+        bodies: &[usize],
+        pixel: &PixelRays,
+        behind: (Rgb, f64),
+        of: impl Fn(&Met, Vector3<f64>) -> Rgb,
+    ) -> Rgb {
         let mut shaded: Vec<(usize, Option<TubePart>, Rgb)> = Vec::with_capacity(4);
         let mut sum = [0.0f32; 3];
         for (bodies_then, look) in self.looks.iter().zip(PATTERN) {
             let v = pixel.at(look.right, look.down);
             let met = nearest(bodies_then, bodies, v).filter(|met| met.meeting.depth < behind.1);
-            let rgb = match met {
-                None => behind.0,
-                Some(met) => {
-                    let known = shaded.iter().find(|(body, part, _)| (*body, *part) == (met.body, met.part));
-                    known.map(|k| k.2).unwrap_or_else(|| {
-                        let rgb = self.shade(world, &met, v);
-                        shaded.push((met.body, met.part, rgb));
-                        rgb
-                    })
-                }
-            };
+            let rgb = met.map_or(behind.0, |met| {
+                let known = shaded.iter().find(|(body, part, _)| (*body, *part) == (met.body, met.part));
+                known.map(|k| k.2).unwrap_or_else(|| {
+                    let rgb = of(&met, v);
+                    shaded.push((met.body, met.part, rgb));
+                    rgb
+                })
+            });
             for (channel, value) in sum.iter_mut().zip(rgb) {
                 *channel += value / LOOKS as f32;
             }
@@ -235,4 +248,16 @@ fn hull(middle: &Body, first: &Body, last: &Body) -> RoundCone {
     let travel = |m: Point3<f64>, f: Point3<f64>, l: Point3<f64>| (m - f).norm().max((m - l).norm());
     let wide = m.radius_a.max(m.radius_b) + travel(m.a, f.a, l.a).max(travel(m.b, f.b, l.b));
     RoundCone::capsule(m.a, m.b, wide)
+}
+
+/// Share of every pixel that the bands cover, as drawn.
+#[cfg(test)]
+pub(in crate::simulation) fn band_coverage(world: &World, time_s: f64) -> Vec<f64> {
+    let rays = super::rays::Rays::new(&world.rig.camera);
+    let exposure = Exposure::new(world, time_s, world.rig.optics.exposure_s);
+    let all: Vec<usize> = (0..exposure.middle.len()).collect();
+    let white = |met: &Met, _| [if met.part == Some(TubePart::Band) { 1.0 } else { 0.0 }; 3];
+    let (width, height) = (world.rig.camera.width as usize, world.rig.camera.height as usize);
+    let cover = |i: usize| exposure.gather(&all, &rays.of(i % width, i / width), ([0.0; 3], 1e6), white)[0];
+    (0..width * height).map(|i| f64::from(cover(i))).collect()
 }

@@ -22,14 +22,12 @@ pub(super) fn approach(cast: &Cast) -> Script {
     let mut hand = cast.hand_at(far, "left hand");
     let mut dice = Dice::new(cast.seed, "approach");
     hand.wait(0.8);
-    let mut strokes = 0;
-    cast.laps(|| {
+    cast.laps(3, || {
         hand.glide(near, dice.within(2.0, 3.4));
         hand.wait(0.6);
         hand.glide(far, dice.within(1.6, 3.0));
         hand.wait(0.6);
-        strokes += 1;
-        if strokes < 3 { 0.0 } else { hand.now_s() }
+        hand.now_s()
     });
     Script { hands: vec![(0, hand)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
 }
@@ -40,14 +38,12 @@ pub(super) fn slide(cast: &Cast) -> Script {
     let mut dice = Dice::new(cast.seed, "slide");
     let mut hand = cast.hand_at(start, "left hand").steady();
     hand.wait(0.6);
-    let mut slides = 0;
-    cast.laps(|| {
+    cast.laps(5, || {
         for target in [end, start] {
             hand.glide(target, dice.within(1.5, 2.2));
             hand.wait(0.3);
         }
-        slides += 1;
-        if slides < 5 { 0.0 } else { hand.now_s() }
+        hand.now_s()
     });
     let under = |p: Point3<f64>| Point3::new(p.x, p.y, p.z + 4.0);
     let rod = |a, b, radius| Prop { solid: RoundCone::capsule(a, b, radius), material: RAIL };
@@ -80,7 +76,7 @@ pub(super) fn crossing(cast: &Cast) -> Script {
     let away = away_from_view(cast, behind[0]);
     left.wait(0.5);
     right.wait(0.8);
-    cast.laps(|| {
+    cast.laps(1, || {
         for pass in 0..3 {
             right.reach(behind[(pass + 1) % 2], Ending::Stop);
             right.pause();

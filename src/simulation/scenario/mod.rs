@@ -138,11 +138,11 @@ impl Cast<'_> {
         Hand::resting_at(home, self.skill, Dice::new(self.seed, purpose))
     }
 
-    /// Plays laps until the scene is long enough; at least one.
-    fn laps(&self, mut lap: impl FnMut() -> f64) {
-        const MOST_LAPS: usize = 100_000;
-        for _ in 0..MOST_LAPS {
-            if lap() >= self.at_least_s {
+    /// Plays at least `least` laps, and on until the scene is long enough; a lap returns the time at its end.
+    fn laps(&self, least: usize, mut lap: impl FnMut() -> f64) {
+        const MOST: usize = 100_000;
+        for played in 1..=MOST {
+            if lap() >= self.at_least_s && played >= least {
                 break;
             }
         }

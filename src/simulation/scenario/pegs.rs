@@ -27,7 +27,7 @@ pub(super) fn pegs(cast: &Cast) -> Script {
     hands[0].wait(0.6);
     hands[1].wait(0.9);
     let mut giver = 0; // the beads lie on this hand's side
-    cast.laps(|| {
+    cast.laps(1, || {
         for (bead, peg) in beads.iter_mut().zip(PEGS) {
             if dice.chance(cast.skill.one_handedness) {
                 carry_alone(&mut hands, giver, bead, peg);

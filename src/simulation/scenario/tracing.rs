@@ -16,7 +16,7 @@ const BRIGHT_WIRE: Material = Material { matt: [0.32, 0.31, 0.29], gloss: 0.6, s
 pub(super) fn wire(cast: &Cast) -> Script {
     let mut hand = cast.hand(true);
     hand.wait(0.6);
-    cast.laps(|| {
+    cast.laps(1, || {
         for point in WIRE.iter().chain(WIRE.iter().rev().skip(1)) {
             hand.reach(above(point.0, point.1, WIRE_UP_MM + 3.0), Ending::Flow);
             hand.pause();
@@ -48,7 +48,7 @@ pub(super) fn rectangle(cast: &Cast) -> Script {
     let mut dice = crate::simulation::random::Dice::new(cast.seed, "turns");
     left.wait(0.6);
     right.wait(0.9);
-    cast.laps(|| {
+    cast.laps(1, || {
         trace_half(&mut left, -1.0);
         if dice.chance(cast.skill.one_handedness) {
             right.wait_until(left.now_s()); // one hand at a time
