@@ -46,10 +46,7 @@ export default function Sessions({ person, route }) {
       <${Filters} person=${person} filter=${filter} />
       <${Announce}>${data && words.count(items.length)}<//>
       ${!data && !problem && html`<${Loading} />`}
-      ${
-        data &&
-        items.length === 0 &&
-        html`<${Empty} title=${words.none} body=${filtered ? words.noneFiltered : words.noneBody}>
+      ${data && items.length === 0 && html`<${Empty} title=${words.none} body=${filtered ? words.noneFiltered : words.noneBody}>
         ${filtered ? html`<button class="button" type="button" onClick=${() => replace(['sessions'])}>
           ${words.clear}</button>` : html`<a class="button main" href=${href(['upload'])}>${t.today.upload}</a>`}
       <//>`}

@@ -17,21 +17,30 @@ const SHOWN = 8;
 
 /** One request per state: a busy centre's newest page alone would hide what still waits below it. */
 async function load(signal) {
-  const ask = status => api.sessions.page({ status, limit: 50 }, signal).then(page => page.items);
+  const ask = status => api.sessions.page({ status, limit: 50 }, signal);
   const [receiving, queued, tracking, failed, done] = await Promise.all(
     ['receiving', 'queued', 'tracking', 'failed', 'done'].map(ask),
   );
-  return { moving: [...tracking, ...queued, ...receiving], failed, done };
+  return {
+    moving: [...tracking.items, ...queued.items, ...receiving.items],
+    failed: failed.items,
+    moreFailed: failed.next !== null,
+    done: done.items,
+  };
 }
 
 export default function Today({ person }) {
   const { data, problem, reload } = useData(load, []);
   const [progress, setProgress] = useState({});
   const [said, setSaid] = useState('');
+  const [counted, setCounted] = useState(null); // The service's own count, also of what is below the first page.
   const soon = useThrottled(reload, 700);
 
   useLive('resync', reload);
-  useLive('queue', soon);
+  useLive('queue', counts => {
+    setCounted(counts);
+    soon();
+  });
   useLive('session', event => {
     setProgress(before => ({ ...before, [event.id]: event }));
     const known = data?.moving.find(session => session.id === event.id);
@@ -44,6 +53,8 @@ export default function Today({ person }) {
     return html`<${PageHead} title=${words.title} lead=${words.lead} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
+  const count = status => moving.filter(session => session.status === status).length;
+  const whole = may(person, 'retry') ? counted : null; // A trainee is shown their own recordings only.
   const recent = data.done.filter(session => Date.now() - Date.parse(session.created_at) < DAY_MS).length;
   const mayUpload = may(person, 'upload') || may(person, 'upload_own');
   return html`
@@ -54,10 +65,10 @@ export default function Today({ person }) {
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <${Announce}>${said}<//>
     <dl class="figures">
-      <${Figure} name=${words.queued} value=${moving.filter(s => s.status === 'queued').length} />
-      <${Figure} name=${words.running} value=${moving.filter(s => s.status === 'tracking').length} />
+      <${Figure} name=${words.queued} value=${whole?.queued ?? count('queued')} />
+      <${Figure} name=${words.running} value=${whole?.running ?? count('tracking')} />
       <${Figure} name=${words.finished} value=${recent} />
-      <${Figure} name=${words.attention} value=${data.failed.length} />
+      <${Figure} name=${words.attention} value=${`${data.failed.length}${data.moreFailed ? '+' : ''}`} />
     </dl>
     <div class="columns">
       <${List} title=${words.moving} items=${moving} row=${Moving} empty=${words.emptyQueue}

@@ -61,10 +61,7 @@ export default function Trainees({ person }) {
     <section class="card">
       ${!data && !problem && html`<${Loading} />`}
       ${data && data.trainees.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${
-        data &&
-        data.trainees.length > 0 &&
-        html`
+      ${data && data.trainees.length > 0 && html`
         <div class="filters"><${Field} label=${words.find} type="search" value=${wanted}
           onInput=${event => setWanted(event.target.value)} /></div>
         <div class="scroll">

@@ -34,10 +34,7 @@ export function Groups({ data, onChange }) {
       ${open === 'new' && html`<${Dialog} title=${words.addGroup} onClose=${close}>
         <${Form} fields=${[{ name: 'name', label: words.name, required: true }]} onSave=${create}
         onCancel=${close} /><//>`}
-      ${
-        open &&
-        open !== 'new' &&
-        html`
+      ${open && open !== 'new' && html`
         <${Dialog} title=${`${words.members}: ${open.name}`} onClose=${close}>
           <${Form} fields=${memberFields(open, data)} onSave=${members(open)} onCancel=${close} />
         <//>`}
