@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::{Table, Value};
 
+use crate::analysis::AnalysisSettings;
 use crate::http::settings::HttpSettings;
 use crate::queue::QueueSettings;
 use crate::store::StoreSettings;
@@ -38,6 +39,8 @@ pub struct Settings {
     pub queue: QueueSettings,
     /// Connections, requests and sign-ins.
     pub http: HttpSettings,
+    /// Children that decode and track.
+    pub analysis: AnalysisSettings,
     /// Recordings that arrive.
     pub uploads: UploadSettings,
     /// Clearing up behind the work.
@@ -74,6 +77,7 @@ impl Default for Settings {
             store: StoreSettings::default(),
             queue: QueueSettings::default(),
             http: HttpSettings::default(),
+            analysis: AnalysisSettings::default(),
             uploads: UploadSettings::default(),
             upkeep: UpkeepSettings::default(),
         }

@@ -98,8 +98,9 @@ impl From<BoxTool> for ToolShape {
 
 fn outside(label: &LabelledRectangle) -> Problem {
     let LabelledRectangle { frame, label, x, y, w, h } = label;
-    let detail =
-        format!("the rectangle `{label}` on frame {frame} begins at x {x}, y {y} and measures {w}×{h}: outside any frame");
+    let detail = format!(
+        "the rectangle `{label}` on frame {frame} begins at x {x}, y {y} and measures {w}×{h}: outside any frame"
+    );
     Problem::new("mark-outside", "A rectangle leaves the frame", detail)
 }
 

@@ -9,10 +9,11 @@ use clap::{Parser, Subcommand};
 mod admin;
 mod calibrate;
 mod child;
+mod demonstration;
 mod evaluate;
+mod progress;
 mod score;
 pub mod serve;
-mod progress;
 pub mod simulate;
 mod track;
 

@@ -17,6 +17,8 @@ use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
 use super::Failure;
+use super::demonstration::{self, Builder};
+use crate::analysis::{AnalysisSettings, Workshop};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -26,7 +28,7 @@ use crate::http::state::{App, Parts};
 use crate::http::{router, server};
 use crate::intake::Intake;
 use crate::queue::Queue;
-use crate::settings::{Flags, Settings};
+use crate::settings::{Flags, Settings, UpkeepSettings};
 use crate::shutdown::Shutdown;
 use crate::store::{NewPerson, Store};
 use crate::time::{SharedClock, System};
@@ -50,6 +52,9 @@ pub struct Args {
     /// Recordings tracked at the same time [default: half the cores]
     #[arg(long)]
     workers: Option<usize>,
+    /// Fill a new data folder with a demonstration centre: a simulated box, trainees, recordings
+    #[arg(long)]
+    demo: bool,
     /// Settings file [default: trocar.toml in the data folder]
     #[arg(long)]
     settings: Option<PathBuf>,
@@ -65,9 +70,10 @@ pub struct Args {
 pub fn run(args: Args) -> Result<(), Failure> {
     start_log(&args.log, args.log_json)?;
     let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
-    let settings = Settings::load(flags).map_err(Failure::input)?;
+    let mut settings = Settings::load(flags).map_err(Failure::input)?;
+    settings.workers = workers(settings.workers);
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
-    let served = runtime.block_on(serve(settings));
+    let served = runtime.block_on(serve(settings, args.demo));
     runtime.shutdown_timeout(Duration::from_millis(500));
     Ok(served?)
 }
@@ -76,16 +82,52 @@ pub fn run(args: Args) -> Result<(), Failure> {
 fn start_log(filter: &str, json: bool) -> Result<(), Failure> {
     let filter = EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(Failure::input)?;
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    if json { log.json().init() } else { log.init() }
+    if json {
+        log.json().init()
+    } else {
+        log.init()
+    }
     Ok(())
 }
 
-async fn serve(settings: Settings) -> anyhow::Result<()> {
+async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     let password = Password::random();
+    let scratch = settings.data.join("demonstration");
     let running = start(settings, Arc::new(System), &password).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
     greet(running.address, running.is_first.then_some(&password));
+    if demo {
+        demonstrate(&running, scratch).await.context("registering the demonstration centre")?;
+    }
     running.ended().await;
+    Ok(())
+}
+
+/// How many workers a setting means: 0 is half the cores, since a recording keeps about two busy.
+fn workers(set: usize) -> usize {
+    match set {
+        0 => std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2)),
+        some => some,
+    }
+}
+
+/// Fills a new data folder with the demonstration centre, or goes on where an earlier start ended. A centre that has
+/// people of its own is left alone.
+#[expect(clippy::print_stdout, reason = "the command's result; a log would keep the password")]
+async fn demonstrate(running: &Running, scratch: PathBuf) -> anyhow::Result<()> {
+    let builder = Builder::new(&running.app, scratch);
+    if !running.is_first && !builder.is_registered().await? {
+        println!("This data folder is in use: no demonstration centre is added to it.");
+        return Ok(());
+    }
+    if let Some(password) = builder.register().await? {
+        println!(
+            "Or, for the demonstration centre, as {} with the password {}",
+            demonstration::INSTRUCTOR,
+            password.reveal()
+        );
+    }
+    running.shutdown.spawn(builder.fill(running.shutdown.clone()));
     Ok(())
 }
 
@@ -97,6 +139,7 @@ pub struct Running {
     pub shutdown: Shutdown,
     /// Whether there was nobody yet, so that the given password is now the first administrator's.
     pub is_first: bool,
+    app: App,
     served: JoinHandle<()>,
     _lock: Lock,
 }
@@ -124,14 +167,16 @@ impl Running {
 pub async fn start(settings: Settings, clock: SharedClock, password: &Password) -> anyhow::Result<Running> {
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
-    let store = Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
+    let store =
+        Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
     let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;
     tracing::info!(?recovered, "recovered");
     let events = Events::new();
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;
     let is_first = make_first_administrator(&store, password).await.context("making the first administrator")?;
-    let listener = TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
+    let listener =
+        TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
     let address = listener.local_addr().context("asking for the address")?;
     let shutdown = Shutdown::new();
     let rooms = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
@@ -150,16 +195,32 @@ pub async fn start(settings: Settings, clock: SharedClock, password: &Password) 
         clock,
     };
     let app = App::new(parts);
-    keep_up(&app, &shutdown);
-    let (http, stop) = (settings.http, shutdown.clone());
-    let served = tokio::spawn(async move { server::serve(listener, router::routes(app), &http, &stop).await });
-    Ok(Running { address, shutdown, is_first, served, _lock: lock })
+    keep_up(&app, &settings.upkeep);
+    workshop(&app, settings.analysis).open(settings.workers, &shutdown);
+    let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
+    let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
+    Ok(Running { address, shutdown, is_first, app, served, _lock: lock })
 }
 
-/// Starts what runs beside the requests.
-fn keep_up(app: &App, shutdown: &Shutdown) {
-    let (queue, stop) = (app.queue.clone(), shutdown.clone());
-    shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
+/// Starts what runs beside the requests: leases that ran out are rescued, what nothing needs is cleared.
+fn keep_up(app: &App, settings: &UpkeepSettings) {
+    let (queue, stop) = (app.queue.clone(), app.shutdown.clone());
+    app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
+    let (app, every) = (app.clone(), Duration::from_secs(settings.collect_s.max(1)));
+    let stop = app.shutdown.clone();
+    stop.clone().spawn(async move { upkeep::keep(&app.store, &app.vault, every, app.clock.clone(), &stop).await });
+}
+
+/// Where the workers work.
+fn workshop(app: &App, settings: AnalysisSettings) -> Workshop {
+    Workshop {
+        store: app.store.clone(),
+        vault: app.vault.clone(),
+        queue: app.queue.clone(),
+        clock: app.clock.clone(),
+        program: Workshop::this_program(),
+        settings,
+    }
 }
 
 /// Makes the first administrator, if there is nobody yet.

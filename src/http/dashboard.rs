@@ -65,7 +65,8 @@ fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
 }
 
 fn media_type(path: &str, guessed: &str) -> HeaderValue {
-    let text = guessed.starts_with("text/") || path.ends_with(".js") || path.ends_with(".mjs") || path.ends_with(".json");
+    let text =
+        guessed.starts_with("text/") || path.ends_with(".js") || path.ends_with(".mjs") || path.ends_with(".json");
     let value = if text { format!("{guessed}; charset=utf-8") } else { guessed.to_owned() };
     HeaderValue::try_from(value).unwrap_or(HeaderValue::from_static("application/octet-stream"))
 }

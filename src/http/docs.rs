@@ -36,7 +36,8 @@ fn file(path: &str) -> Answer<Response> {
 fn answer(file: SwaggerFile<'static>) -> Response {
     let header = |name: HeaderName, value: &str| Some((name, HeaderValue::from_str(value).ok()?));
     let encoding = if file.gzpipped { header(header::CONTENT_ENCODING, "gzip") } else { None };
-    let headers = [header(header::CONTENT_TYPE, &file.content_type), header(header::CACHE_CONTROL, "no-cache"), encoding];
+    let headers =
+        [header(header::CONTENT_TYPE, &file.content_type), header(header::CACHE_CONTROL, "no-cache"), encoding];
     let mut response = file.bytes.into_owned().into_response();
     headers.into_iter().flatten().for_each(|(name, value)| {
         response.headers_mut().insert(name, value);

@@ -136,9 +136,8 @@ pub struct Problem {
 impl Problem {
     /// The one not-found problem: the same bytes for what is missing and for what may not be seen.
     pub fn not_found() -> Self {
-        Refusal::NotFound.with(
-            "There is nothing at this address that you may see. Check the id, or look in the list above it.",
-        )
+        Refusal::NotFound
+            .with("There is nothing at this address that you may see. Check the id, or look in the list above it.")
     }
 
     /// Our fault: the cause goes to the log, not to the client.
@@ -220,9 +219,8 @@ impl From<VaultError> for Problem {
         match error {
             VaultError::DiskFull => disk_full(),
             VaultError::TooLong { most } => super::read::too_large(most),
-            VaultError::InUse(_) => {
-                Refusal::Locked.with("Another request is writing here. Wait until it has ended, then ask how far it came.")
-            }
+            VaultError::InUse(_) => Refusal::Locked
+                .with("Another request is writing here. Wait until it has ended, then ask how far it came."),
             VaultError::NotFound | VaultError::Damaged | VaultError::Lost { .. } | VaultError::Io { .. } => {
                 Problem::internal("handling a file", error)
             }
@@ -245,7 +243,9 @@ impl From<IntakeError> for Problem {
             IntakeError::Offset { received } => Refusal::Conflict
                 .with(format!("The upload has {received} bytes: ask with HEAD, and go on from there."))
                 .member("upload_offset", received),
-            IntakeError::Expired => Refusal::Gone.with("The upload waited too long for its next byte. Begin a new one."),
+            IntakeError::Expired => {
+                Refusal::Gone.with("The upload waited too long for its next byte. Begin a new one.")
+            }
             IntakeError::Mismatch => Refusal::ChecksumMismatch.with("The bytes were dropped. Send this piece again."),
             IntakeError::Cut(cause) => super::read::unreadable(&*cause, u64::MAX),
             IntakeError::Ending => busy("The service is ending. What came is safe: go on in a minute."),

@@ -15,10 +15,13 @@ use super::error::{PROBLEM_JSON, ProblemDocument, TABLE};
 /// Title, words and schemas that no handler names.
 #[derive(utoipa::OpenApi)]
 #[openapi(
-    info(title = "Trocar", description = "Recordings of laparoscopic box training in, paths and features out. \
+    info(
+        title = "Trocar",
+        description = "Recordings of laparoscopic box training in, paths and features out. \
         Sign in with a cookie (people) or send `Authorization: Bearer trc_…` (programs). \
         Every `{id}` is an id or, where the thing has one, its code. Lists are paged: pass `next` as `cursor`. \
-        Refusals are problem documents (RFC 9457); programs decide by their `type`."),
+        Refusals are problem documents (RFC 9457); programs decide by their `type`."
+    ),
     components(schemas(ProblemDocument))
 )]
 struct Base;

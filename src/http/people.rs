@@ -69,11 +69,7 @@ pub struct NewPerson {
 
 /// Let somebody in
 #[utoipa::path(post, path = "/people", tag = "people", request_body = NewPerson, responses((status = CREATED, body = Person)))]
-pub async fn create(
-    State(app): State<App>,
-    by: Administrator,
-    Json(new): Json<NewPerson>,
-) -> Answer<Created<Person>> {
+pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewPerson>) -> Answer<Created<Person>> {
     let (trainee, groups) = check(&app, &by, &new).await?;
     let NewPerson { login, name, role, password, .. } = new;
     let password = password::hash(Password::new(password)?).await?;

@@ -86,7 +86,8 @@ mod tests {
 
     #[test]
     fn what_is_no_single_range_is_answered_with_the_whole() {
-        for range in ["bytes=0-1,3-4", "bytes=5-4", "bytes=", "bytes=-", "lines=0-1", "bytes=+1-2", "bytes=a-b", "0-1"] {
+        for range in ["bytes=0-1,3-4", "bytes=5-4", "bytes=", "bytes=-", "lines=0-1", "bytes=+1-2", "bytes=a-b", "0-1"]
+        {
             assert_eq!(ask(range, 1000), Asked::Whole, "{range}");
         }
     }

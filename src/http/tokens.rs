@@ -84,7 +84,11 @@ pub struct MadeToken {
 
 /// Make a token
 #[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewToken, responses((status = CREATED, body = MadeToken)))]
-pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewToken>) -> Answer<Created<MadeToken>> {
+pub async fn create(
+    State(app): State<App>,
+    by: Administrator,
+    Json(new): Json<NewToken>,
+) -> Answer<Created<MadeToken>> {
     let acts_as = acts_as(&app, &by, &new).await?;
     let expires_at_ms = new.expires_at.as_deref().map(time).transpose()?;
     let secret = Secret::random();

@@ -59,7 +59,9 @@ mod tests {
 
     #[test]
     fn other_sites_may_not() {
-        for origin in ["http://evil.example", "http://box.local:81", "null", "", "http://box.local@evil.example", "x://"] {
+        for origin in
+            ["http://evil.example", "http://box.local:81", "null", "", "http://box.local@evil.example", "x://"]
+        {
             assert!(!ours(&[("host", "box.local"), ("origin", origin)]), "{origin}");
         }
         assert!(!ours(&[("origin", "http://box.local")]), "no host at all");

@@ -139,10 +139,14 @@ impl Board {
             }
         }
         if pictures.files.is_empty() {
-            return Err(Problem::invalid("photo", "is missing; send photos of the board from several sides, or a video"));
+            return Err(Problem::invalid(
+                "photo",
+                "is missing; send photos of the board from several sides, or a video",
+            ));
         }
         let board = board.ok_or_else(|| Problem::invalid("board", "is missing; say its inner corners, such as 9x6"))?;
-        let square_mm = square_mm.ok_or_else(|| Problem::invalid("square_mm", "is missing; say a square's side, mm"))?;
+        let square_mm =
+            square_mm.ok_or_else(|| Problem::invalid("square_mm", "is missing; say a square's side, mm"))?;
         Ok(Self { board, square_mm, pictures })
     }
 }

@@ -29,9 +29,8 @@ impl FromRequest<App> for Form {
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         let limit = usize::try_from(app.settings.max_form_bytes).unwrap_or(usize::MAX);
         let request = request.map(|body| axum::body::Body::new(Limited::new(body, limit)));
-        let no_form = |_| {
-            Refusal::UnsupportedMediaType.with("Send a form with `Content-Type: multipart/form-data; boundary=…`.")
-        };
+        let no_form =
+            |_| Refusal::UnsupportedMediaType.with("Send a form with `Content-Type: multipart/form-data; boundary=…`.");
         let parts = Multipart::from_request(request, app).await.map_err(no_form)?;
         Ok(Self { parts, app: app.clone(), seen: 0 })
     }
@@ -41,7 +40,9 @@ impl Form {
     /// The next part, in the order in which they were sent.
     pub async fn next(&mut self) -> Answer<Option<Part<'_>>> {
         let limit = self.app.settings.max_form_bytes;
-        let Some(field) = self.parts.next_field().await.map_err(|error| broken(&error, limit))? else { return Ok(None) };
+        let Some(field) = self.parts.next_field().await.map_err(|error| broken(&error, limit))? else {
+            return Ok(None);
+        };
         self.seen += 1;
         if self.seen > MOST_PARTS {
             return Err(Problem::invalid("form", format!("has more than {MOST_PARTS} parts; send fewer pictures")));

@@ -62,7 +62,11 @@ impl App {
 
 /// List the boxes
 #[utoipa::path(get, path = "/boxes", tag = "boxes", params(Paging), responses((status = OK, body = Page<TrainingBox>)))]
-pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<TrainingBox>>> {
+pub async fn list(
+    State(app): State<App>,
+    by: Member,
+    Params(paging): Params<Paging>,
+) -> Answer<Json<Page<TrainingBox>>> {
     let page = paging.request(app.settings.page_items)?;
     let store::Page { items, next } = app.store.boxes().list(&by.scope, &page).await?;
     let mut shown = Vec::with_capacity(items.len());

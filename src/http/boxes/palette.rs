@@ -91,7 +91,8 @@ async fn read(mut form: Form) -> Answer<(AnnotationsFile, Pictures)> {
             _ => return Err(part.unexpected("annotations, and video or frame_0, frame_1, …")),
         }
     }
-    let annotations = annotations.ok_or_else(|| Problem::invalid("annotations", "is missing; send annotations.json"))?;
+    let annotations =
+        annotations.ok_or_else(|| Problem::invalid("annotations", "is missing; send annotations.json"))?;
     check_frames(&annotations, &pictures)?;
     Ok((annotations, pictures))
 }
@@ -108,11 +109,16 @@ fn frame(name: &str) -> Option<u64> {
 /// Every marked frame must be there.
 fn check_frames(annotations: &AnnotationsFile, pictures: &Pictures) -> Answer<()> {
     if pictures.files.is_empty() {
-        return Err(Problem::invalid("video", "is missing; send the clip in which `frame` counts, or frame_<n> pictures"));
+        return Err(Problem::invalid(
+            "video",
+            "is missing; send the clip in which `frame` counts, or frame_<n> pictures",
+        ));
     }
     let missing = annotations.labels.iter().find(|label| !pictures.is_video && !pictures.frames.contains(&label.frame));
     match missing {
-        Some(label) => Err(Problem::invalid(&format!("frame_{}", label.frame), "is marked, but its picture is missing")),
+        Some(label) => {
+            Err(Problem::invalid(&format!("frame_{}", label.frame), "is marked, but its picture is missing"))
+        }
         None => Ok(()),
     }
 }

@@ -18,13 +18,7 @@ use crate::store::SessionResult;
 #[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
         (status = PARTIAL_CONTENT, description = "The part that was asked for", content_type = "video/*")))]
-pub async fn video(
-    State(app): State<App>,
-    by: Member,
-    at: At,
-    method: Method,
-    headers: HeaderMap,
-) -> Answer<Response> {
+pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, headers: HeaderMap) -> Answer<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let disposition = disposition("inline", session.filename.as_str());
     app.stored(session.video, session.media_type, disposition).await?.answer(&method, &headers).await
@@ -68,8 +62,9 @@ impl App {
     pub(super) async fn result(&self, scope: &Scope, id: SessionId) -> Answer<SessionResult> {
         let result = self.store.sessions().result(scope, id).await?;
         result.ok_or_else(|| {
-            Refusal::Conflict
-                .with("The session is not tracked yet. Wait until its status is `done`; its `error` says why if it is not.")
+            Refusal::Conflict.with(
+                "The session is not tracked yet. Wait until its status is `done`; its `error` says why if it is not.",
+            )
         })
     }
 

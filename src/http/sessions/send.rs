@@ -67,5 +67,6 @@ fn refuse_forms(request: &Request) -> Answer<()> {
     if !kind.starts_with("multipart/") {
         return Ok(());
     }
-    Err(Refusal::UnsupportedMediaType.with("Send the video itself as the body: `curl --data-binary @clip.mp4`, not -F."))
+    Err(Refusal::UnsupportedMediaType
+        .with("Send the video itself as the body: `curl --data-binary @clip.mp4`, not -F."))
 }

@@ -48,7 +48,8 @@ fn other_version() -> Problem {
 /// A header's text.
 pub fn text(headers: &HeaderMap, name: &HeaderName) -> Answer<Option<String>> {
     let Some(value) = headers.get(name) else { return Ok(None) };
-    let text = value.to_str().map_err(|_| Refusal::BadRequest.with(format!("`{name}` holds other than visible ASCII.")))?;
+    let text =
+        value.to_str().map_err(|_| Refusal::BadRequest.with(format!("`{name}` holds other than visible ASCII.")))?;
     Ok(Some(text.to_owned()))
 }
 

@@ -1,0 +1,283 @@
+//! The demonstration centre: a simulated box, six trainees of three levels, two tasks, and recordings that go through
+//! the real intake, queue and workers while one looks.
+//!
+//! Nothing here is made up beforehand: the camera is calibrated from simulated photos, the colours are learned from
+//! marked frames, every recording is tracked. What an earlier start did not get to, the next one goes on with: a
+//! recording is known by its trainee, task and name.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use tokio_util::io::ReaderStream;
+
+use super::simulate::{SceneOrder, write_scene};
+use crate::domain::boxes::NewBox;
+use crate::domain::calibration::BoardSize;
+use crate::domain::files::annotations::{AnnotationsFile, View as FileView};
+use crate::domain::job::{CalibrateInput, JobInput, JobState, NamedBlob, PaletteInput};
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::secret::Password;
+use crate::domain::task::NewTask;
+use crate::domain::text::Key;
+use crate::domain::trainee::{Handedness, Level, NewTrainee};
+use crate::events::Events;
+use crate::http::state::App;
+use crate::ids::BoxId;
+use crate::intake::{About, Intake, IntakeError};
+use crate::queue::Queue;
+use crate::shutdown::Shutdown;
+use crate::simulation::{Scenario, Setup, Skill};
+use crate::store::{Members, NewPerson, PageRequest, SessionFilter, Store, StoreError};
+use crate::time::{SharedClock, to_rfc3339};
+use crate::vault::{Kept, Vault};
+
+/// The demonstration instructor's login.
+pub const INSTRUCTOR: &str = "instructor";
+const BOX: &str = "simulated-box";
+/// Every clip of the centre is of this size: one camera, one calibration.
+const PICTURE: (u32, u32) = (960, 540);
+/// Side of a square of the simulated board, mm.
+const SQUARE_MM: f64 = 21.0;
+const ATTEMPTS: u64 = 2;
+const DAY_MS: i64 = 24 * 3600 * 1000;
+
+const TASKS: [(Scenario, &str, &str); 2] = [
+    (Scenario::Pegs, "Peg transfer", "Carry each bead to a peg on the other side, and back."),
+    (Scenario::Wire, "Tracing the wire", "Follow the m-shaped wire with the tip, from end to end."),
+];
+
+const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
+    ("Ada Novak", Level::Novice, Skill::NOVICE, Handedness::Right),
+    ("Chiara Rossi", Level::Intermediate, Skill::INTERMEDIATE, Handedness::Right),
+    ("Elin Berg", Level::Expert, Skill::EXPERT, Handedness::Right),
+    ("Ben Okoro", Level::Novice, Skill::NOVICE, Handedness::Left),
+    ("David Kim", Level::Intermediate, Skill::INTERMEDIATE, Handedness::Right),
+    ("Farid Haddad", Level::Expert, Skill::EXPERT, Handedness::Left),
+];
+
+/// What the centre is built with.
+pub struct Builder {
+    store: Store,
+    vault: Vault,
+    queue: Queue,
+    events: Events,
+    intake: Intake,
+    clock: SharedClock,
+    /// Where scenes are made before they are taken in; removed afterwards.
+    scratch: PathBuf,
+}
+
+impl Builder {
+    /// Builds in this service.
+    pub fn new(app: &App, scratch: PathBuf) -> Self {
+        Self {
+            store: app.store.clone(),
+            vault: app.vault.clone(),
+            queue: app.queue.clone(),
+            events: app.events.clone(),
+            intake: app.intake.clone(),
+            clock: app.clock.clone(),
+            scratch,
+        }
+    }
+
+    /// Whether an earlier start began the centre.
+    pub async fn is_registered(&self) -> anyhow::Result<bool> {
+        match self.store.boxes().get(&Scope::service(), &Key::from(BOX)).await {
+            Ok(_) => Ok(true),
+            Err(StoreError::NotFound { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Registers box, people and tasks, once. Returns the instructor's password if they were not there yet.
+    pub async fn register(&self) -> anyhow::Result<Option<Password>> {
+        if self.is_registered().await? {
+            return Ok(None);
+        }
+        let service = Scope::service();
+        let password = Password::random();
+        let group = self.store.groups().create(&service, "Demonstration group".parse()?).await?;
+        let instructor = NewPerson {
+            login: INSTRUCTOR.parse()?,
+            name: "Demonstration instructor".parse()?,
+            role: Role::Instructor,
+            password: password.hash(),
+            trainee: None,
+        };
+        let instructor = self.store.people().create(&service, instructor).await?;
+        let mut members = Members { instructors: vec![instructor.id], trainees: Vec::new() };
+        for (name, level, _, handedness) in TRAINEES {
+            let trainee = NewTrainee {
+                name: name.parse()?,
+                code: None,
+                level: Some(level),
+                handedness: Some(handedness),
+                group: None,
+            };
+            members.trainees.push(self.store.trainees().create(&service, trainee).await?.id);
+        }
+        self.store.groups().set_members(&service, group.id, members).await?;
+        for (scenario, name, description) in TASKS {
+            let (code, description) = (Some(scenario.name().parse()?), Some(description.parse()?));
+            self.store.tasks().create(&service, NewTask { name: name.parse()?, code, description }).await?;
+        }
+        let notes = "Drawn by `trocar simulate`; its true camera and paths are known.".parse()?;
+        let simulated = NewBox {
+            name: "Simulated box".parse()?,
+            code: Some(BOX.parse()?),
+            view: Some(FileView::Top),
+            notes: Some(notes),
+        };
+        self.store.boxes().create(&service, simulated).await?; // last: it is what says that all of this is there
+        Ok(Some(password))
+    }
+
+    /// Sets the box up and sends every recording that is not there yet, until done or the service ends.
+    pub async fn fill(self, shutdown: Shutdown) {
+        let ended = tokio::select! {
+            filled = self.set_up_and_record() => filled,
+            () = shutdown.begun() => Ok(()),
+        };
+        if let Err(error) = ended {
+            tracing::warn!(
+                error = format!("{error:#}"),
+                "the demonstration centre is incomplete; the next start goes on"
+            );
+        }
+        let _ = tokio::fs::remove_dir_all(&self.scratch).await; // gone already, or the next start removes it
+    }
+
+    async fn set_up_and_record(&self) -> anyhow::Result<()> {
+        let simulated = self.store.boxes().get(&Scope::service(), &Key::from(BOX)).await?;
+        self.set_up(simulated.id).await?;
+        for attempt in 0..ATTEMPTS {
+            for (task, (scenario, ..)) in TASKS.into_iter().enumerate() {
+                for trainee in 0..TRAINEES.len() {
+                    let seed = 1 + attempt * 100 + task as u64 * 10 + trainee as u64;
+                    self.record(scenario, trainee, attempt, seed).await?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Calibration and colours, each by a job like anybody's.
+    async fn set_up(&self, of: BoxId) -> anyhow::Result<()> {
+        let service = Scope::service();
+        let calibrated = self.store.calibrations().latest(&service, of).await?.is_some();
+        let coloured = self.store.palettes().latest(&service, of).await?.is_some();
+        if calibrated && coloured {
+            return Ok(());
+        }
+        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(Scenario::Pegs, Skill::EXPERT, 1) };
+        let folder = self.scene("set-up", SceneOrder { frames: Some(250), ..SceneOrder::new(setup) }).await?;
+        if !calibrated {
+            let (kept, files) = self.keep_all(&photos(&folder).await?).await?;
+            let board = BoardSize { columns: 9, rows: 6 };
+            let input = CalibrateInput { of, board, square_mm: SQUARE_MM, files, is_video: false };
+            self.work(JobInput::Calibrate(input), kept).await?;
+        }
+        if !coloured {
+            let (kept, files) = self.keep_all(&[folder.join("clip.mp4")]).await?;
+            let text = tokio::fs::read_to_string(folder.join("annotations.json")).await?;
+            let annotations = AnnotationsFile::parse(&text)?;
+            let input = PaletteInput { of, annotations, files, is_video: true, frames: Vec::new() };
+            self.work(JobInput::Palette(input), kept).await?;
+        }
+        Ok(())
+    }
+
+    /// Queues a job and waits for its end. The files are kept until the job's row protects them.
+    async fn work(&self, input: JobInput, kept: Vec<Kept>) -> anyhow::Result<()> {
+        let service = Scope::service();
+        let mut news = self.events.listen();
+        let job = self.store.jobs().enqueue(&service, input).await?;
+        drop(kept);
+        self.queue.work_arrived();
+        loop {
+            let now = self.store.jobs().get(&service, job.id).await?;
+            match now.state {
+                JobState::Done => return Ok(()),
+                JobState::Failed | JobState::Quarantined => bail!("setting up the simulated box failed: {now:?}"),
+                JobState::Queued | JobState::Running => {}
+            }
+            news.next().await.context("the service ends")?;
+        }
+    }
+
+    async fn record(&self, scenario: Scenario, trainee: usize, attempt: u64, seed: u64) -> anyhow::Result<()> {
+        let (name, _, skill, _) = TRAINEES[trainee];
+        let code = name.to_lowercase().replace(' ', "-");
+        let filename = format!("{}-{code}-{}.mp4", scenario.name(), attempt + 1);
+        if self.has(&code, scenario, &filename).await? {
+            return Ok(());
+        }
+        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(scenario, skill, seed) };
+        let folder = self.scene(&filename, SceneOrder { boards: 0, ..SceneOrder::new(setup) }).await?;
+        let recorded_at = self.clock.now_ms() - (ATTEMPTS - attempt) as i64 * 7 * DAY_MS;
+        let about = About {
+            trainee: Some(code),
+            task: Some(scenario.name().to_owned()),
+            in_box: Some(BOX.to_owned()),
+            filename: Some(filename),
+            recorded_at: Some(to_rfc3339(recorded_at)),
+        };
+        let service = Scope::service();
+        let recording = self.intake.recognise(&service, about).await?;
+        let bytes = ReaderStream::new(tokio::fs::File::open(folder.join("clip.mp4")).await?);
+        match self
+            .intake
+            .take(&service, recording, Box::pin(futures_util::StreamExt::map(bytes, |b| b.map_err(Into::into))))
+            .await
+        {
+            Ok(_) | Err(IntakeError::Known { .. }) => Ok(tokio::fs::remove_dir_all(folder).await?),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    async fn has(&self, trainee: &str, scenario: Scenario, filename: &str) -> anyhow::Result<bool> {
+        let which = SessionFilter {
+            trainee: Some(Key::from(trainee)),
+            task: Some(Key::from(scenario.name())),
+            ..SessionFilter::default()
+        };
+        let whole = PageRequest::new(PageRequest::MOST, None);
+        let sessions = self.store.sessions().list(&Scope::service(), &which, &whole).await?;
+        Ok(sessions.items.iter().any(|session| session.filename.as_str() == filename))
+    }
+
+    /// Makes a scene in a folder of its own, beside the async threads.
+    async fn scene(&self, name: &str, order: SceneOrder) -> anyhow::Result<PathBuf> {
+        let folder = self.scratch.join(name);
+        let made = folder.clone();
+        let draw = move || write_scene(&made, &order, &mut |_, _, _| ());
+        tokio::task::spawn_blocking(draw).await.context("drawing a scene")??;
+        Ok(folder)
+    }
+
+    async fn keep_all(&self, paths: &[PathBuf]) -> anyhow::Result<(Vec<Kept>, Vec<NamedBlob>)> {
+        let (mut kept, mut files) = (Vec::new(), Vec::new());
+        for path in paths {
+            let one = self.vault.put(&tokio::fs::read(path).await?).await?;
+            files.push(NamedBlob { name: name_of(path), blob: one.blob() });
+            kept.push(one);
+        }
+        Ok((kept, files))
+    }
+}
+
+async fn photos(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut entries = tokio::fs::read_dir(folder.join("boards")).await?;
+    let mut paths = Vec::new();
+    while let Some(entry) = entries.next_entry().await? {
+        paths.push(entry.path());
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
