@@ -44,7 +44,7 @@ impl Tracker {
         let table = ColourTable::build(&knn, encoding);
         let tools = settings.tools.iter().enumerate().map(|(i, spec)| {
             let tape = settings.samples.mean_codes(&spec.name, encoding);
-            ToolTracker::new(spec.clone(), i as u8 + 1, EdgeModel::new(tape))
+            ToolTracker::new(spec.clone(), i as u8 + 1, EdgeModel::new(tape, encoding))
         });
         Ok(Self { tools: tools.collect(), table, settings, instants: Vec::new() })
     }

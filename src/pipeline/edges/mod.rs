@@ -4,6 +4,7 @@
 //! they meet ([`line_fit`]). Then finely: short chords laid along the outline of the tube that the coarse lines gave
 //! ([`outline_probes`]), each moved onto the edge that the pixels show ([`subpixel`]).
 
+pub mod light;
 pub mod line_fit;
 pub mod outline_probes;
 pub mod scan_lines;

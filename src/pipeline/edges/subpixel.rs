@@ -14,7 +14,8 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use crate::pipeline::frame::{Frame, Plane};
+use super::light::LightSpill;
+use crate::pipeline::frame::{ColourEncoding, Frame, Plane};
 use crate::pipeline::space::Pixel;
 
 /// Where to look for an edge.
@@ -44,7 +45,7 @@ pub struct Edge {
 }
 
 /// How edges look in this recording: blur and noise of each plane, learned while tracking.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct EdgeModel {
     curves: Vec<[f32; 3]>,
     /// Blur of Y, U, V: standard deviation, pixels.
@@ -54,7 +55,21 @@ pub struct EdgeModel {
     /// Where the tape's chroma points from grey; unit.
     tape: Vector2<f64>,
     evidence: [BlurEvidence; 3],
+    spill: LightSpill,
+    codes_from_rgb: Matrix3<f64>,
+    encoding: ColourEncoding,
+    /// What the recording's maker decides and no file says; learned.
+    habits: Habits,
+    frames: u32,
+    habit_evidence: (Matrix3<f64>, Vector3<f64>),
 }
+
+/// `[strength of the light's spill (0: blurred codes, 1: blurred light), shift of chroma samples in x, in y (pixels)]`.
+type Habits = Vector3<f64>;
+
+/// Usual habits, and how far from them a recording may be. Chroma lies between its pixels, or on the left one.
+const USUAL_HABITS: [f64; 3] = [0.7, 0.0, 0.0];
+const HABIT_SPREAD: [f64; 3] = [0.5, 0.3, 0.2];
 
 #[derive(Clone, Copy, Debug, Default)]
 struct BlurEvidence {
@@ -72,7 +87,7 @@ const MOST_SAMPLES: usize = 256;
 
 impl EdgeModel {
     /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
-    pub fn new(tape_yuv: [f64; 3]) -> Self {
+    pub fn new(tape_yuv: [f64; 3], encoding: ColourEncoding) -> Self {
         let tape = Vector2::new(tape_yuv[1] - 128.0, tape_yuv[2] - 128.0);
         Self {
             curves: edge_curves(),
@@ -80,15 +95,26 @@ impl EdgeModel {
             noise: [6.0, 3.0, 3.0],
             tape: tape.try_normalize(1e-9).unwrap_or_default(),
             evidence: Default::default(),
+            spill: LightSpill::new(),
+            codes_from_rgb: encoding.codes_from_rgb(),
+            encoding,
+            habits: Vector3::from(USUAL_HABITS),
+            frames: 0,
+            habit_evidence: Default::default(),
         }
     }
 
-    /// Moves onto the edge near a probe.
-    pub fn locate(&mut self, frame: &Frame<'_>, probe: &Probe) -> Option<Edge> {
+    /// Moves onto the edge near a probe; `is_tape` tells whether codes are the tape's colour.
+    pub fn locate(&mut self, frame: &Frame<'_>, probe: &Probe, is_tape: impl Fn([u8; 3]) -> bool) -> Option<Edge> {
         let mut samples = [PlaneSamples::default(); 3];
         gather(&frame.y, (0, 0), probe, &mut [&mut samples[0]]);
         let [_, blue, red] = &mut samples;
         gather_both(frame, probe, blue, red);
+        let chroma_shift = self.habits[1] * probe.outward.x + self.habits[2] * probe.outward.y;
+        for plane in &mut samples[1..] {
+            plane.distances[..plane.len].iter_mut().for_each(|d| *d += chroma_shift as f32);
+        }
+        let mut spill = Vector3::zeros();
         let mut offset = 0.0;
         let mut fits = [PlaneFit::default(); 3];
         let mut information = 0.0;
@@ -97,10 +123,11 @@ impl EdgeModel {
             information = 0.0;
             for plane in 0..3 {
                 fits[plane] =
-                    self.fit_plane(plane, &samples[plane], offset, probe.radius_px, fits[plane].step, pass)?;
-                gradient += fits[plane].gradient / self.noise[plane];
-                information += fits[plane].information / self.noise[plane];
+                    self.fit_plane(plane, &samples[plane], offset, probe.radius_px, self.habits[0] * spill[plane])?;
+                gradient += fits[plane].step * fits[plane].gradient / self.noise[plane];
+                information += fits[plane].step.powi(2) * fits[plane].information / self.noise[plane];
             }
+            spill = self.spill_of(&fits);
             if pass == 0 {
                 continue; // the first pass only finds the heights of the steps
             }
@@ -120,25 +147,80 @@ impl EdgeModel {
         if inside.dot(&self.tape) <= 0.0 {
             return None; // the colour grows outwards: another edge than the tape's
         }
+        if is_tape(fits.map(|f| f.outside.round().clamp(0.0, 255.0) as u8)) {
+            return None; // tape on both sides: a highlight or a crease
+        }
         self.learn(&fits);
-        let excess =
-            (0..3).map(|p| fits[p].information / self.noise[p] * fits[p].variance() / self.noise[p]).sum::<f64>();
+        self.learn_habits(&fits, spill, probe.outward);
+        let excess = (0..3)
+            .map(|p| fits[p].step.powi(2) * fits[p].information / self.noise[p] * fits[p].variance() / self.noise[p])
+            .sum::<f64>();
         let inflation = (excess / information).max(1.0);
         Some(Edge { offset_px: offset, sigma_px: (inflation / information).sqrt() })
     }
 
     /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
     pub fn settle(&mut self) {
+        self.frames += 1;
+        self.settle_habits();
+        let pace = self.pace();
         for plane in 0..3 {
             let seen = std::mem::take(&mut self.evidence[plane]);
             if seen.information > 400.0 {
                 let step = (seen.gradient / seen.information).clamp(-0.2, 0.2);
-                self.blur_px[plane] = (self.blur_px[plane] + 0.2 * step).clamp(0.4, 4.0);
+                self.blur_px[plane] = (self.blur_px[plane] + pace * step).clamp(0.4, 4.0);
             }
             if seen.freedom > 200.0 {
                 let variance = (seen.squares / seen.freedom).clamp(0.5, 400.0);
-                self.noise[plane] += 0.1 * (variance - self.noise[plane]);
+                self.noise[plane] += pace * (variance - self.noise[plane]);
             }
+        }
+    }
+
+    /// The light's surplus along an edge between the colours that the planes show on both sides: codes times pixels.
+    fn spill_of(&self, fits: &[PlaneFit; 3]) -> Vector3<f64> {
+        let outside = fits.map(|f| f.outside);
+        let inside = fits.map(|f| f.outside + f.step);
+        let surplus = self.spill.between(self.encoding.rgb_of_codes(inside), self.encoding.rgb_of_codes(outside));
+        self.codes_from_rgb * surplus * self.blur_px[0]
+    }
+
+    /// What the three planes disagree on tells how the recording was made: each habit moves the edge in each plane by
+    /// another amount, while the edge itself moves all alike and is eliminated.
+    fn learn_habits(&mut self, fits: &[PlaneFit; 3], spill: Vector3<f64>, outward: Vector2<f64>) {
+        let mut own = Matrix3::zeros();
+        let (mut cross, mut right) = (Vector3::zeros(), Vector3::zeros());
+        let (mut edge_own, mut edge_right) = (0.0, 0.0);
+        for (plane, fit) in fits.iter().enumerate() {
+            if fit.variance() > 6.0 * self.noise[plane] {
+                return;
+            }
+            let shifted = if plane > 0 { -fit.step } else { 0.0 };
+            let by = Vector3::new(spill[plane], shifted * outward.x, shifted * outward.y);
+            let (weight, gradient) = (fit.information / self.noise[plane], fit.gradient / self.noise[plane]);
+            own += by * by.transpose() * weight;
+            cross += by * (fit.step * weight);
+            right += by * gradient;
+            edge_own += fit.step * fit.step * weight;
+            edge_right += fit.step * gradient;
+        }
+        if edge_own > 0.0 {
+            self.habit_evidence.0 += own - cross * cross.transpose() / edge_own;
+            self.habit_evidence.1 += right - cross * (edge_right / edge_own);
+        }
+    }
+
+    /// How far one frame moves what was learned: quickly at first, then as a mean of the last fifty frames.
+    fn pace(&self) -> f64 {
+        f64::max(0.02, 1.0 / (f64::from(self.frames) + 3.0))
+    }
+
+    fn settle_habits(&mut self) {
+        let (information, gradient) = std::mem::take(&mut self.habit_evidence);
+        let prior = Matrix3::from_diagonal(&Vector3::from(HABIT_SPREAD.map(|s| 1.0 / (s * s))));
+        let pull = prior * (Vector3::from(USUAL_HABITS) - self.habits);
+        if let Some(step) = (information + prior).try_inverse().map(|inverse| inverse * (gradient + pull)) {
+            self.habits += step.map(|c| c.clamp(-0.3, 0.3)) * self.pace();
         }
     }
 
@@ -155,37 +237,38 @@ impl EdgeModel {
         }
     }
 
-    /// One plane's linear least squares at a fixed offset, and how its residuals would change with the offset.
+    /// One plane's linear least squares at a fixed offset, and what its residuals say of a bump along the edge: moving
+    /// the edge, shifting the plane and spilling light are all such bumps.
     fn fit_plane(
         &self,
         plane: usize,
         samples: &PlaneSamples,
         offset: f64,
         radius_px: f64,
-        step: f64,
-        pass: usize,
+        spill: f64,
     ) -> Option<PlaneFit> {
         let blur = self.blur_px[plane];
         let shade_scale = (2.0 * blur / radius_px).sqrt();
         let mut normal = Matrix3::zeros();
         let mut right = Vector3::zeros();
-        let (mut to_offset, mut to_blur) = (Vector3::zeros(), Vector3::zeros());
-        let (mut offset_own, mut blur_own, mut offset_right, mut blur_right, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        let (mut to_bump, mut to_blur) = (Vector3::zeros(), Vector3::zeros());
+        let (mut bump_own, mut blur_own, mut bump_right, mut blur_right, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (distance, value) in samples.pairs() {
             let z = (distance - offset) / blur;
             let [share, slope, depth] = self.curve(z);
             let limb = (1.0 - 0.5 * ((-z).max(0.0) * blur / radius_px).min(1.0)).sqrt();
             let basis = Vector3::new(1.0 - share, share, depth * shade_scale * limb);
-            let by_offset = step * slope / blur;
-            let by_blur = by_offset * z;
+            let bump = slope / blur;
+            let wider = bump * z;
+            let value = value - spill * bump;
             normal.ger(1.0, &basis, &basis, 1.0);
             right += basis * value;
-            to_offset += basis * by_offset;
-            to_blur += basis * by_blur;
-            offset_own += by_offset * by_offset;
-            blur_own += by_blur * by_blur;
-            offset_right += by_offset * value;
-            blur_right += by_blur * value;
+            to_bump += basis * bump;
+            to_blur += basis * wider;
+            bump_own += bump * bump;
+            blur_own += wider * wider;
+            bump_right += bump * value;
+            blur_right += wider * value;
             total += value * value;
         }
         let count = samples.len as f64;
@@ -195,18 +278,18 @@ impl EdgeModel {
         normal[(2, 2)] += 1e-3 * count; // keeps the shade term bounded where the window is short
         let inverse = normal.try_inverse()?;
         let heights = inverse * right;
-        let (offset_out, blur_out) = (inverse * to_offset, inverse * to_blur);
-        let gradient = offset_right - to_offset.dot(&heights);
-        let information = (offset_own - to_offset.dot(&offset_out)).max(0.0);
-        let squares = (total - right.dot(&heights)).max(0.0);
-        let explained = if information > 0.0 && pass > 0 { gradient * gradient / information } else { 0.0 };
+        let step = heights[1] - heights[0];
+        let gradient = bump_right - to_bump.dot(&heights);
+        let information = (bump_own - to_bump.dot(&(inverse * to_bump))).max(0.0);
+        let explained = if information > 0.0 { gradient * gradient / information } else { 0.0 };
         Some(PlaneFit {
-            step: heights[1] - heights[0],
+            outside: heights[0],
+            step,
             gradient,
             information,
-            blur_gradient: blur_right - to_blur.dot(&heights),
-            blur_information: (blur_own - to_blur.dot(&blur_out)).max(0.0),
-            squares: (squares - explained).max(0.0),
+            blur_gradient: step * (blur_right - to_blur.dot(&heights)),
+            blur_information: step * step * (blur_own - to_blur.dot(&(inverse * to_blur))).max(0.0),
+            squares: (total - right.dot(&heights) - explained).max(0.0),
             freedom: (count - 4.0).max(1.0),
         })
     }
@@ -254,6 +337,7 @@ impl PlaneSamples {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct PlaneFit {
+    outside: f64,
     step: f64,
     gradient: f64,
     information: f64,

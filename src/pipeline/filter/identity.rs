@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Point3};
 
 use super::kalman::State;
 use super::smoother::Step;
+use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::reason::Reason;
 
 /// The part of the tracker's motion settings that a thread needs; units as there.
@@ -60,6 +61,12 @@ impl Thread {
     pub fn expected(&self, time_s: f64, settings: &ThreadSettings) -> Option<State> {
         let followed = self.current.filter(|f| time_s - f.seen_s <= settings.longest_prediction_s)?;
         Some(followed.state.predicted(time_s - followed.time_s, settings.noise_density))
+    }
+
+    /// Would a position pass the gate?
+    pub fn would_believe(&self, time_s: f64, pose: &TubeEstimate, settings: &ThreadSettings) -> bool {
+        self.expected(time_s, settings)
+            .is_some_and(|state| state.distance_squared(pose.tube.tip, pose.tip_covariance()) <= settings.gate)
     }
 
     /// Takes one frame's measurement, or its absence.

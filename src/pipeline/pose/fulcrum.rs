@@ -90,7 +90,7 @@ pub fn steady(pose: &TubeEstimate, fulcrum: &Fulcrum) -> Option<TubeEstimate> {
         covariance = pose.covariance - gain * constraint.by_pose * pose.covariance;
     }
     let covariance = (covariance + covariance.transpose()) * 0.5;
-    Some(TubeEstimate { tube: turned(&pose.tube, &change), covariance, residual_px: pose.residual_px })
+    Some(TubeEstimate { tube: turned(&pose.tube, &change), covariance, ..*pose })
 }
 
 /// How many standard deviations the axis passes beside the fulcrum; squared, with two degrees of freedom.

@@ -33,13 +33,13 @@ pub struct MeasuredEdge {
 }
 
 /// Standard deviation of the offset that one whole border or end shares, pixels.
-pub const EDGE_BIAS_PX: f64 = 0.08;
+pub const EDGE_BIAS_PX: f64 = 0.15;
 
 /// Fewest edges on each border.
 pub const FEWEST_BORDER_EDGES: usize = 4;
 
 /// Least standard deviation of a single edge: texture and compression that the noise does not show, pixels.
-const LEAST_SIGMA_PX: f64 = 0.05;
+const LEAST_SIGMA_PX: f64 = 0.1;
 
 const UNKNOWNS: usize = 9;
 
@@ -115,6 +115,7 @@ pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera, trust: Trust) 
         tube,
         covariance: covariance.fixed_view::<5, 5>(0, 0) * system.variance_factor.max(1.0),
         residual_px: system.residual_px,
+        support: system.support,
     })
 }
 
@@ -124,6 +125,7 @@ struct System {
     right: SVector<f64, UNKNOWNS>,
     variance_factor: f64,
     residual_px: f64,
+    support: f64,
 }
 
 impl System {
@@ -167,7 +169,13 @@ impl System {
             matrix[(5 + part, 5 + part)] += prior;
             right[5 + part] -= prior * offsets[part];
         }
-        Some(Self { matrix, right, variance_factor: scale * scale, residual_px: (squares / weights.max(1e-9)).sqrt() })
+        Some(Self {
+            matrix,
+            right,
+            variance_factor: scale * scale,
+            residual_px: (squares / weights.max(1e-9)).sqrt(),
+            support: weights,
+        })
     }
 }
 

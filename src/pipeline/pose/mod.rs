@@ -24,6 +24,8 @@ pub struct TubeEstimate {
     pub covariance: Matrix5<f64>,
     /// RMS distance of border points from the outline, pixels.
     pub residual_px: f64,
+    /// How many edges agree with it: the sum of their robust weights.
+    pub support: f64,
 }
 
 impl TubeEstimate {

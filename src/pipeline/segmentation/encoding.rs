@@ -44,6 +44,16 @@ impl ColourEncoding {
         self.rgb_from_colour() * Vector3::from(self.colour_of_codes(yuv))
     }
 
+    /// Matrix from differences of gamma-coded `[R', G', B']` to differences of codes.
+    pub fn codes_from_rgb(&self) -> Matrix3<f64> {
+        let [kr, kg, kb] = self.luma_weights();
+        let (blue, red) = (0.5 / (1.0 - kb), 0.5 / (1.0 - kr));
+        let (_, luma_span, chroma_span) = self.spans();
+        let colour_from_rgb =
+            Matrix3::new(kr, kg, kb, -kr * blue, -kg * blue, (1.0 - kb) * blue, (1.0 - kr) * red, -kg * red, -kb * red);
+        Matrix3::from_diagonal(&Vector3::new(luma_span, chroma_span, chroma_span)) * colour_from_rgb
+    }
+
     fn spans(&self) -> (f64, f64, f64) {
         match self.range {
             Range::Limited => (16.0, 219.0, 224.0),
@@ -77,6 +87,16 @@ mod tests {
             for yuv in [[16, 128, 128], [200, 90, 210], [77, 140, 30]] {
                 assert_eq!(encoding.codes_of(encoding.colour_of(yuv)), yuv);
             }
+        }
+    }
+
+    #[test]
+    fn differences_of_colour_come_back_as_differences_of_codes() {
+        for encoding in ENCODINGS {
+            let (one, other) = ([120.0, 100.0, 180.0], [70.0, 140.0, 110.0]);
+            let difference = encoding.rgb_of_codes(one) - encoding.rgb_of_codes(other);
+            let codes = encoding.codes_from_rgb() * difference;
+            assert!((codes - (Vector3::from(one) - Vector3::from(other))).norm() < 1e-9);
         }
     }
 

@@ -42,14 +42,16 @@ pub struct Measurement {
     pub estimate: TubeEstimate,
     /// Length of band that was seen or is known, mm.
     pub length_mm: f64,
-    /// Share of the outline's probes that found an edge.
+    /// Share of the outline's probes that found an edge which agrees with the tube.
     pub seen_share: f64,
+    /// Every end of the band that the tube was fitted to was really met.
+    pub ends_seen: bool,
 }
 
 impl Measurement {
     /// Do the pixels explain the tube so well that no other start need be tried?
     pub fn is_good(&self) -> bool {
-        self.estimate.residual_px < 0.4 && self.seen_share > 0.6
+        self.estimate.residual_px < 0.4 && self.seen_share > 0.55 && self.ends_seen
     }
 }
 
@@ -59,8 +61,8 @@ const COARSE_SIGMA_PX: f64 = 0.7;
 /// Looks first wide, then close: the coarse lines may be two pixels off, the first fit is not.
 const LOOKS: [ProbeLayout; 3] = [
     ProbeLayout { chord_px: 8.0, reach_px: 9.0 },
-    ProbeLayout { chord_px: 6.0, reach_px: 6.0 },
     ProbeLayout { chord_px: 6.0, reach_px: 5.0 },
+    ProbeLayout { chord_px: 6.0, reach_px: 3.2 },
 ];
 
 /// Share of the band's length next to each end that border probes leave out, in radii: there the rim bends away.
@@ -100,7 +102,7 @@ impl Bench<'_> {
         for start in starts {
             let found = self.refine(*start, length_mm, &LOOKS);
             let better = match (&found, &outcome) {
-                (Ok(new), Ok(old)) => new.estimate.residual_px < old.estimate.residual_px,
+                (Ok(new), Ok(old)) => new.seen_share > old.seen_share,
                 (Ok(_), Err(_)) => true,
                 (Err(new), Err(old)) => new > old,
                 (Err(_), Ok(_)) => false,
@@ -177,10 +179,21 @@ impl Bench<'_> {
             let estimate =
                 joint_fit::fit(&edges, &tube, self.camera, Trust::Majority).ok_or(Reason::BordersNotFound)?;
             tube = estimate.tube;
-            let seen_share = edges.len() as f64 / probes.max(1) as f64;
-            measurement = Ok(Measurement { estimate, length_mm, seen_share });
+            let seen_share = estimate.support / probes.max(1) as f64;
+            let ends_seen = self.ends_seen(&edges);
+            measurement = Ok(Measurement { estimate, length_mm, seen_share, ends_seen });
         }
         measurement
+    }
+
+    fn ends_seen(&self, edges: &[MeasuredEdge]) -> bool {
+        const FEWEST: usize = 2;
+        let at_end = |distal: bool| {
+            let rims =
+                edges.iter().filter(|e| matches!(e.place, Place::Rim { back_mm, .. } if (back_mm == 0.0) == distal));
+            rims.count() >= FEWEST
+        };
+        at_end(true) && (self.spec.band_length_mm.is_none() || at_end(false))
     }
 
     /// The edges found along a tube's outline, and how many were looked for.
@@ -199,10 +212,11 @@ impl Bench<'_> {
             rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, layout, &mut probes);
         }
         let (frame, camera, model) = (self.frame, self.camera, &mut *self.edges);
+        let (table, class) = (self.table, self.class);
         let edges = probes
             .iter()
             .filter_map(|(place, probe)| {
-                let edge = model.locate(frame, probe)?;
+                let edge = model.locate(frame, probe, |codes| table.class_of(codes) == class)?;
                 let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
                 MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, camera)
             })
@@ -218,9 +232,10 @@ impl Bench<'_> {
         let spread = [across * across, across * across, depth * depth, 0.1, 0.1];
         let covariance = nalgebra::Matrix5::from_diagonal(&spread.into());
         Measurement {
-            estimate: TubeEstimate { tube, covariance, residual_px: sigma_px },
+            estimate: TubeEstimate { tube, covariance, residual_px: sigma_px, support: 1.0 },
             length_mm: 0.0,
             seen_share: 1.0,
+            ends_seen: true,
         }
     }
 }

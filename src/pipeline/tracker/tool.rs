@@ -73,7 +73,9 @@ impl ToolTracker {
     pub(super) fn observe(&mut self, frame: &Frame<'_>, table: &ColourTable, settings: &TrackerSettings) -> Seen {
         let thread = settings.motion.thread();
         let expected = self.expected_tube(frame.time_s, &thread);
-        let followed = expected.and_then(|(tube, length)| self.bench(frame, table, settings).follow(&tube, length));
+        let followed = expected
+            .and_then(|(tube, length)| self.bench(frame, table, settings).follow(&tube, length))
+            .filter(|m| self.thread.would_believe(frame.time_s, &m.estimate, &thread));
         let measured = match followed {
             Some(measurement) => Ok(measurement),
             None => match self.look(frame, table, settings, expected) {
