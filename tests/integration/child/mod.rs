@@ -7,7 +7,6 @@ mod forge;
 mod mutation;
 mod recordings;
 mod tracking;
-mod workers;
 
 use std::fs::File;
 use std::path::Path;

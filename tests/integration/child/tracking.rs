@@ -14,14 +14,14 @@ use trocar::pipeline::tracker::{Tracker, TrackerSettings, Tracking};
 use super::*;
 
 /// One of the shared rendered scenes, if they are at hand.
-pub struct SharedScene {
+struct SharedScene {
     folder: PathBuf,
-    pub annotations: AnnotationsFile,
-    pub camera: CameraFile,
+    annotations: AnnotationsFile,
+    camera: CameraFile,
 }
 
 impl SharedScene {
-    pub fn find(name: &str) -> Option<Self> {
+    fn find(name: &str) -> Option<Self> {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
         let places = std::env::var_os("TROCAR_SHARED").map(PathBuf::from).into_iter();
         let mut places = places.chain(["../shared", "../../shared"].map(|place| manifest.join(place)));
@@ -36,7 +36,7 @@ impl SharedScene {
         Some(Self { folder, annotations, camera })
     }
 
-    pub fn video(&self) -> PathBuf {
+    fn video(&self) -> PathBuf {
         self.folder.join("video.mp4")
     }
 

@@ -1,0 +1,84 @@
+//! A small centre: two groups with an instructor and a trainee each, a box and a task.
+
+use reqwest::{Method, Response, StatusCode, header};
+use serde_json::{Value, json};
+
+use crate::support::{Client, Service, read};
+
+pub const PASSWORD: &str = "a password of tests";
+
+pub struct Centre {
+    pub service: Service,
+    pub administrator: Client,
+    /// Teaches group one.
+    pub instructor: Client,
+    /// Teaches group two.
+    pub other_instructor: Client,
+    /// Trains in group one, as `ada`.
+    pub trainee: Client,
+    /// Trains in group two, as `bob`.
+    pub other_trainee: Client,
+    /// The program beside the box.
+    pub agent: Client,
+}
+
+impl Centre {
+    pub async fn open() -> Self {
+        Self::open_in(Service::start().await).await
+    }
+
+    pub async fn open_in(service: Service) -> Self {
+        let administrator = service.administrator().await;
+        administrator.make("/api/v1/boxes", json!({"name": "Box 1", "code": "box-1"})).await;
+        administrator.make("/api/v1/tasks", json!({"name": "Peg transfer", "code": "peg"})).await;
+        for (trainee, instructor, group) in [("ada", "ines", "One"), ("bob", "omar", "Two")] {
+            staff_a_group(&administrator, group, trainee, instructor).await;
+        }
+        let token = json!({"name": "beside box 1", "role": "agent", "box": "box-1"});
+        let token = administrator.make("/api/v1/tokens", token).await;
+        Self {
+            instructor: service.sign_in("ines", PASSWORD).await,
+            other_instructor: service.sign_in("omar", PASSWORD).await,
+            trainee: service.sign_in("ada", PASSWORD).await,
+            other_trainee: service.sign_in("bob", PASSWORD).await,
+            agent: service.stranger().with_token(token["token"].as_str().unwrap()),
+            administrator,
+            service,
+        }
+    }
+}
+
+async fn staff_a_group(administrator: &Client, group: &str, trainee: &str, instructor: &str) {
+    let group = administrator.make("/api/v1/groups", json!({"name": group})).await;
+    let trainee_row =
+        administrator.make("/api/v1/trainees", json!({"name": trainee, "code": trainee, "group": group["id"]})).await;
+    let account = json!({"login": trainee, "name": trainee, "role": "trainee", "password": PASSWORD, "trainee": trainee_row["id"]});
+    administrator.make("/api/v1/people", account).await;
+    let account = json!({"login": instructor, "name": instructor, "role": "instructor", "password": PASSWORD, "groups": [group["id"]]});
+    administrator.make("/api/v1/people", account).await;
+}
+
+/// A recording that no worker ever looks at; `salt` makes it different.
+pub fn recording(bytes: usize, salt: u64) -> Vec<u8> {
+    let mut content = b"\0\0\0\x20ftypisom\0\0\x02\0isomiso2avc1mp41".to_vec();
+    let mut state = salt.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    content.resize_with(bytes.max(32), || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state as u8
+    });
+    content
+}
+
+/// Sends a recording in one call.
+pub async fn send(client: &Client, trainee: &str, content: Vec<u8>) -> Response {
+    let path = format!("/api/v1/sessions?trainee={trainee}&task=peg&box=box-1&filename=clip.mp4");
+    let request = client.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4").body(content);
+    request.send().await.unwrap()
+}
+
+/// A session made of a recording.
+pub async fn session(client: &Client, trainee: &str, content: Vec<u8>) -> Value {
+    read(send(client, trainee, content).await, StatusCode::CREATED).await
+}

@@ -1,0 +1,110 @@
+//! The interface's description, the viewer, the pages, and what the people who run the service look at.
+
+use std::collections::BTreeSet;
+
+use reqwest::{StatusCode, header};
+use serde_json::Value;
+
+use super::centre::Centre;
+use crate::support::{Service, problem};
+
+fn operations(document: &Value) -> Vec<(String, String, &Value)> {
+    let paths = document["paths"].as_object().unwrap();
+    paths
+        .iter()
+        .flat_map(|(path, item)| {
+            item.as_object().unwrap().iter().map(move |(method, op)| (path.clone(), method.clone(), op))
+        })
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_description_names_every_route_of_the_contract() {
+    let service = Service::start().await;
+    let document = service.stranger().read("/api/v1/openapi.json").await;
+    assert!(document["openapi"].as_str().unwrap().starts_with("3.1"));
+    let described: BTreeSet<_> =
+        operations(&document).into_iter().map(|(path, method, _)| format!("{} {path}", method.to_uppercase())).collect();
+    for route in include_str!("routes.txt").lines() {
+        assert!(described.contains(route), "{route} is in the contract, but not in {described:#?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_operation_describes_its_problems_and_who_may_ask() {
+    let service = Service::start().await;
+    let document = service.stranger().read("/api/v1/openapi.json").await;
+    for (path, method, operation) in operations(&document) {
+        let what = format!("{method} {path}");
+        assert!(operation["summary"].as_str().is_some_and(|s| !s.is_empty()), "{what} has no summary");
+        let responses = operation["responses"].as_object().unwrap();
+        assert!(responses.keys().any(|status| status.starts_with('2')), "{what} has no success");
+        let public = matches!(path.as_str(), "/healthz" | "/readyz" | "/metrics" | "/api/v1/openapi.json" | "/api/v1/sign-in");
+        if !public {
+            let refused = &responses.get("401").unwrap_or_else(|| panic!("{what} without 401"))["content"];
+            assert!(refused["application/problem+json"].is_object(), "{what}: {refused}");
+            assert!(operation["security"].is_array(), "{what} does not say how to sign in");
+        }
+        assert_eq!(path.contains('{'), responses.contains_key("404"), "{what} and 404");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_described_route_exists_and_no_answer_is_a_failure_of_ours() {
+    let centre = Centre::open().await;
+    let document = centre.administrator.read("/api/v1/openapi.json").await;
+    for (path, method, operation) in operations(&document) {
+        if path.ends_with("/events") || path.ends_with("/sign-out") {
+            continue; // one never ends, the other ends the sign-in that asks
+        }
+        let address = path.replace("{id}", "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44");
+        let method = reqwest::Method::from_bytes(method.to_uppercase().as_bytes()).unwrap();
+        let answer = centre.administrator.request(method.clone(), &address).send().await.unwrap();
+        let status = answer.status();
+        assert!(!status.is_server_error() && status != StatusCode::METHOD_NOT_ALLOWED, "{method} {path}: {status}");
+        let described = operation["responses"].as_object().unwrap();
+        assert!(described.contains_key(status.as_str()), "{method} {path} answers {status}, not described");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_viewer_needs_nothing_from_elsewhere() {
+    let service = Service::start().await;
+    let stranger = service.stranger();
+    assert_eq!(stranger.get("/docs").await.headers()[header::LOCATION], "/docs/");
+    let page = stranger.get("/docs/").await.text().await.unwrap();
+    assert!(page.contains("swagger-ui") && !page.contains("http://") && !page.contains("https://"), "{page}");
+    for file in ["swagger-ui-bundle.js", "swagger-ui.css", "swagger-initializer.js"] {
+        assert_eq!(stranger.get(&format!("/docs/{file}")).await.status(), StatusCode::OK, "{file}");
+    }
+    let start = stranger.get("/docs/swagger-initializer.js").await.text().await.unwrap();
+    assert!(start.contains("/api/v1/openapi.json"), "{start}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_pages_come_from_the_program_and_are_not_sent_twice() {
+    let service = Service::start().await;
+    let stranger = service.stranger();
+    let page = stranger.get("/").await;
+    assert_eq!(page.status(), StatusCode::OK);
+    assert!(page.headers()[header::CONTENT_TYPE].to_str().unwrap().starts_with("text/html"));
+    let etag = page.headers()[header::ETAG].to_str().unwrap().to_owned();
+    let again = stranger.clone().with("if-none-match", &etag).get("/").await;
+    assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
+    assert_eq!(stranger.get("/sessions/some-id").await.text().await.unwrap(), page.text().await.unwrap());
+    problem(stranger.get("/missing.js").await, 404, "not-found").await;
+    problem(stranger.get("/api/v1/nothing").await, 404, "not-found").await;
+    problem(stranger.post("/api/v1/me", Value::Null).await, 405, "method-not-allowed").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_readiness_and_metrics_answer_without_a_sign_in() {
+    let service = Service::start().await;
+    let stranger = service.stranger();
+    assert_eq!(stranger.get("/healthz").await.status(), StatusCode::OK);
+    assert_eq!(stranger.get("/readyz").await.status(), StatusCode::OK);
+    let metrics = stranger.get("/metrics").await.text().await.unwrap();
+    for name in ["trocar_http_requests_total", "trocar_jobs"] {
+        assert!(metrics.contains(name), "{name} in\n{metrics}");
+    }
+}

@@ -1,0 +1,128 @@
+//! Coming in and going out.
+
+use std::time::Duration;
+
+use reqwest::{StatusCode, header};
+use serde_json::json;
+
+use super::centre::{Centre, PASSWORD};
+use crate::support::{ADMINISTRATOR, Service, problem, read};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_administrator_signs_in_and_out() {
+    let service = Service::start().await;
+    let administrator = service.administrator().await;
+    let me = administrator.read("/api/v1/me").await;
+    assert_eq!((&me["login"], &me["role"]), (&json!("administrator"), &json!("administrator")));
+    let out = administrator.post("/api/v1/sign-out", json!({})).await;
+    assert_eq!(out.status(), StatusCode::NO_CONTENT);
+    problem(administrator.get("/api/v1/me").await, 401, "not-signed-in").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cookie_is_protected_and_new_at_each_sign_in() {
+    let service = Service::start().await;
+    let answer = service
+        .stranger()
+        .post("/api/v1/sign-in", json!({"login": ADMINISTRATOR.0, "password": ADMINISTRATOR.1}))
+        .await;
+    let cookie = answer.headers()[header::SET_COOKIE].to_str().unwrap().to_owned();
+    for attribute in ["__Host-trocar=", "HttpOnly", "Secure", "SameSite=Strict", "Path=/"] {
+        assert!(cookie.contains(attribute), "{cookie}");
+    }
+    let (first, second) = (service.administrator().await, service.administrator().await);
+    assert_ne!(first.cookie(), second.cookie());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn signing_in_again_ends_the_sign_in_that_the_browser_had() {
+    let service = Service::start().await;
+    let first = service.administrator().await;
+    let again = first.post("/api/v1/sign-in", json!({"login": ADMINISTRATOR.0, "password": ADMINISTRATOR.1})).await;
+    assert_eq!(again.status(), StatusCode::OK);
+    problem(first.get("/api/v1/me").await, 401, "not-signed-in").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_unknown_login_and_a_wrong_password_are_the_same_refusal() {
+    let service = Service::start().await;
+    let stranger = service.stranger();
+    let mut answers = Vec::new();
+    for login in ["administrator", "nobody"] {
+        let answer = stranger.post("/api/v1/sign-in", json!({"login": login, "password": "wrong wrong wrong"})).await;
+        answers.push(problem(answer, 401, "wrong-credentials").await);
+    }
+    assert_eq!(answers[0], answers[1]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn guessing_is_slowed_down_and_told_how_long_to_wait() {
+    let service = Service::start_with(|settings| settings.http.attempts_per_min = 5).await;
+    let stranger = service.stranger();
+    let guess = || stranger.post("/api/v1/sign-in", json!({"login": "administrator", "password": "guess"}));
+    for _ in 0..5 {
+        problem(guess().await, 401, "wrong-credentials").await;
+    }
+    let refused = guess().await;
+    let wait: u64 = refused.headers()[header::RETRY_AFTER].to_str().unwrap().parse().unwrap();
+    assert!((1..=12).contains(&wait), "{wait} s");
+    problem(refused, 429, "too-many").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_token_works_until_it_is_deleted_and_is_shown_once() {
+    let centre = Centre::open().await;
+    let made = centre.administrator.make("/api/v1/tokens", json!({"name": "nightly", "role": "administrator"})).await;
+    let token = made["token"].as_str().unwrap();
+    assert!(token.starts_with("trc_"));
+    let program = centre.service.stranger().with_token(token);
+    assert_eq!(program.read("/api/v1/me").await["role"], "administrator");
+    let list = centre.administrator.read("/api/v1/tokens").await;
+    assert!(!list.to_string().contains(token), "{list}");
+    let gone = centre.administrator.delete(&format!("/api/v1/tokens/{}", made["id"].as_str().unwrap())).await;
+    assert_eq!(gone.status(), StatusCode::NO_CONTENT);
+    problem(program.get("/api/v1/me").await, 401, "not-signed-in").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
+    let centre = Centre::open().await;
+    let elsewhere = centre.service.sign_in("ada", PASSWORD).await;
+    let wrong = centre.trainee.post("/api/v1/me/password", json!({"old": "not it at all", "new": "another password"})).await;
+    problem(wrong, 401, "wrong-credentials").await;
+    let short = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "short"})).await;
+    problem(short, 422, "invalid").await;
+    let changed = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "another password"})).await;
+    assert_eq!(changed.status(), StatusCode::NO_CONTENT);
+    problem(elsewhere.get("/api/v1/me").await, 401, "not-signed-in").await;
+    centre.service.sign_in("ada", "another password").await;
+    let old = centre.service.stranger().post("/api/v1/sign-in", json!({"login": "ada", "password": PASSWORD})).await;
+    problem(old, 401, "wrong-credentials").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_deleted_account_is_out_at_once() {
+    let centre = Centre::open().await;
+    let people = centre.administrator.read("/api/v1/people").await;
+    let bob = people["items"].as_array().unwrap().iter().find(|p| p["login"] == "bob").unwrap();
+    let gone = centre.administrator.delete(&format!("/api/v1/people/{}", bob["id"].as_str().unwrap())).await;
+    assert_eq!(gone.status(), StatusCode::NO_CONTENT);
+    problem(centre.other_trainee.get("/api/v1/me").await, 401, "not-signed-in").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_sign_in_ends_when_idle_and_in_any_case() {
+    let clock = trocar::time::Manual::at(1_800_000_000_000);
+    let service = Service::start_by(clock.clone()).await;
+    let administrator = service.administrator().await;
+    for _ in 0..(12 * 60 / 29) {
+        clock.advance(Duration::from_secs(29 * 60));
+        read(administrator.get("/api/v1/me").await, StatusCode::OK).await;
+    }
+    clock.advance(Duration::from_secs(29 * 60));
+    problem(administrator.get("/api/v1/me").await, 401, "not-signed-in").await;
+
+    let administrator = service.administrator().await;
+    clock.advance(Duration::from_secs(31 * 60));
+    problem(administrator.get("/api/v1/me").await, 401, "not-signed-in").await;
+}

@@ -1,0 +1,88 @@
+//! Server-sent events: told to those who may see, ended with the sign-in and with the service.
+
+use futures_util::StreamExt;
+use reqwest::{StatusCode, header};
+use serde_json::Value;
+
+use super::centre::{Centre, recording, session};
+use crate::support::{Client, problem, soon};
+
+/// The events of one client, one at a time.
+struct Watcher {
+    bytes: std::pin::Pin<Box<dyn futures_util::Stream<Item = reqwest::Result<bytes::Bytes>> + Send>>,
+    text: String,
+}
+
+impl Watcher {
+    async fn open(client: &Client) -> Self {
+        let answer = client.get("/api/v1/events").await;
+        assert_eq!(answer.status(), StatusCode::OK);
+        assert!(answer.headers()[header::CONTENT_TYPE].to_str().unwrap().starts_with("text/event-stream"));
+        Self { bytes: Box::pin(answer.bytes_stream()), text: String::new() }
+    }
+
+    /// The next event; `None` at the stream's end.
+    async fn next(&mut self) -> Option<(String, Value)> {
+        loop {
+            if let Some((block, rest)) = self.text.split_once("\n\n") {
+                let (block, rest) = (block.to_owned(), rest.to_owned());
+                self.text = rest;
+                let line = |key: &str| block.lines().find_map(|line| line.strip_prefix(key)).map(str::trim);
+                if let (Some(name), Some(data)) = (line("event:"), line("data:")) {
+                    return Some((name.to_owned(), serde_json::from_str(data).unwrap()));
+                }
+                continue; // a comment that keeps the connection alive
+            }
+            let more = self.bytes.next().await?.ok()?;
+            self.text.push_str(std::str::from_utf8(&more).unwrap());
+        }
+    }
+
+    async fn next_named(&mut self, name: &str) -> Value {
+        soon(name, async {
+            loop {
+                let (was, data) = self.next().await.expect("the stream goes on");
+                if was == name {
+                    return data;
+                }
+            }
+        })
+        .await
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_new_session_is_told_to_those_who_see_it_and_to_nobody_else() {
+    let centre = Centre::open().await;
+    let mut own = Watcher::open(&centre.trainee).await;
+    let mut foreign = Watcher::open(&centre.other_trainee).await;
+    let adas = session(&centre.trainee, "ada", recording(100, 1)).await["id"].clone();
+    let bobs = session(&centre.other_trainee, "bob", recording(100, 2)).await["id"].clone();
+    let told = own.next_named("session").await;
+    assert_eq!((&told["id"], &told["status"]), (&adas, &"queued".into()));
+    assert_eq!(foreign.next_named("session").await["id"], bobs, "Ada's came first and was not told to Bob");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_queue_is_told_at_once_to_who_begins_to_watch() {
+    let centre = Centre::open().await;
+    let queue = Watcher::open(&centre.trainee).await.next_named("queue").await;
+    assert!(queue["queued"].is_u64() && queue["running"].is_u64(), "{queue}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_ends_with_the_service() {
+    let centre = Centre::open().await;
+    let mut watcher = Watcher::open(&centre.administrator).await;
+    let stopping = tokio::spawn(centre.service.stop());
+    soon("the end of the stream", async { while watcher.next().await.is_some() {} }).await;
+    soon("the end of the service", stopping).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn streams_have_a_limit() {
+    let service = crate::support::Service::start_with(|settings| settings.http.max_event_streams = 1).await;
+    let administrator = service.administrator().await;
+    let _first = Watcher::open(&administrator).await;
+    problem(administrator.get("/api/v1/events").await, 503, "busy").await;
+}

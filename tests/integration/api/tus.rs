@@ -1,0 +1,352 @@
+//! Resumable uploads as a tus client speaks them.
+
+use std::sync::Arc;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use bytes::Bytes;
+use reqwest::{Method, Response, StatusCode, header};
+use sha1::{Digest, Sha1};
+use sha2::Sha256;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use trocar::time::System;
+
+use super::centre::{Centre, recording};
+use crate::support::{Client, Service, problem, read, soon};
+
+const MIB: usize = 1024 * 1024;
+
+/// An upload in the making.
+pub struct Upload {
+    client: Client,
+    pub address: String,
+}
+
+pub fn metadata(pairs: &[(&str, &str)]) -> String {
+    pairs.iter().map(|(key, value)| format!("{key} {}", STANDARD.encode(value))).collect::<Vec<_>>().join(",")
+}
+
+fn for_ada() -> String {
+    metadata(&[("filename", "clip.mp4"), ("trainee", "ada"), ("task", "peg"), ("box", "box-1")])
+}
+
+/// Asks for an upload.
+pub async fn create(client: &Client, length: usize, metadata: &str) -> Response {
+    client
+        .request(Method::POST, "/api/v1/uploads")
+        .header("tus-resumable", "1.0.0")
+        .header("upload-length", length)
+        .header("upload-metadata", metadata)
+        .send()
+        .await
+        .unwrap()
+}
+
+impl Upload {
+    /// Begins an upload for Ada.
+    pub async fn begin(client: &Client, length: usize) -> Self {
+        let answer = create(client, length, &for_ada()).await;
+        assert_eq!(answer.status(), StatusCode::CREATED);
+        assert_eq!(answer.headers()["tus-resumable"], "1.0.0");
+        assert!(answer.headers().contains_key("upload-expires"));
+        let address = answer.headers()[header::LOCATION].to_str().unwrap().to_owned();
+        Self { client: client.clone(), address }
+    }
+
+    pub fn request(&self, method: Method) -> reqwest::RequestBuilder {
+        self.client.request(method, &self.address).header("tus-resumable", "1.0.0")
+    }
+
+    fn patch_at(&self, offset: usize) -> reqwest::RequestBuilder {
+        self.request(Method::PATCH)
+            .header("upload-offset", offset)
+            .header(header::CONTENT_TYPE, "application/offset+octet-stream")
+    }
+
+    /// Sends bytes.
+    pub async fn patch(&self, offset: usize, bytes: &[u8]) -> Response {
+        self.patch_at(offset).body(bytes.to_vec()).send().await.unwrap()
+    }
+
+    /// How far the service is.
+    pub async fn offset(&self) -> usize {
+        let answer = self.request(Method::HEAD).send().await.unwrap();
+        assert_eq!(answer.status(), StatusCode::OK);
+        assert_eq!(answer.headers()[header::CACHE_CONTROL], "no-store");
+        answer.headers()["upload-offset"].to_str().unwrap().parse().unwrap()
+    }
+
+    /// Begins to send and leaves the body open: what is put into the channel is sent, dropping it ends the body well,
+    /// an error cuts the connection.
+    fn open_patch(&self, offset: usize) -> (mpsc::Sender<Result<Bytes, std::io::Error>>, PendingAnswer) {
+        let (bytes, body) = mpsc::channel(1);
+        let request = self.patch_at(offset).body(reqwest::Body::wrap_stream(ReceiverStream::new(body)));
+        (bytes, tokio::spawn(request.send()))
+    }
+}
+
+type PendingAnswer = tokio::task::JoinHandle<reqwest::Result<Response>>;
+
+fn session_of(answer: &Response) -> String {
+    answer.headers()["trocar-session"].to_str().unwrap().to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_in_two_parts_becomes_a_session() {
+    let centre = Centre::open().await;
+    let content = recording(300_000, 1);
+    let upload = Upload::begin(&centre.trainee, content.len()).await;
+    assert_eq!(upload.offset().await, 0);
+    let half = upload.patch(0, &content[..100_000]).await;
+    assert_eq!(half.status(), StatusCode::NO_CONTENT);
+    assert_eq!(half.headers()["upload-offset"], "100000");
+    let whole = upload.patch(100_000, &content[100_000..]).await;
+    assert_eq!(whole.headers()["upload-offset"], "300000");
+    let id = session_of(&whole);
+    let session = centre.trainee.read(&format!("/api/v1/sessions/{id}")).await;
+    assert_eq!(session["filename"], "clip.mp4");
+    assert_eq!(session["trainee"]["code"], "ada");
+    assert_eq!(session["status"], "queued");
+    let video = centre.trainee.get(&format!("/api/v1/sessions/{id}/video")).await;
+    assert_eq!(video.bytes().await.unwrap(), content);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_bytes_may_come_with_the_creation() {
+    let centre = Centre::open().await;
+    let content = recording(1000, 2);
+    let answer = centre
+        .trainee
+        .request(Method::POST, "/api/v1/uploads")
+        .header("tus-resumable", "1.0.0")
+        .header("upload-length", content.len())
+        .header("upload-metadata", for_ada())
+        .header(header::CONTENT_TYPE, "application/offset+octet-stream")
+        .body(content.clone())
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(answer.status(), StatusCode::CREATED);
+    assert_eq!(answer.headers()["upload-offset"], "1000");
+    centre.trainee.read(&format!("/api/v1/sessions/{}", session_of(&answer))).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cut_costs_at_most_eight_mebibytes() {
+    let centre = Centre::open().await;
+    let content = recording(20 * MIB, 3);
+    let upload = Upload::begin(&centre.trainee, content.len()).await;
+    let sent = 15 * MIB;
+    let (bytes, answer) = upload.open_patch(0);
+    bytes.send(Ok(Bytes::copy_from_slice(&content[..sent]))).await.unwrap();
+    // The next place in the channel is free once the body's stream took the first piece over.
+    bytes.send(Err(std::io::Error::other("cut"))).await.unwrap();
+    assert!(answer.await.unwrap().is_err(), "the client's own connection broke");
+    let kept = unlocked_offset(&upload).await;
+    assert!(sent - kept <= 8 * MIB, "{kept} of {sent} kept");
+    let rest = upload.patch(kept, &content[kept..]).await;
+    assert_eq!(rest.status(), StatusCode::NO_CONTENT);
+    let video = centre.trainee.get(&format!("/api/v1/sessions/{}/video", session_of(&rest))).await;
+    assert_eq!(Sha256::digest(video.bytes().await.unwrap()), Sha256::digest(&content));
+}
+
+/// The offset once the service has noticed that the other end is gone: until then the upload is locked.
+async fn unlocked_offset(upload: &Upload) -> usize {
+    soon("the cut to be noticed", async {
+        loop {
+            let offset = upload.offset().await;
+            let probe = upload.patch(offset, &[]).await;
+            match probe.status() {
+                StatusCode::LOCKED => tokio::task::yield_now().await,
+                StatusCode::NO_CONTENT => return offset,
+                StatusCode::CONFLICT => {} // it moved on in between
+                other => panic!("{other}"),
+            }
+        }
+    })
+    .await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_writers_at_once_are_one_too_many() {
+    let centre = Centre::open().await;
+    let content = recording(1000, 4);
+    let upload = Upload::begin(&centre.trainee, content.len()).await;
+    let (bytes, answer) = upload.open_patch(0);
+    bytes.send(Ok(Bytes::copy_from_slice(&content[..500]))).await.unwrap();
+    soon("the second writer to be refused", async {
+        // Until the first request has reached the handler an empty second one is let in, and changes nothing.
+        while upload.patch(0, &[]).await.status() != StatusCode::LOCKED {
+            tokio::task::yield_now().await;
+        }
+    })
+    .await;
+    problem(upload.patch(0, &content).await, 423, "locked").await;
+    bytes.send(Ok(Bytes::copy_from_slice(&content[500..]))).await.unwrap();
+    drop(bytes);
+    let answer = answer.await.unwrap().unwrap();
+    assert_eq!(answer.headers()["upload-offset"], "1000");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bytes_that_differ_from_their_checksum_are_dropped() {
+    let centre = Centre::open().await;
+    let content = recording(5000, 5);
+    let upload = Upload::begin(&centre.trainee, content.len()).await;
+    let with = |sum: String, bytes: &[u8]| upload.patch_at(0).header("upload-checksum", sum).body(bytes.to_vec()).send();
+    let sha1 = format!("sha1 {}", STANDARD.encode(Sha1::digest(&content)));
+    let sha256 = format!("sha256 {}", STANDARD.encode(Sha256::digest(&content[..2000])));
+    let mut spoiled = content.clone();
+    spoiled[4999] ^= 1;
+    problem(with(sha1.clone(), &spoiled).await.unwrap(), 460, "checksum-mismatch").await;
+    assert_eq!(upload.offset().await, 0);
+    problem(with("md5 AAAA".to_owned(), &content).await.unwrap(), 400, "bad-request").await;
+    assert_eq!(with(sha256, &content[..2000]).await.unwrap().status(), StatusCode::NO_CONTENT);
+    let rest = format!("sha1 {}", STANDARD.encode(Sha1::digest(&content[2000..])));
+    let last = upload.patch_at(2000).header("upload-checksum", rest).body(content[2000..].to_vec()).send().await.unwrap();
+    let video = centre.trainee.get(&format!("/api/v1/sessions/{}/video", session_of(&last))).await;
+    assert_eq!(video.bytes().await.unwrap(), content);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_finished_upload_tells_its_session_as_often_as_it_is_asked() {
+    let centre = Centre::open().await;
+    let content = recording(1000, 6);
+    let upload = Upload::begin(&centre.trainee, content.len()).await;
+    let id = session_of(&upload.patch(0, &content).await);
+    for _ in 0..2 {
+        let head = upload.request(Method::HEAD).send().await.unwrap();
+        assert_eq!(session_of(&head), id);
+        assert_eq!(head.headers()["upload-offset"], "1000");
+        let again = upload.patch(1000, &[]).await;
+        assert_eq!((again.status(), session_of(&again)), (StatusCode::NO_CONTENT, id.clone()));
+    }
+    let sessions = centre.trainee.read("/api/v1/sessions").await;
+    assert_eq!(sessions["items"].as_array().unwrap().len(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_same_recording_again_is_the_same_session_and_is_told() {
+    let centre = Centre::open().await;
+    let content = recording(1000, 7);
+    let first = Upload::begin(&centre.trainee, content.len()).await;
+    let id = session_of(&first.patch(0, &content).await);
+    let second = Upload::begin(&centre.trainee, content.len()).await;
+    let answer = second.patch(0, &content).await;
+    assert_eq!(answer.status(), StatusCode::NO_CONTENT);
+    assert_eq!((session_of(&answer), &answer.headers()["trocar-duplicate"]), (id.clone(), &"true".parse().unwrap()));
+    let in_one_call = super::centre::send(&centre.trainee, "ada", content).await;
+    let told = problem(in_one_call, 409, "duplicate-recording").await;
+    assert_eq!(told["session"], format!("/api/v1/sessions/{id}"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_terminated_upload_is_gone() {
+    let centre = Centre::open().await;
+    let upload = Upload::begin(&centre.trainee, 1000).await;
+    upload.patch(0, &[1; 500]).await;
+    assert_eq!(upload.request(Method::DELETE).send().await.unwrap().status(), StatusCode::NO_CONTENT);
+    problem(upload.patch(500, &[1; 500]).await, 404, "not-found").await;
+    assert_eq!(upload.request(Method::HEAD).send().await.unwrap().status(), StatusCode::NOT_FOUND);
+    let left = std::fs::read_dir(centre.service.data.path().join("uploads")).unwrap().count();
+    assert_eq!(left, 0, "no file stays");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_that_nobody_goes_on_with_expires() {
+    let clock = trocar::time::Manual::at(1_800_000_000_000);
+    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+    let upload = Upload::begin(&centre.administrator, 1000).await;
+    upload.patch(0, &[1; 500]).await;
+    clock.advance(std::time::Duration::from_secs(49 * 3600));
+    let administrator = centre.service.administrator().await;
+    let upload = Upload { client: administrator, address: upload.address };
+    let answer = upload.patch(500, &[1; 500]).await;
+    assert!([StatusCode::GONE, StatusCode::NOT_FOUND].contains(&answer.status()), "{}", answer.status());
+    soon("the file to be deleted", async {
+        while std::fs::read_dir(centre.service.data.path().join("uploads")).unwrap().count() > 0 {
+            tokio::task::yield_now().await;
+        }
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_goes_on_after_the_service_was_stopped() {
+    let centre = Centre::open().await;
+    let content = recording(2 * MIB, 8);
+    let upload = Upload::begin(&centre.administrator, content.len()).await;
+    upload.patch(0, &content[..MIB]).await;
+    let path = upload.address.replace(&format!("http://{}", centre.service.address()), "");
+    let service = Service::start_in(centre.service.stop().await, Arc::new(System), |_| ()).await;
+    let administrator = service.administrator().await;
+    let upload = Upload { client: administrator.clone(), address: path };
+    assert_eq!(upload.offset().await, MIB);
+    let id = session_of(&upload.patch(MIB, &content[MIB..]).await);
+    let video = administrator.get(&format!("/api/v1/sessions/{id}/video")).await;
+    assert_eq!(video.bytes().await.unwrap(), content);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_cannot_become_a_session_is_refused_before_a_byte_is_sent() {
+    let centre = Centre::open().await;
+    let of = |trainee: &str, task: &str, in_box: &str| {
+        metadata(&[("filename", "a.mp4"), ("trainee", trainee), ("task", task), ("box", in_box)])
+    };
+    for (field, metadata) in [
+        ("trainee", of("nobody", "peg", "box-1")),
+        ("trainee", of("bob", "peg", "box-1")),
+        ("task", of("ada", "knots", "box-1")),
+        ("box", of("ada", "peg", "box-9")),
+    ] {
+        let refused = problem(create(&centre.trainee, 10, &metadata).await, 422, "unknown-reference").await;
+        assert_eq!(refused["field"], field);
+    }
+    problem(create(&centre.trainee, 10, "").await, 422, "invalid").await;
+    problem(create(&centre.trainee, 10, "trainee !!").await, 400, "bad-request").await;
+    problem(create(&centre.trainee, 9 * 1024 * MIB, &for_ada()).await, 413, "too-large").await;
+    problem(create(&centre.trainee, 0, &for_ada()).await, 422, "invalid").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_protocol_is_described_and_its_mistakes_are_explained() {
+    let centre = Centre::open().await;
+    let options = centre.trainee.request(Method::OPTIONS, "/api/v1/uploads").send().await.unwrap();
+    assert_eq!(options.headers()["tus-version"], "1.0.0");
+    assert_eq!(options.headers()["tus-max-size"], (8 * 1024 * MIB).to_string().as_str());
+    assert_eq!(options.headers()["tus-checksum-algorithm"], "sha1,sha256");
+    for extension in ["creation", "creation-with-upload", "termination", "checksum", "expiration"] {
+        assert!(options.headers()["tus-extension"].to_str().unwrap().split(',').any(|e| e == extension));
+    }
+    let upload = Upload::begin(&centre.trainee, 1000).await;
+    let old = centre.trainee.request(Method::HEAD, &upload.address).header("tus-resumable", "0.2.2").send().await.unwrap();
+    assert_eq!((old.status(), &old.headers()["tus-version"]), (StatusCode::PRECONDITION_FAILED, &"1.0.0".parse().unwrap()));
+    problem(upload.patch(1, &[0; 10]).await, 409, "conflict").await;
+    problem(upload.patch(0, &[0; 1001]).await, 413, "too-large").await;
+    let plain = upload.request(Method::PATCH).header("upload-offset", 0).header(header::CONTENT_TYPE, "text/plain");
+    problem(plain.body("x").send().await.unwrap(), 415, "unsupported-media-type").await;
+    let nowhere = upload.request(Method::PATCH).header(header::CONTENT_TYPE, "application/offset+octet-stream");
+    problem(nowhere.body("x").send().await.unwrap(), 400, "bad-request").await;
+    assert_eq!(upload.offset().await, 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_foreign_upload_is_not_there() {
+    let centre = Centre::open().await;
+    let upload = Upload::begin(&centre.trainee, 1000).await;
+    for other in [&centre.other_trainee, &centre.other_instructor] {
+        let theirs = Upload { client: other.clone(), address: upload.address.clone() };
+        assert_eq!(theirs.request(Method::HEAD).send().await.unwrap().status(), StatusCode::NOT_FOUND);
+        problem(theirs.patch(0, &[1; 10]).await, 404, "not-found").await;
+        problem(theirs.request(Method::DELETE).send().await.unwrap(), 404, "not-found").await;
+    }
+    assert_eq!(upload.offset().await, 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_empty_account_of_sessions_is_an_empty_page() {
+    let centre = Centre::open().await;
+    let sessions = read(centre.trainee.get("/api/v1/sessions").await, StatusCode::OK).await;
+    assert_eq!(sessions, serde_json::json!({"items": [], "next": null}));
+}

@@ -1,0 +1,58 @@
+//! A recording in one call, and what is refused.
+
+use reqwest::{Method, StatusCode, header};
+
+use super::centre::{Centre, recording, send, session};
+use crate::support::{Service, problem, read};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_in_one_call_becomes_a_session() {
+    let centre = Centre::open().await;
+    let answer = send(&centre.instructor, "ada", recording(5000, 1)).await;
+    let location = answer.headers()[header::LOCATION].to_str().unwrap().to_owned();
+    let made = read(answer, StatusCode::CREATED).await;
+    assert_eq!(location, format!("/api/v1/sessions/{}", made["id"].as_str().unwrap()));
+    assert_eq!(made, centre.instructor.read(&location).await);
+    assert_eq!(made["video"]["bytes"], 5000);
+    assert_eq!(made["video"]["media_type"], "video/mp4");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn curls_habit_of_calling_everything_a_form_is_no_obstacle() {
+    let centre = Centre::open().await;
+    let path = "/api/v1/sessions?trainee=ada&task=peg&box=box-1&recorded_at=2026-11-20T09:30:00%2B01:00";
+    let request = centre.trainee.request(Method::POST, path);
+    let answer = request.header(header::CONTENT_TYPE, "application/x-www-form-urlencoded").body(recording(100, 1));
+    let made = read(answer.send().await.unwrap(), StatusCode::CREATED).await;
+    assert_eq!(made["recorded_at"], "2026-11-20T08:30:00Z");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_longer_than_the_limit_is_refused_with_the_limit() {
+    let centre = Centre::open_in(Service::start_with(|s| s.uploads.max_bytes = 1000).await).await;
+    let told = problem(send(&centre.trainee, "ada", recording(1001, 1)).await, 413, "too-large").await;
+    assert_eq!(told["limit_bytes"], 1000);
+    session(&centre.trainee, "ada", recording(1000, 1)).await;
+    let left = std::fs::read_dir(centre.service.data.path().join("uploads")).unwrap().count();
+    assert_eq!(left, 0, "nothing of a refused recording stays");
+}
+
+async fn send_empty(centre: &Centre) -> reqwest::Response {
+    centre.trainee.request(Method::POST, "/api/v1/sessions?trainee=ada&task=peg&box=box-1").send().await.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_empty_body_is_no_recording() {
+    let centre = Centre::open().await;
+    problem(send_empty(&centre).await, 422, "invalid").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_deleted_session_takes_its_recording_along() {
+    let centre = Centre::open().await;
+    let made = session(&centre.instructor, "ada", recording(5000, 1)).await;
+    let path = format!("/api/v1/sessions/{}", made["id"].as_str().unwrap());
+    assert_eq!(centre.instructor.delete(&path).await.status(), StatusCode::NO_CONTENT);
+    problem(centre.instructor.get(&path).await, 404, "not-found").await;
+    session(&centre.instructor, "ada", recording(5000, 1)).await;
+}

@@ -1,0 +1,176 @@
+//! The real service on port 0 with a data folder of its own, and clients that speak to it as browsers and programs do.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use reqwest::header::{self, HeaderMap, HeaderName, HeaderValue};
+use reqwest::{Method, RequestBuilder, Response, StatusCode};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use trocar::commands::serve::{self, Running};
+use trocar::domain::secret::Password;
+use trocar::settings::Settings;
+use trocar::time::{SharedClock, System};
+
+/// The administrator's password that every test service starts with.
+pub const ADMINISTRATOR: (&str, &str) = ("administrator", "correct horse battery");
+/// Longest wait for something that must happen.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A running service. Dropping it stops it and deletes its data.
+pub struct Service {
+    running: Running,
+    pub data: TempDir,
+}
+
+impl Service {
+    /// A service without workers: what is queued stays queued.
+    pub async fn start() -> Self {
+        Self::start_with(|_| ()).await
+    }
+
+    /// The same with changed settings.
+    pub async fn start_with(change: impl FnOnce(&mut Settings)) -> Self {
+        Self::start_in(tempfile::tempdir().unwrap(), Arc::new(System), change).await
+    }
+
+    /// The same by another clock.
+    pub async fn start_by(clock: SharedClock) -> Self {
+        Self::start_in(tempfile::tempdir().unwrap(), clock, |_| ()).await
+    }
+
+    /// A service on a data folder that may hold something already.
+    pub async fn start_in(data: TempDir, clock: SharedClock, change: impl FnOnce(&mut Settings)) -> Self {
+        let mut settings = Settings { data: data.path().to_owned(), ..Settings::default() };
+        settings.listen = "127.0.0.1:0".parse().unwrap();
+        change(&mut settings);
+        let password = Password::new(ADMINISTRATOR.1).unwrap();
+        let running = serve::start(settings, clock, &password).await.expect("the service starts");
+        Self { running, data }
+    }
+
+    /// Stops orderly and gives the data folder back, for another start.
+    pub async fn stop(self) -> TempDir {
+        self.running.stop().await;
+        self.data
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.running.address
+    }
+
+    /// A client that has not signed in.
+    pub fn stranger(&self) -> Client {
+        let http = reqwest::Client::builder().redirect(reqwest::redirect::Policy::none()).build().unwrap();
+        Client { http, base: format!("http://{}", self.address()), headers: HeaderMap::new() }
+    }
+
+    /// The first administrator, signed in.
+    pub async fn administrator(&self) -> Client {
+        self.sign_in(ADMINISTRATOR.0, ADMINISTRATOR.1).await
+    }
+
+    /// Somebody, signed in by cookie.
+    pub async fn sign_in(&self, login: &str, password: &str) -> Client {
+        let mut client = self.stranger();
+        let answer = client.post("/api/v1/sign-in", json!({"login": login, "password": password})).await;
+        assert_eq!(answer.status(), StatusCode::OK, "{login} signs in");
+        let cookie = answer.headers()[header::SET_COOKIE].to_str().unwrap();
+        let pair = cookie.split(';').next().unwrap();
+        client.headers.insert(header::COOKIE, HeaderValue::from_str(pair).unwrap());
+        client
+    }
+}
+
+/// Somebody who asks.
+#[derive(Clone)]
+pub struct Client {
+    http: reqwest::Client,
+    base: String,
+    headers: HeaderMap,
+}
+
+impl Client {
+    /// The same with another header in each request.
+    pub fn with(mut self, name: &'static str, value: &str) -> Self {
+        self.headers.insert(HeaderName::from_static(name), HeaderValue::from_str(value).unwrap());
+        self
+    }
+
+    /// A program with this token.
+    pub fn with_token(mut self, token: &str) -> Self {
+        self.headers.remove(header::COOKIE);
+        self.with("authorization", &format!("Bearer {token}"))
+    }
+
+    /// The signed-in cookie's text.
+    pub fn cookie(&self) -> String {
+        self.headers[header::COOKIE].to_str().unwrap().to_owned()
+    }
+
+    /// A request to build upon. `path` may be a whole address, as in `Location`.
+    pub fn request(&self, method: Method, path: &str) -> RequestBuilder {
+        let address = if path.starts_with("http") { path.to_owned() } else { format!("{}{path}", self.base) };
+        self.http.request(method, address).headers(self.headers.clone())
+    }
+
+    pub async fn get(&self, path: &str) -> Response {
+        self.request(Method::GET, path).send().await.unwrap()
+    }
+
+    pub async fn head(&self, path: &str) -> Response {
+        self.request(Method::HEAD, path).send().await.unwrap()
+    }
+
+    pub async fn delete(&self, path: &str) -> Response {
+        self.request(Method::DELETE, path).send().await.unwrap()
+    }
+
+    pub async fn post(&self, path: &str, body: Value) -> Response {
+        self.request(Method::POST, path).json(&body).send().await.unwrap()
+    }
+
+    pub async fn patch(&self, path: &str, body: Value) -> Response {
+        self.request(Method::PATCH, path).json(&body).send().await.unwrap()
+    }
+
+    pub async fn put(&self, path: &str, body: Value) -> Response {
+        self.request(Method::PUT, path).json(&body).send().await.unwrap()
+    }
+
+    /// Reads JSON that must be there.
+    pub async fn read(&self, path: &str) -> Value {
+        read(self.get(path).await, StatusCode::OK).await
+    }
+
+    /// Makes something that must succeed.
+    pub async fn make(&self, path: &str, body: Value) -> Value {
+        read(self.post(path, body).await, StatusCode::CREATED).await
+    }
+}
+
+/// The JSON of an answer that must have this status.
+pub async fn read(answer: Response, status: StatusCode) -> Value {
+    let (address, was) = (answer.url().clone(), answer.status());
+    let text = answer.text().await.unwrap();
+    assert_eq!(was, status, "{address}: {text}");
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{address}: {e}: {text}"))
+}
+
+/// A problem document that must have this status and kind.
+pub async fn problem(answer: Response, status: u16, slug: &str) -> Value {
+    let kind = answer.headers().get(header::CONTENT_TYPE).map(|v| v.to_str().unwrap().to_owned());
+    let document = read(answer, StatusCode::from_u16(status).unwrap()).await;
+    assert_eq!(kind.as_deref(), Some("application/problem+json"));
+    assert_eq!(document["type"], format!("/problems/{slug}"), "{document}");
+    assert_eq!(document["status"], status);
+    assert!(document["detail"].as_str().unwrap().len() > 20, "says what to do: {document}");
+    document
+}
+
+/// Waits for a future that must end soon.
+pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
+    tokio::time::timeout(PATIENCE, future).await.unwrap_or_else(|_| panic!("{what} did not happen in {PATIENCE:?}"))
+}
