@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::protocol::{PathRow, decode, encode};
-use crate::pipeline::trajectory::{Kind, Trajectory};
+pub use crate::pipeline::trajectory::Kind;
+use crate::pipeline::trajectory::Trajectory;
 
 /// Begins every blob of this form; the last byte is its version.
 const MAGIC: [u8; 8] = *b"trocarP\x01";

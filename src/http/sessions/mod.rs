@@ -4,8 +4,10 @@ mod files;
 mod read;
 mod send;
 mod show;
+mod trajectory;
 
 pub use files::*;
 pub use read::*;
 pub use send::*;
 pub use show::*;
+pub use trajectory::*;

@@ -23,8 +23,10 @@ async fn the_description_names_every_route_of_the_contract() {
     let service = Service::start().await;
     let document = service.stranger().read("/api/v1/openapi.json").await;
     assert!(document["openapi"].as_str().unwrap().starts_with("3.1"));
-    let described: BTreeSet<_> =
-        operations(&document).into_iter().map(|(path, method, _)| format!("{} {path}", method.to_uppercase())).collect();
+    let described: BTreeSet<_> = operations(&document)
+        .into_iter()
+        .map(|(path, method, _)| format!("{} {path}", method.to_uppercase()))
+        .collect();
     for route in include_str!("routes.txt").lines() {
         assert!(described.contains(route), "{route} is in the contract, but not in {described:#?}");
     }
@@ -39,7 +41,8 @@ async fn every_operation_describes_its_problems_and_who_may_ask() {
         assert!(operation["summary"].as_str().is_some_and(|s| !s.is_empty()), "{what} has no summary");
         let responses = operation["responses"].as_object().unwrap();
         assert!(responses.keys().any(|status| status.starts_with('2')), "{what} has no success");
-        let public = matches!(path.as_str(), "/healthz" | "/readyz" | "/metrics" | "/api/v1/openapi.json" | "/api/v1/sign-in");
+        let public =
+            matches!(path.as_str(), "/healthz" | "/readyz" | "/metrics" | "/api/v1/openapi.json" | "/api/v1/sign-in");
         if !public {
             let refused = &responses.get("401").unwrap_or_else(|| panic!("{what} without 401"))["content"];
             assert!(refused["application/problem+json"].is_object(), "{what}: {refused}");

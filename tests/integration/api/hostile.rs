@@ -48,7 +48,9 @@ async fn bodies_that_are_too_long_wrong_or_broken_are_explained() {
     assert_eq!(told["limit_bytes"], 256 * 1024);
     problem(post("text/plain", "{\"name\":\"x\"}".into()).await.unwrap(), 415, "unsupported-media-type").await;
     problem(post("application/json", "{\"name\":".into()).await.unwrap(), 400, "bad-request").await;
-    for body in ["{}", "[]", "{\"name\":5}", "{\"name\":\"\"}", "{\"name\":\"x\",\"colour\":\"red\"}", "{\"name\":\"a\\nb\"}"] {
+    for body in
+        ["{}", "[]", "{\"name\":5}", "{\"name\":\"\"}", "{\"name\":\"x\",\"colour\":\"red\"}", "{\"name\":\"a\\nb\"}"]
+    {
         problem(post("application/json", body.into()).await.unwrap(), 422, "invalid").await;
     }
     let deep = "[".repeat(100_000);
@@ -87,7 +89,8 @@ async fn a_silent_client_and_a_dribbling_body_are_ended() {
     .await;
     assert_eq!(raw(&service, b""), "", "closed without a word");
     raw(&service, b"GET / HTTP/1.1\r\nHost:");
-    let head = "POST /api/v1/sign-in HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: 100\r\n\r\n{";
+    let head =
+        "POST /api/v1/sign-in HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: 100\r\n\r\n{";
     let answer = raw(&service, head.as_bytes());
     assert!(answer.starts_with("HTTP/1.1 408"), "{answer}");
     assert!(answer.contains("/problems/too-slow"), "{answer}");

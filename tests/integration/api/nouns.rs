@@ -88,19 +88,22 @@ async fn photos_and_annotations_become_jobs() {
     let job = centre.instructor.read(&format!("/api/v1/jobs/{}", told["job"].as_str().unwrap())).await;
     assert_eq!((&job["kind"], &job["state"]), (&json!("calibrate"), &json!("queued")));
 
-    let annotations = r#"{"tool_diameter_mm":8.0,"view":"top","labels":[{"frame":1,"label":"orange","x":1,"y":2,"w":3,"h":4}]}"#;
+    let annotations =
+        r#"{"tool_diameter_mm":8.0,"view":"top","labels":[{"frame":1,"label":"orange","x":1,"y":2,"w":3,"h":4}]}"#;
     let form = reqwest::multipart::Form::new().text("annotations", annotations).part("video", part("clip.mp4"));
     let answer = centre.instructor.request(Method::PUT, "/api/v1/boxes/box-1/palette").multipart(form);
     let told = read(answer.send().await.unwrap(), StatusCode::ACCEPTED).await;
     let job = centre.instructor.read(&format!("/api/v1/jobs/{}", told["job"].as_str().unwrap())).await;
     assert_eq!(job["kind"], "palette");
-    problem(centre.trainee.get(&format!("/api/v1/jobs/{}", told["job"].as_str().unwrap())).await, 404, "not-found").await;
+    problem(centre.trainee.get(&format!("/api/v1/jobs/{}", told["job"].as_str().unwrap())).await, 404, "not-found")
+        .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_form_that_lacks_something_is_told_what() {
     let centre = Centre::open().await;
-    let send = |path: &'static str, method: Method, form| centre.instructor.request(method, path).multipart(form).send();
+    let send =
+        |path: &'static str, method: Method, form| centre.instructor.request(method, path).multipart(form).send();
     let form = reqwest::multipart::Form::new;
     let calibrations = "/api/v1/boxes/box-1/calibrations";
     for form in [

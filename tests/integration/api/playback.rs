@@ -16,14 +16,17 @@ async fn recorded() -> (Centre, String, Vec<u8>) {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_player_may_read_any_part() {
     let (centre, path, content) = recorded().await;
-    for (range, first, last) in [("bytes=0-99", 0, 99), ("bytes=9000-", 9000, 9999), ("bytes=-1", 9999, 9999), ("bytes=0-99999", 0, 9999)] {
+    for (range, first, last) in
+        [("bytes=0-99", 0, 99), ("bytes=9000-", 9000, 9999), ("bytes=-1", 9999, 9999), ("bytes=0-99999", 0, 9999)]
+    {
         let answer = centre.trainee.request(Method::GET, &path).header(header::RANGE, range).send().await.unwrap();
         assert_eq!(answer.status(), StatusCode::PARTIAL_CONTENT, "{range}");
         assert_eq!(answer.headers()[header::CONTENT_RANGE], format!("bytes {first}-{last}/10000").as_str());
         assert_eq!(answer.headers()[header::CONTENT_TYPE], "video/mp4");
         assert_eq!(answer.bytes().await.unwrap(), content[first..=last]);
     }
-    let outside = centre.trainee.request(Method::GET, &path).header(header::RANGE, "bytes=10000-").send().await.unwrap();
+    let outside =
+        centre.trainee.request(Method::GET, &path).header(header::RANGE, "bytes=10000-").send().await.unwrap();
     assert_eq!(outside.headers()[header::CONTENT_RANGE], "bytes */10000");
     problem(outside, 416, "range-not-satisfiable").await;
 }
@@ -37,9 +40,14 @@ async fn a_head_tells_the_length_and_a_known_file_is_not_sent_again() {
     let etag = head.headers()[header::ETAG].clone();
     let again = centre.trainee.request(Method::GET, &path).header(header::IF_NONE_MATCH, &etag).send().await.unwrap();
     assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
-    let resumed = centre.trainee.request(Method::GET, &path).header(header::RANGE, "bytes=5-").header(header::IF_RANGE, "\"other\"");
+    let resumed = centre
+        .trainee
+        .request(Method::GET, &path)
+        .header(header::RANGE, "bytes=5-")
+        .header(header::IF_RANGE, "\"other\"");
     assert_eq!(resumed.send().await.unwrap().status(), StatusCode::OK, "another version is sent whole");
-    let resumed = centre.trainee.request(Method::GET, &path).header(header::RANGE, "bytes=5-").header(header::IF_RANGE, &etag);
+    let resumed =
+        centre.trainee.request(Method::GET, &path).header(header::RANGE, "bytes=5-").header(header::IF_RANGE, &etag);
     assert_eq!(resumed.send().await.unwrap().status(), StatusCode::PARTIAL_CONTENT);
 }
 
@@ -49,7 +57,9 @@ async fn a_page_sent_as_a_recording_never_runs() {
     let page = b"<html><script>alert(1)</script></html>".to_vec();
     let query = "trainee=ada&task=peg&box=box-1&filename=%22%3E%3Cscript%3E..%2F..%2Fx.html";
     let request = centre.trainee.request(Method::POST, &format!("/api/v1/sessions?{query}"));
-    let made = read(request.header(header::CONTENT_TYPE, "text/html").body(page).send().await.unwrap(), StatusCode::CREATED).await;
+    let made =
+        read(request.header(header::CONTENT_TYPE, "text/html").body(page).send().await.unwrap(), StatusCode::CREATED)
+            .await;
     let answer = centre.trainee.get(&format!("/api/v1/sessions/{}/video", made["id"].as_str().unwrap())).await;
     assert_eq!(answer.headers()[header::CONTENT_TYPE], "application/octet-stream");
     assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff");

@@ -41,9 +41,8 @@ async fn what_one_may_not_see_is_the_same_bytes_as_what_is_missing() {
     }
     for method in [Method::DELETE, Method::PATCH] {
         let body = json!({"name": "taken over"});
-        let ask = |id: &str| {
-            centre.instructor.request(method.clone(), &format!("/api/v1/trainees/{id}")).json(&body).send()
-        };
+        let ask =
+            |id: &str| centre.instructor.request(method.clone(), &format!("/api/v1/trainees/{id}")).json(&body).send();
         let (hidden, missing) = (ask("bob").await.unwrap(), ask("nobody").await.unwrap());
         assert_eq!(hidden.status(), StatusCode::NOT_FOUND, "{method}");
         assert_eq!(hidden.text().await.unwrap(), missing.text().await.unwrap(), "{method}");
@@ -113,14 +112,17 @@ async fn an_agent_is_beside_its_box_and_nowhere_else() {
     for path in ["people", "groups", "tokens", "trainees", "sessions", "jobs", "events"] {
         problem(centre.agent.get(&format!("/api/v1/{path}")).await, 403, "forbidden").await;
     }
-    problem(centre.agent.post("/api/v1/sessions?trainee=ada&task=peg&box=box-1", json!({})).await, 403, "forbidden").await;
+    problem(centre.agent.post("/api/v1/sessions?trainee=ada&task=peg&box=box-1", json!({})).await, 403, "forbidden")
+        .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn without_a_sign_in_nothing_is_answered_but_how_to_get_one() {
     let centre = Centre::open().await;
     let stranger = centre.service.stranger();
-    for path in ["me", "people", "groups", "tokens", "boxes", "trainees", "tasks", "sessions", "jobs", "events", "uploads/x"] {
+    for path in
+        ["me", "people", "groups", "tokens", "boxes", "trainees", "tasks", "sessions", "jobs", "events", "uploads/x"]
+    {
         let answer = stranger.get(&format!("/api/v1/{path}")).await;
         assert!(answer.headers().contains_key("www-authenticate") || path == "uploads/x", "{path}");
         if path != "uploads/x" {
@@ -136,7 +138,8 @@ async fn without_a_sign_in_nothing_is_answered_but_how_to_get_one() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_recording_goes_only_to_a_trainee_whom_the_sender_sees() {
     let centre = Centre::open().await;
-    for (client, trainee) in [(&centre.trainee, "bob"), (&centre.instructor, "bob"), (&centre.administrator, "nobody")] {
+    for (client, trainee) in [(&centre.trainee, "bob"), (&centre.instructor, "bob"), (&centre.administrator, "nobody")]
+    {
         let answer = super::centre::send(client, trainee, recording(100, 3)).await;
         let refused = problem(answer, 422, "unknown-reference").await;
         assert_eq!(refused["field"], "trainee");

@@ -88,7 +88,8 @@ async fn a_token_works_until_it_is_deleted_and_is_shown_once() {
 async fn a_new_password_replaces_the_old_one_and_ends_other_sign_ins() {
     let centre = Centre::open().await;
     let elsewhere = centre.service.sign_in("ada", PASSWORD).await;
-    let wrong = centre.trainee.post("/api/v1/me/password", json!({"old": "not it at all", "new": "another password"})).await;
+    let wrong =
+        centre.trainee.post("/api/v1/me/password", json!({"old": "not it at all", "new": "another password"})).await;
     problem(wrong, 401, "wrong-credentials").await;
     let short = centre.trainee.post("/api/v1/me/password", json!({"old": PASSWORD, "new": "short"})).await;
     problem(short, 422, "invalid").await;

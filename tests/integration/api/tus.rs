@@ -194,7 +194,8 @@ async fn bytes_that_differ_from_their_checksum_are_dropped() {
     let centre = Centre::open().await;
     let content = recording(5000, 5);
     let upload = Upload::begin(&centre.trainee, content.len()).await;
-    let with = |sum: String, bytes: &[u8]| upload.patch_at(0).header("upload-checksum", sum).body(bytes.to_vec()).send();
+    let with =
+        |sum: String, bytes: &[u8]| upload.patch_at(0).header("upload-checksum", sum).body(bytes.to_vec()).send();
     let sha1 = format!("sha1 {}", STANDARD.encode(Sha1::digest(&content)));
     let sha256 = format!("sha256 {}", STANDARD.encode(Sha256::digest(&content[..2000])));
     let mut spoiled = content.clone();
@@ -204,7 +205,8 @@ async fn bytes_that_differ_from_their_checksum_are_dropped() {
     problem(with("md5 AAAA".to_owned(), &content).await.unwrap(), 400, "bad-request").await;
     assert_eq!(with(sha256, &content[..2000]).await.unwrap().status(), StatusCode::NO_CONTENT);
     let rest = format!("sha1 {}", STANDARD.encode(Sha1::digest(&content[2000..])));
-    let last = upload.patch_at(2000).header("upload-checksum", rest).body(content[2000..].to_vec()).send().await.unwrap();
+    let last =
+        upload.patch_at(2000).header("upload-checksum", rest).body(content[2000..].to_vec()).send().await.unwrap();
     let video = centre.trainee.get(&format!("/api/v1/sessions/{}/video", session_of(&last))).await;
     assert_eq!(video.bytes().await.unwrap(), content);
 }
@@ -320,8 +322,12 @@ async fn the_protocol_is_described_and_its_mistakes_are_explained() {
         assert!(options.headers()["tus-extension"].to_str().unwrap().split(',').any(|e| e == extension));
     }
     let upload = Upload::begin(&centre.trainee, 1000).await;
-    let old = centre.trainee.request(Method::HEAD, &upload.address).header("tus-resumable", "0.2.2").send().await.unwrap();
-    assert_eq!((old.status(), &old.headers()["tus-version"]), (StatusCode::PRECONDITION_FAILED, &"1.0.0".parse().unwrap()));
+    let old =
+        centre.trainee.request(Method::HEAD, &upload.address).header("tus-resumable", "0.2.2").send().await.unwrap();
+    assert_eq!(
+        (old.status(), &old.headers()["tus-version"]),
+        (StatusCode::PRECONDITION_FAILED, &"1.0.0".parse().unwrap())
+    );
     problem(upload.patch(1, &[0; 10]).await, 409, "conflict").await;
     problem(upload.patch(0, &[0; 1001]).await, 413, "too-large").await;
     let plain = upload.request(Method::PATCH).header("upload-offset", 0).header(header::CONTENT_TYPE, "text/plain");

@@ -1,0 +1,127 @@
+//! The path of a session, in the form that one's program reads.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use utoipa::{IntoParams, ToSchema};
+
+use crate::analysis::paths::{Kind, Paths};
+use crate::domain::files::trajectory::{to_json_columns, write_csv, write_parquet};
+use crate::http::auth::signed_in::Member;
+use crate::http::error::{Answer, Problem};
+use crate::http::file::disposition;
+use crate::http::read::{At, Params};
+use crate::http::state::App;
+
+/// Longest stored paths that are read at once, bytes: about four hours of two tools.
+const MOST: u64 = 512 * 1024 * 1024;
+
+/// A way to write a trajectory.
+#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// One row per frame and tool.
+    Csv,
+    /// The same as JSON columns.
+    #[default]
+    Json,
+    /// The same as Apache Parquet.
+    Parquet,
+}
+
+/// Which of a session's three paths.
+#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Smoothness {
+    /// Looks ahead and back: what scores are made of.
+    #[default]
+    Smoothed,
+    /// Knows only the past: as live.
+    Filtered,
+    /// As measured, frame by frame.
+    Raw,
+}
+
+/// Which path, and how.
+#[derive(Clone, Copy, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Wanted {
+    /// How it is written.
+    #[serde(default)]
+    #[param(inline)]
+    format: Format,
+    /// Which one.
+    #[serde(default)]
+    #[param(inline)]
+    kind: Smoothness,
+}
+
+/// Read the path of the tools
+#[utoipa::path(get, path = "/sessions/{id}/trajectory", tag = "sessions",
+    params(("id" = String, Path, description = "id"), Wanted),
+    responses((status = OK, description = "The table: frame, time_s, tool, x_mm, y_mm, z_mm, …", content(
+        (Object = "application/json"), (String = "text/csv"), (Vec<u8> = "application/vnd.apache.parquet")))))]
+pub async fn trajectory(
+    State(app): State<App>,
+    by: Member,
+    at: At,
+    Params(wanted): Params<Wanted>,
+) -> Answer<Response> {
+    let id = at.id()?;
+    let result = app.result(&by.scope, id).await?;
+    let stored = app.vault.read(result.trajectory, MOST).await?;
+    // A long session takes seconds to write: not on a thread that serves others.
+    let written = tokio::task::spawn_blocking(move || write(&stored, wanted));
+    let table = written.await.map_err(|cause| Problem::internal("writing a trajectory", cause))??;
+    let name = format!("{id}.{}", wanted.format.extension());
+    let mut headers = HeaderMap::new();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(wanted.format.media_type()));
+    headers.extend(HeaderValue::try_from(disposition("inline", &name)).map(|name| (header::CONTENT_DISPOSITION, name)));
+    Ok((StatusCode::OK, headers, table).into_response())
+}
+
+fn write(stored: &[u8], wanted: Wanted) -> Answer<Vec<u8>> {
+    let paths = Paths::from_bytes(stored).map_err(|cause| Problem::internal("reading a stored trajectory", cause))?;
+    let trajectory = paths.trajectory(wanted.kind.into());
+    let mut table = Vec::new();
+    match wanted.format {
+        Format::Json => table = to_json_columns(&trajectory).into_bytes(),
+        Format::Csv => {
+            write_csv(&trajectory, &mut table).map_err(|cause| Problem::internal("writing CSV", cause))?;
+        }
+        Format::Parquet => {
+            write_parquet(&trajectory, &mut table).map_err(|cause| Problem::internal("writing Parquet", cause))?;
+        }
+    }
+    Ok(table)
+}
+
+impl Format {
+    fn media_type(self) -> &'static str {
+        match self {
+            Format::Csv => "text/csv; charset=utf-8",
+            Format::Json => "application/json",
+            Format::Parquet => "application/vnd.apache.parquet",
+        }
+    }
+
+    fn extension(self) -> &'static str {
+        match self {
+            Format::Csv => "csv",
+            Format::Json => "json",
+            Format::Parquet => "parquet",
+        }
+    }
+}
+
+impl From<Smoothness> for Kind {
+    fn from(wanted: Smoothness) -> Self {
+        match wanted {
+            Smoothness::Smoothed => Kind::Smoothed,
+            Smoothness::Filtered => Kind::Filtered,
+            Smoothness::Raw => Kind::Raw,
+        }
+    }
+}
