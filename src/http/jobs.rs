@@ -10,7 +10,6 @@ use super::read::{At, Json, Params};
 use super::show::{Page, Paging, Time};
 use super::state::App;
 use crate::domain::job::{JobKind, JobState};
-use crate::events::Event;
 use crate::ids::{BoxId, JobId, SessionId};
 use crate::store;
 
@@ -100,6 +99,6 @@ pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Job>
     responses((status = OK, body = Job)))]
 pub async fn retry(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Job>> {
     let job = app.store.jobs().retry(&by.scope, at.id()?).await?;
-    app.events.tell(Event::Queue);
+    app.queue.work_arrived();
     Ok(Json(job.into()))
 }

@@ -55,8 +55,7 @@ pub fn complete(document: &mut OpenApi) {
     components.add_security_scheme("cookie", SecurityScheme::ApiKey(ApiKey::Cookie(ApiKeyValue::new(COOKIE))));
     components.add_security_scheme("token", SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer)));
     for (path, item) in &mut document.paths.paths {
-        let in_path = path.contains('{');
-        operations(item).into_iter().flatten().for_each(|operation| complete_operation(operation, in_path));
+        operations(item).into_iter().flatten().for_each(|operation| complete_operation(operation, path));
     }
 }
 
@@ -65,22 +64,22 @@ fn operations(item: &mut PathItem) -> [Option<&mut Operation>; 7] {
     [get, put, post, patch, delete, head, options].map(Option::as_mut)
 }
 
-fn complete_operation(operation: &mut Operation, in_path: bool) {
-    let public = operation.security.is_some();
-    if !public {
+fn complete_operation(operation: &mut Operation, path: &str) {
+    let mut refusals = vec![400, 403, 408, 422, 429, 500, 503];
+    if operation.security.is_none() {
         let scopes: [&str; 0] = [];
         operation.security =
             Some(vec![SecurityRequirement::new("cookie", scopes), SecurityRequirement::new("token", scopes)]);
-    }
-    let mut refusals = vec![400, 403, 408, 429, 500, 503];
-    if !public {
         refusals.push(401);
     }
-    if in_path {
-        refusals.push(404);
+    if path.contains('{') {
+        refusals.extend([404, 409]);
     }
     if operation.request_body.is_some() {
-        refusals.extend([409, 413, 415, 422, 507]);
+        refusals.extend([409, 413, 415, 507]);
+    }
+    if path.contains("/uploads") {
+        refusals.extend([410, 412, 423, 460]);
     }
     for status in refusals {
         operation.responses.responses.entry(status.to_string()).or_insert_with(|| problem(status).into());

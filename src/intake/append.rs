@@ -6,6 +6,7 @@ use bytes::Bytes;
 use futures_util::{Stream, StreamExt};
 
 use super::finish::finish;
+use super::senders::Sending;
 use super::tus::{Checksum, RunningSum};
 use super::{CHECKPOINT, Intake, IntakeError, IntakeResult};
 use crate::domain::scope::Scope;
@@ -63,8 +64,15 @@ impl Intake {
         self.progress(scope, id).await
     }
 
+    /// How far an upload is, asked by whoever wants to go on with it: their own broken connection is given up.
+    pub async fn resume(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
+        self.upload(scope, id).await?;
+        self.senders.end_silent(id).await;
+        self.progress(scope, id).await
+    }
+
     /// How far an upload is. One that is whole but no session yet, because something ended in between, becomes one.
-    pub async fn progress(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
+    async fn progress(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
         let upload = self.upload(scope, id).await?;
         let (received, expires_at_ms) = (upload.received, upload.expires_at_ms);
         let finished = if received == upload.length { Some(self.finish(scope, &upload).await?) } else { None };
@@ -101,8 +109,8 @@ impl Intake {
         if piece.length.is_some_and(|length| length > left) {
             return Err(IntakeError::TooLong { most: left });
         }
-        let sum = piece.checksum.map(Checksum::begin);
-        Arriving { intake: self, id, file, noted, most: upload.length, sum }.take(piece.bytes).await
+        let (sending, sum) = (self.senders.enter(id), piece.checksum.map(Checksum::begin));
+        Arriving { intake: self, sending: &sending, id, file, noted, most: upload.length, sum }.take(piece.bytes).await
     }
 }
 
@@ -118,6 +126,7 @@ fn not_found() -> IntakeError {
 /// A piece that is arriving.
 struct Arriving<'i> {
     intake: &'i Intake,
+    sending: &'i Sending,
     id: UploadId,
     file: UploadFile,
     /// Bytes that the row says are durable.
@@ -156,8 +165,10 @@ impl Arriving<'_> {
             let next = tokio::select! {
                 next = bytes.next() => next,
                 () = &mut ending => return Err(IntakeError::Ending),
+                () = self.sending.left() => return Err(IntakeError::Resumed),
             };
             let Some(next) = next else { return Ok(()) };
+            self.sending.came();
             self.take_some(next.map_err(IntakeError::Cut)?).await?;
         }
     }

@@ -53,6 +53,9 @@ pub enum IntakeError {
     /// The connection ended before the piece did, and this is what it said; what came is durable.
     #[error("the connection ended early")]
     Cut(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The sender went on elsewhere while nothing came here; what came is durable.
+    #[error("the sender went on with another request")]
+    Resumed,
     /// The service ends; what came is durable.
     #[error("the service is ending")]
     Ending,

@@ -13,6 +13,7 @@
 //! | [`tus`] | what the protocol's headers say |
 //! | `begin.rs` | which trainee, task and box; refused before a byte is sent |
 //! | `append.rs` | bytes into an upload |
+//! | `senders.rs` | a sender who comes back takes over from their own broken connection |
 //! | `finish.rs` | a whole upload becomes a session |
 //! | `whole.rs` | a recording in one call |
 //! | [`container`] | a recording's media type by its first bytes |
@@ -22,6 +23,7 @@ mod begin;
 pub mod container;
 mod error;
 mod finish;
+mod senders;
 pub mod tus;
 mod whole;
 
@@ -30,6 +32,7 @@ pub use begin::{About, Recording};
 pub use error::{IntakeError, IntakeResult};
 pub use finish::finish;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::events::{Event, Events};
@@ -39,6 +42,7 @@ use crate::shutdown::Shutdown;
 use crate::store::{Session, Store};
 use crate::time::{SharedClock, millis};
 use crate::vault::Vault;
+use senders::Senders;
 
 /// Bytes after which an arriving recording is made durable though the request goes on: most of what a cut costs. More
 /// means fewer syncs; a client should not have to send more than 8 MiB again.
@@ -54,6 +58,7 @@ pub struct Intake {
     clock: SharedClock,
     shutdown: Shutdown,
     settings: UploadSettings,
+    senders: Arc<Senders>,
 }
 
 impl Intake {
@@ -65,7 +70,8 @@ impl Intake {
         shutdown: Shutdown,
         settings: UploadSettings,
     ) -> Self {
-        Self { store, vault, queue, events, clock, shutdown, settings }
+        let senders = Senders::new(clock.clone());
+        Self { store, vault, queue, events, clock, shutdown, settings, senders }
     }
 
     /// Longest recording, bytes.

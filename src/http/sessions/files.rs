@@ -7,7 +7,7 @@ use axum::response::Response;
 use crate::domain::blob::BlobHash;
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Problem, Refusal};
+use crate::http::error::{Answer, Problem, ProblemDocument, Refusal};
 use crate::http::file::{StoredFile, disposition};
 use crate::http::read::At;
 use crate::http::state::App;
@@ -17,7 +17,8 @@ use crate::store::SessionResult;
 /// Play the recording: whole, or the part that `Range` names
 #[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
-        (status = PARTIAL_CONTENT, description = "The part that was asked for", content_type = "video/*")))]
+        (status = PARTIAL_CONTENT, description = "The part that was asked for", content_type = "video/*"),
+        (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json", body = ProblemDocument)))]
 pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, headers: HeaderMap) -> Answer<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let disposition = disposition("inline", session.filename.as_str());

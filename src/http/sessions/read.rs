@@ -84,11 +84,11 @@ pub async fn erase(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCo
 }
 
 impl App {
-    /// Tells those who watch that a session stands differently, and so may the queue.
+    /// Tells workers and those who watch that a session stands differently.
     pub fn tell_session(&self, session: &store::Session) {
         let (id, trainee, status) = (session.id, session.trainee_id, session.status());
         let progress = super::show::progress(status, session.job_progress);
         self.events.tell(Event::Session { id, trainee, status, progress });
-        self.events.tell(Event::Queue);
+        self.queue.work_arrived();
     }
 }

@@ -22,7 +22,7 @@ use crate::intake::{Piece, Received};
     responses((status = OK, description = "`Upload-Offset`, `Upload-Length`; once whole `Trocar-Session`")))]
 pub async fn progress(State(app): State<App>, by: Member, at: At) -> Answer<Response> {
     let id = at.id()?;
-    let received = app.intake.progress(&by.scope, id).await?;
+    let received = app.intake.resume(&by.scope, id).await?;
     let upload = app.intake.upload(&by.scope, id).await?;
     let mut headers = answer::progress(&received);
     headers.insert(UPLOAD_LENGTH, HeaderValue::from(upload.length));

@@ -1,6 +1,7 @@
 //! Resumable uploads as a tus client speaks them.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -10,7 +11,7 @@ use sha1::{Digest, Sha1};
 use sha2::Sha256;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use trocar::time::System;
+use trocar::time::{Manual, System};
 
 use super::centre::{Centre, recording};
 use crate::support::{Client, Service, problem, read, soon};
@@ -190,6 +191,25 @@ async fn two_writers_at_once_are_one_too_many() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_sender_who_comes_back_takes_over_from_their_silent_connection() {
+    let clock = Manual::at(1_800_000_000_000);
+    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+    let content = recording(6 * MIB, 9);
+    let upload = Upload::begin(&centre.trainee, content.len()).await;
+    let (bytes, silent) = upload.open_patch(0);
+    bytes.send(Ok(Bytes::copy_from_slice(&content[..5 * MIB]))).await.unwrap();
+    // While bytes come, a question changes nothing.
+    soon("a checkpoint", async { while upload.offset().await < 4 * MIB {} }).await;
+    clock.advance(Duration::from_secs(3));
+    let kept = upload.offset().await;
+    let rest = upload.patch(kept, &content[kept..]).await;
+    assert_eq!(rest.headers()["upload-offset"], content.len().to_string().as_str());
+    let left = silent.await.unwrap().unwrap();
+    problem(left, 409, "conflict").await;
+    drop(bytes);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn bytes_that_differ_from_their_checksum_are_dropped() {
     let centre = Centre::open().await;
     let content = recording(5000, 5);
@@ -257,11 +277,11 @@ async fn a_terminated_upload_is_gone() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_upload_that_nobody_goes_on_with_expires() {
-    let clock = trocar::time::Manual::at(1_800_000_000_000);
+    let clock = Manual::at(1_800_000_000_000);
     let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
     let upload = Upload::begin(&centre.administrator, 1000).await;
     upload.patch(0, &[1; 500]).await;
-    clock.advance(std::time::Duration::from_secs(49 * 3600));
+    clock.advance(Duration::from_secs(49 * 3600));
     let administrator = centre.service.administrator().await;
     let upload = Upload { client: administrator, address: upload.address };
     let answer = upload.patch(500, &[1; 500]).await;

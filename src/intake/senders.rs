@@ -1,0 +1,120 @@
+//! Who is sending right now, so that a sender who comes back after a silent break takes over from their own past.
+//!
+//! A connection that breaks without a word (a cable pulled, a tablet asleep) looks like a slow one for as long as the
+//! minimum rate allows, and holds the upload's lock. Whoever resumes asks first how far the upload is: that question
+//! ends a piece of which nothing has come for [`SILENCE`], after what came of it is durable. A piece that does arrive is
+//! never disturbed; a second one beside it is refused.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio_util::sync::CancellationToken;
+
+use crate::ids::UploadId;
+use crate::time::{SharedClock, millis};
+
+/// So long must nothing have come.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// The pieces that are arriving.
+#[derive(Debug)]
+pub(super) struct Senders {
+    clock: SharedClock,
+    present: Mutex<HashMap<UploadId, Arc<Sender>>>,
+}
+
+/// One piece that is arriving.
+#[derive(Debug)]
+struct Sender {
+    last_byte_ms: AtomicI64,
+    /// Asks the piece to end.
+    leave: CancellationToken,
+    /// Tells that it has ended.
+    gone: CancellationToken,
+}
+
+/// Held while a piece arrives. Only the holder of the upload's lock makes one.
+#[derive(Debug)]
+pub(super) struct Sending {
+    id: UploadId,
+    sender: Arc<Sender>,
+    senders: Arc<Senders>,
+}
+
+impl Senders {
+    pub fn new(clock: SharedClock) -> Arc<Self> {
+        Arc::new(Self { clock, present: Mutex::default() })
+    }
+
+    /// A piece begins to arrive.
+    pub fn enter(self: &Arc<Self>, id: UploadId) -> Sending {
+        let sender = Arc::new(Sender {
+            last_byte_ms: AtomicI64::new(self.clock.now_ms()),
+            leave: CancellationToken::new(),
+            gone: CancellationToken::new(),
+        });
+        self.present().insert(id, sender.clone());
+        Sending { id, sender, senders: self.clone() }
+    }
+
+    /// Ends a piece of which nothing has come for a while, and waits until what came of it is durable.
+    pub async fn end_silent(&self, id: UploadId) {
+        let found = self.present().get(&id).cloned();
+        let Some(sender) = found else { return };
+        if self.clock.now_ms() - sender.last_byte_ms.load(Ordering::Relaxed) >= millis(SILENCE) {
+            sender.leave.cancel();
+            sender.gone.cancelled().await;
+        }
+    }
+
+    fn present(&self) -> MutexGuard<'_, HashMap<UploadId, Arc<Sender>>> {
+        self.present.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Sending {
+    /// Bytes came.
+    pub fn came(&self) {
+        self.sender.last_byte_ms.store(self.senders.clock.now_ms(), Ordering::Relaxed);
+    }
+
+    /// Waits until the same sender wants to go on elsewhere.
+    pub async fn left(&self) {
+        self.sender.leave.cancelled().await;
+    }
+}
+
+impl Drop for Sending {
+    fn drop(&mut self) {
+        self.senders.present().remove(&self.id);
+        self.sender.gone.cancel();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::Manual;
+
+    #[tokio::test]
+    async fn only_a_silent_sender_is_ended() {
+        let clock = Manual::at(1_000_000);
+        let senders = Senders::new(clock.clone());
+        let id = UploadId::at(0);
+        let sending = senders.enter(id);
+        clock.advance(Duration::from_millis(1_999));
+        senders.end_silent(id).await;
+        assert!(!sending.sender.leave.is_cancelled());
+        sending.came();
+        clock.advance(Duration::from_millis(1_999));
+        senders.end_silent(id).await;
+        assert!(!sending.sender.leave.is_cancelled());
+        clock.advance(Duration::from_millis(1));
+        let receiver = tokio::spawn(async move { sending.left().await });
+        senders.end_silent(id).await;
+        receiver.await.unwrap();
+        senders.end_silent(id).await;
+    }
+}
