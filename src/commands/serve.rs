@@ -147,10 +147,12 @@ pub struct Running {
 impl Running {
     /// Waits until the service has ended, once something began its end.
     pub async fn ended(self) {
-        if self.served.await.is_err() {
+        // Side by side: open requests and work beside them share the same seconds.
+        let (served, finished) = tokio::join!(self.served, self.shutdown.finished(GRACE));
+        if served.is_err() {
             tracing::error!("the accept loop had died");
         }
-        if !self.shutdown.finished(GRACE).await {
+        if !finished {
             tracing::warn!("some work did not end in time; the next start recovers it");
         }
     }
