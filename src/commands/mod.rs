@@ -3,8 +3,15 @@
 //! Results alone go to stdout; progress and errors go to stderr. Exit status 0 done, 1 failed, 2 wrong usage or input.
 
 use std::fmt;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
+
+use crate::domain::files::trajectory::read_csv;
+use crate::pipeline::trajectory::Trajectory;
 
 mod admin;
 mod calibrate;
@@ -15,6 +22,7 @@ mod progress;
 mod score;
 pub mod serve;
 pub mod simulate;
+mod table;
 mod track;
 
 /// Measures how surgeons move in a laparoscopic box trainer.
@@ -96,4 +104,11 @@ impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
         Failure::Failed(error)
     }
+}
+
+/// Reads a trajectory file; what is wrong with it is the person's to mend.
+fn read_trajectory(path: &Path) -> Result<Trajectory, Failure> {
+    let file = File::open(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
+    let trajectory = read_csv(BufReader::new(file)).with_context(|| path.display().to_string());
+    trajectory.map_err(Failure::Input)
 }

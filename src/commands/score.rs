@@ -1,12 +1,143 @@
-//! `trocar score`: under construction.
+//! `trocar score`: trajectories in, features out.
 
-use super::Failure;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use serde_json::{Value, json};
+
+use super::table::Table;
+use super::{Failure, read_trajectory};
+use crate::pipeline::PIPELINE_VERSION;
+use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
+use crate::pipeline::features::FeatureValue;
 
 /// Arguments of `trocar score`.
 #[derive(clap::Args)]
-pub struct Args {}
+pub struct Args {
+    /// The exercise that was done; named in the result.
+    #[arg(long, value_name = "TASK")]
+    task: Option<String>,
+    /// Length of the windows over which features are also measured, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = AssessmentSettings::default().window_s)]
+    window_s: f64,
+    /// Print JSON, with the windows.
+    #[arg(long)]
+    json: bool,
+    /// Trajectories: of `trocar track`, or of any tracker that writes frame,time_s,tool,x_mm,y_mm,z_mm.
+    #[arg(required = true, value_name = "TRACK.CSV")]
+    tracks: Vec<PathBuf>,
+}
 
-/// Runs the command.
-pub fn run(_args: Args) -> Result<(), Failure> {
-    Err(Failure::Failed(anyhow::anyhow!("not built yet")))
+/// Runs the command. All files are read before anything is printed, so that a bad one leaves no half result.
+pub fn run(args: Args) -> Result<(), Failure> {
+    if !(args.window_s.is_finite() && args.window_s >= 1.0) {
+        return Err(Failure::Input(anyhow!("--window-s is {}; expected at least 1 second", args.window_s)));
+    }
+    let settings = AssessmentSettings { window_s: args.window_s, ..AssessmentSettings::default() };
+    let assessed = |path: &PathBuf| Ok((path.clone(), assess(&read_trajectory(path)?, &settings)));
+    let sessions = args.tracks.iter().map(assessed).collect::<Result<Vec<(PathBuf, Assessment)>, Failure>>()?;
+    if args.json {
+        let all: Vec<Value> = sessions.iter().map(|(path, a)| session_json(path, args.task.as_deref(), a)).collect();
+        println!("{}", serde_json::to_string_pretty(&all).context("writing JSON")?);
+    } else {
+        let blocks: Vec<String> =
+            sessions.iter().map(|(path, a)| session_text(path, args.task.as_deref(), a)).collect();
+        print!("{}", blocks.join("\n"));
+    }
+    Ok(())
+}
+
+fn session_json(path: &Path, task: Option<&str>, assessment: &Assessment) -> Value {
+    let values = |values: &[FeatureValue]| values.iter().map(|v| value_json(v, &assessment.tools)).collect::<Vec<_>>();
+    let windows = assessment.windows.iter().map(
+        |window| json!({ "start_s": window.start_s, "end_s": window.end_s, "features": values(&window.features) }),
+    );
+    json!({
+        "file": path.display().to_string(),
+        "task": task,
+        "pipeline": PIPELINE_VERSION,
+        "tools": assessment.tools,
+        "start_s": assessment.task_s.map(|(start, _)| start),
+        "end_s": assessment.task_s.map(|(_, end)| end),
+        "features": values(&assessment.features),
+        "windows": windows.collect::<Vec<_>>(),
+    })
+}
+
+fn value_json(value: &FeatureValue, tools: &[String]) -> Value {
+    json!({
+        "name": value.feature.name,
+        "title": value.feature.title,
+        "unit": value.feature.unit,
+        "direction": value.feature.direction.name(),
+        "tool": tool_name(value, tools),
+        "space": value.space.name(),
+        "value": value.value.ok(),
+        "not_enough": value.value.err().map(|reason| reason.to_string()),
+    })
+}
+
+fn tool_name<'a>(value: &FeatureValue, tools: &'a [String]) -> Option<&'a str> {
+    value.tool.and_then(|tool| tools.get(tool)).map(String::as_str)
+}
+
+/// A head line, the table, and under it why a value is missing.
+fn session_text(path: &Path, task: Option<&str>, assessment: &Assessment) -> String {
+    let task = task.map(|task| format!(", task {task}")).unwrap_or_default();
+    let when = match assessment.task_s {
+        Some((start, end)) => format!("from {start:.2} s to {end:.2} s"),
+        None => "nothing was seen".to_owned(),
+    };
+    let head = format!("{}{task}, pipeline {PIPELINE_VERSION}: {when}\n", path.display());
+    head + &table(assessment).text() + &reasons(assessment)
+}
+
+/// One row per feature and space, one column per tool, and one for the session as a whole.
+fn table(assessment: &Assessment) -> Table {
+    let head = ["feature", "space", "unit"].map(str::to_owned).into_iter();
+    let mut table = Table::new(head.chain(assessment.tools.iter().cloned()).chain(["session".to_owned()]));
+    let in_one_row = |a: &FeatureValue, b: &FeatureValue| (a.feature, a.space) == (b.feature, b.space);
+    for row in assessment.features.chunk_by(in_one_row) {
+        let columns = (0..assessment.tools.len()).map(Some).chain([None]);
+        let cell = |tool| row.iter().find(|v| v.tool == tool).map_or(String::new(), shown);
+        let head = [row[0].feature.name, row[0].space.name(), row[0].feature.unit].map(str::to_owned).into_iter();
+        table.row(head.chain(columns.map(cell)));
+    }
+    table
+}
+
+fn shown(value: &FeatureValue) -> String {
+    value.value.map_or("–".to_owned(), significant)
+}
+
+/// One line per reason, with all the features that have no value for it.
+fn reasons(assessment: &Assessment) -> String {
+    let mut lines: Vec<(String, Vec<String>)> = Vec::new();
+    for value in &assessment.features {
+        let Err(reason) = value.value else { continue };
+        let whose = tool_name(value, &assessment.tools).map(|tool| format!("{tool}: ")).unwrap_or_default();
+        let (why, what) = (format!("{whose}{reason}"), format!("{} ({})", value.feature.name, value.space.name()));
+        match lines.iter_mut().find(|(known, _)| *known == why) {
+            Some((_, features)) => features.push(what),
+            None => lines.push((why, vec![what])),
+        }
+    }
+    lines.into_iter().map(|(why, features)| format!("  – {why}: {}\n", features.join(", "))).collect()
+}
+
+/// A number with four significant digits, as people read it; whole numbers as they are.
+fn significant(value: f64) -> String {
+    let digits = if value.fract() == 0.0 { 0 } else { 3 - value.abs().log10().floor() as i32 };
+    format!("{value:.*}", digits.clamp(0, 6) as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_significant_digits() {
+        let shown = [0.0, 0.012_345, 1.234_56, 123.456, 123_456.7, 17.0].map(significant);
+        assert_eq!(shown, ["0", "0.01235", "1.235", "123.5", "123457", "17"]);
+    }
 }

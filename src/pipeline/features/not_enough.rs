@@ -23,12 +23,12 @@ pub enum NotEnough {
     },
     /// Nothing moved.
     NoMovement,
-    /// Too few movements of a length that the feature is defined for.
-    TooFewMovements {
-        /// How many there are.
-        found: usize,
-        /// How many it takes.
-        needed: usize,
+    /// The feature is defined for discrete movements, and most of the motion is not made of such.
+    MovementsTooLong {
+        /// Share of the moving time that lies in short enough movements, 0 to 1.
+        share: f64,
+        /// Share that must.
+        needed: f64,
     },
     /// A feature of two hands, but not two tools.
     NotTwoTools {
@@ -51,7 +51,7 @@ impl NotEnough {
             NotEnough::TooShort { .. } => "too_short",
             NotEnough::TooLittleSeen { .. } => "too_little_seen",
             NotEnough::NoMovement => "no_movement",
-            NotEnough::TooFewMovements { .. } => "too_few_movements",
+            NotEnough::MovementsTooLong { .. } => "movements_too_long",
             NotEnough::NotTwoTools { .. } => "not_two_tools",
             NotEnough::UnusableSamples => "unusable_samples",
             NotEnough::UnusableSetting(_) => "unusable_setting",
@@ -71,9 +71,12 @@ impl fmt::Display for NotEnough {
                 write!(f, "seen for {:.0} % of the time; needs {:.0} %", 100.0 * share, 100.0 * needed)
             }
             NotEnough::NoMovement => f.write_str("nothing moved"),
-            NotEnough::TooFewMovements { found, needed } => {
-                write!(f, "{found} movements of a usable length; needs {needed}")
-            }
+            NotEnough::MovementsTooLong { share, needed } => write!(
+                f,
+                "{:.0} % of the motion is in short enough movements; needs {:.0} %",
+                100.0 * share,
+                100.0 * needed
+            ),
             NotEnough::NotTwoTools { found } => write!(f, "compares two tools; the trajectory has {found}"),
             NotEnough::UnusableSamples => f.write_str("the samples are not finite numbers in time order"),
             NotEnough::UnusableSetting(name) => write!(f, "the setting {name} cannot be used"),

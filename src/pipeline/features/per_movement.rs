@@ -4,7 +4,7 @@
 //! So they are taken per movement, and the session's value is the median, weighted by the movements' lengths.
 
 use super::motion::Motion;
-use super::movement::{Movement, movements};
+use super::movement::movements;
 use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough};
 
 /// How many.
@@ -80,14 +80,19 @@ fn median_over_movements(
     of: impl Fn(&[f64], f64) -> Option<f64>,
 ) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let short = |m: &Movement| m.interval.steps() as f64 * motion.step_s <= settings.longest_movement_s;
-    let usable = movements(motion, settings).into_iter().filter(short);
-    let weighted = usable.filter_map(|m| Some((of(&m.speeds, motion.step_s)?, m.interval.steps() as f64)));
-    let values: Vec<(f64, f64)> = weighted.collect();
-    if values.len() < settings.min_movements.max(1) {
-        return Err(NotEnough::TooFewMovements { found: values.len(), needed: settings.min_movements.max(1) });
+    let all = movements(motion, settings);
+    let moving: i64 = all.iter().map(|m| m.interval.steps()).sum();
+    let short = all.iter().filter(|m| m.interval.steps() as f64 * motion.step_s <= settings.longest_movement_s);
+    let values: Vec<(f64, f64)> =
+        short.filter_map(|m| Some((of(&m.speeds, motion.step_s)?, m.interval.steps() as f64))).collect();
+    let share = values.iter().map(|(_, steps)| steps).sum::<f64>() / moving.max(1) as f64;
+    if moving == 0 {
+        Err(NotEnough::NoMovement)
+    } else if values.is_empty() || share < settings.min_short_share {
+        Err(NotEnough::MovementsTooLong { share, needed: settings.min_short_share })
+    } else {
+        Ok(weighted_median(values))
     }
-    Ok(weighted_median(values))
 }
 
 /// The value at which half of the weight is reached. `values` are pairs of value and weight, and not empty.

@@ -31,8 +31,9 @@ pub struct FeatureSettings {
     pub smoothness_step_mm: f64,
     /// Longest movement whose jerk and spectrum mean anything, s: both are defined for discrete movements.
     pub longest_movement_s: f64,
-    /// Fewest movements from which a median is taken.
-    pub min_movements: usize,
+    /// Least share of the moving time that must lie in movements no longer than that, before their median speaks for
+    /// the whole.
+    pub min_short_share: f64,
 }
 
 /// A movement ends where the speed falls below this share of [`FeatureSettings::movement_speed_mm_s`].
@@ -52,7 +53,7 @@ impl Default for FeatureSettings {
             pause_min_s: 1.0,
             smoothness_step_mm: 1.0,
             longest_movement_s: 10.0,
-            min_movements: 3,
+            min_short_share: 0.5,
         }
     }
 }
@@ -62,7 +63,6 @@ impl FeatureSettings {
     pub fn unusable(&self) -> Option<&'static str> {
         let positive = [
             ("fit_half_window_s", self.fit_half_window_s),
-            ("max_gap_s", self.max_gap_s),
             ("min_observed_s", self.min_observed_s),
             ("movement_speed_mm_s", self.movement_speed_mm_s),
             ("movement_min_s", self.movement_min_s),
@@ -73,6 +73,7 @@ impl FeatureSettings {
         let bad = positive.into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)).map(|(name, _)| name);
         bad.or((!(0.001..=0.1).contains(&self.step_s)).then_some("step_s"))
             .or((!(0.0..=1.0).contains(&self.min_seen_share)).then_some("min_seen_share"))
+            .or((!(0.0..=1.0).contains(&self.min_short_share)).then_some("min_short_share"))
             .or((!(0.01..=100.0).contains(&self.smoothness_step_mm)).then_some("smoothness_step_mm"))
     }
 }
