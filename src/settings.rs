@@ -148,6 +148,9 @@ pub enum SettingsError {
     },
 }
 
+/// The database's file name in the data folder.
+pub const DATABASE: &str = "trocar.db";
+
 /// Variables that begin with our prefix and are no settings: they choose the file, or belong to tests and logging.
 const NOT_SETTINGS: [&str; 4] = ["TROCAR_SETTINGS", "TROCAR_LOG", "TROCAR_SHARED", "TROCAR_TEST"];
 const PREFIX: &str = "TROCAR_";
@@ -186,7 +189,7 @@ impl Settings {
 
     /// Where the database lies.
     pub fn database(&self) -> PathBuf {
-        self.data.join("trocar.db")
+        self.data.join(DATABASE)
     }
 
     fn check(&self) -> Result<(), SettingsError> {

@@ -7,7 +7,9 @@ use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::store::{Job, Lease, Store, StoreResult};
 
-/// A job, held by one worker. Every end consumes it; dropped without one, the job is rescued when its lease runs out.
+/// A job, held by one worker. It has one end, however often it is asked for: after the first, the lease is lost. An end that
+/// could not be stored (the disk is full) can be tried again. Dropped without one, the job is rescued when its lease runs
+/// out.
 #[derive(Debug)]
 pub struct Held {
     queue: Queue,
@@ -47,7 +49,7 @@ impl Held {
 
     /// Ends the job as done. `save` stores what came of it with one of the store's `finish_…` functions, which end the job
     /// in the same transaction.
-    pub async fn finish<T>(self, save: impl AsyncFnOnce(&Store, &Lease) -> StoreResult<T>) -> StoreResult<T> {
+    pub async fn finish<T>(&self, save: impl AsyncFnOnce(&Store, &Lease) -> StoreResult<T>) -> StoreResult<T> {
         let saved = save(self.store(), &self.lease).await?;
         self.queue.tell(&Job { progress: 1.0, state: JobState::Done, ..self.lease.job.clone() }).await;
         self.queue.inner.arrived.notify_one(); // a box's new camera or colours may have queued its sessions
@@ -55,14 +57,14 @@ impl Held {
     }
 
     /// Ends the job as failed: the work cannot be done, for this reason.
-    pub async fn fail(self, problem: Problem) -> StoreResult<Job> {
+    pub async fn fail(&self, problem: Problem) -> StoreResult<Job> {
         let job = self.store().jobs().fail(&self.lease, problem).await?;
         self.queue.tell(&job).await;
         Ok(job)
     }
 
     /// Whoever did the work died or ran out of time: it is tried again, or quarantined after the third time.
-    pub async fn crashed(self, problem: Problem) -> StoreResult<Job> {
+    pub async fn crashed(&self, problem: Problem) -> StoreResult<Job> {
         let job = self.store().jobs().crashed(&self.lease, problem).await?;
         self.queue.tell(&job).await;
         self.queue.inner.arrived.notify_one();
@@ -70,7 +72,7 @@ impl Held {
     }
 
     /// Hands the job back untouched, because the service ends.
-    pub async fn give_back(self) -> StoreResult<()> {
+    pub async fn give_back(&self) -> StoreResult<()> {
         self.store().jobs().give_back(&self.lease).await?;
         self.queue.tell(&Job { progress: 0.0, state: JobState::Queued, ..self.lease.job.clone() }).await;
         Ok(())

@@ -106,6 +106,16 @@ impl Cookies<'_> {
             .await
     }
 
+    /// Signs everybody out.
+    pub async fn forget_all(&self) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                sqlx::query("DELETE FROM cookie_session").execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
     async fn seen(&self, secret: SecretHash, now_ms: i64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
-//! | [`Store::cookies`] | `create` `person_of` `counts` `delete` `delete_all_of` `forget_expired` |
+//! | [`Store::cookies`] | `create` `person_of` `counts` `delete` `delete_all_of` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
 //! | [`Store::trainees`] | `create` `list` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
@@ -44,7 +44,7 @@ mod uploads;
 mod visibility;
 mod writer;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -104,6 +104,7 @@ pub struct Store {
 
 #[derive(Debug)]
 struct Inner {
+    path: PathBuf,
     readers: SqlitePool,
     writer: Writer,
     clock: SharedClock,
@@ -122,9 +123,9 @@ impl Store {
             .map_err(|error| StoreError::Unusable(format!("its writer cannot start: {error}")))?;
         let ballast = Ballast::beside(path);
         ballast.restore().await;
-        let settings = settings.clone();
+        let (path, settings) = (path.to_owned(), settings.clone());
         let erased = AtomicBool::new(true); // perhaps in an earlier life
-        Ok(Self { inner: Arc::new(Inner { readers, writer, clock, settings, ballast, erased }) })
+        Ok(Self { inner: Arc::new(Inner { path, readers, writer, clock, settings, ballast, erased }) })
     }
 
     /// What SQLite finds wrong with its own file and with references between rows; nothing is as it should be.
@@ -134,6 +135,19 @@ impl Store {
             sqlx::query_scalar("SELECT \"table\" FROM pragma_foreign_key_check").fetch_all(self.readers()).await?;
         let dangling = dangling.into_iter().map(|table| format!("a row of `{table}` refers to one that is not there"));
         Ok(integrity.into_iter().filter(|line| line != "ok").chain(dangling).collect())
+    }
+
+    /// Closes the database, for all clones: what was asked before is done, what is asked after is refused as closed. Not
+    /// needed at the end of the process, which may come at any moment anyway.
+    pub async fn close(&self) {
+        self.inner.readers.close().await;
+        self.inner.writer.close().await;
+    }
+
+    /// Writes a copy of the whole database, as it is at one moment, to a file, in place of what is there. Work goes on
+    /// meanwhile.
+    pub async fn snapshot(&self, into: &Path) -> StoreResult<()> {
+        open::snapshot(&self.inner.path, &self.inner.settings, into).await
     }
 
     /// Takes the ballast's space again after an erasure on a full disk, if there is room now.

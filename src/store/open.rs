@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use sqlx::migrate::Migrator;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{ConnectOptions, SqlitePool};
+use sqlx::{ConnectOptions, Connection, SqlitePool};
 
 use super::StoreSettings;
 use super::error::{StoreError, StoreResult};
@@ -40,6 +40,28 @@ pub(super) async fn readers(path: &Path, settings: &StoreSettings) -> StoreResul
         .connect_with(options(path, settings).read_only(true).pragma("query_only", "ON"))
         .await?;
     Ok(pool)
+}
+
+/// Writes a copy of the database, as it is at one moment, to a new file; durable when this returns.
+pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path) -> StoreResult<()> {
+    let unusable = |error: std::io::Error| StoreError::Unusable(format!("its copy `{}`: {error}", into.display()));
+    for suffix in ["", "-wal", "-shm"] {
+        let mut old = into.as_os_str().to_owned();
+        old.push(suffix);
+        match std::fs::remove_file(&old) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(unusable(error)),
+            _ => {}
+        }
+    }
+    let mut connection = options(path, settings).read_only(true).connect().await?;
+    let target = into.to_str().ok_or_else(|| StoreError::refused("the folder's name is not UTF-8"))?.to_owned();
+    sqlx::query("VACUUM INTO $1").bind(target).execute(&mut connection).await?;
+    connection.close().await?;
+    let folder = into.parent().unwrap_or(into);
+    for file in [into, folder] {
+        std::fs::File::open(file).and_then(|file| file.sync_all()).map_err(unusable)?;
+    }
+    Ok(())
 }
 
 fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {

@@ -28,6 +28,8 @@ enum Message {
     Request(Box<dyn Request>),
     /// Move the write-ahead log into the file and empty it.
     EmptyLog(oneshot::Sender<StoreResult<bool>>),
+    /// Do what came before, close the database and end.
+    Close(oneshot::Sender<()>),
 }
 
 impl Writer {
@@ -58,6 +60,14 @@ impl Writer {
         let (reply, answer) = oneshot::channel();
         self.send(Message::EmptyLog(reply)).await?;
         answer.await.map_err(|_| StoreError::Closed)?
+    }
+
+    /// Ends the thread once everything before is done and the database is closed.
+    pub async fn close(&self) {
+        let (reply, answer) = oneshot::channel();
+        if self.send(Message::Close(reply)).await.is_ok() {
+            drop(answer.await); // an error means that the thread has ended already
+        }
     }
 
     async fn send(&self, message: Message) -> StoreResult<()> {
@@ -111,13 +121,15 @@ where
 async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Message>, batch: usize) {
     let _guard = EndWithThePanic;
     let mut messages = Vec::with_capacity(batch);
-    while inbox.recv_many(&mut messages, batch).await > 0 {
+    let mut closers = Vec::new();
+    while closers.is_empty() && inbox.recv_many(&mut messages, batch).await > 0 {
         let mut requests = Vec::with_capacity(messages.len());
         let mut emptiers = Vec::new();
         for message in messages.drain(..) {
             match message {
                 Message::Request(request) => requests.push(request),
                 Message::EmptyLog(reply) => emptiers.push(reply),
+                Message::Close(reply) => closers.push(reply),
             }
         }
         if !requests.is_empty() {
@@ -130,6 +142,7 @@ async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Messa
     if let Err(error) = connection.close().await {
         tracing::warn!(%error, "closing the database");
     }
+    closers.into_iter().for_each(|reply| drop(reply.send(())));
 }
 
 /// Runs a batch, commits it, and answers.

@@ -8,13 +8,17 @@
 //! | [`recover`] | once, at every start, before anything else uses the folder |
 //! | [`keep`] | for as long as the service runs |
 //! | [`check`] | when somebody asks: `trocar admin check` |
+//! | [`back_up`] | when somebody asks: `trocar admin backup` |
 
+use std::path::PathBuf;
 use std::time::Duration;
 
+mod backup;
 mod check;
 mod collect;
 mod recover;
 
+pub use backup::back_up;
 pub use check::{Finding, check};
 use collect::{collect, forget_expired_uploads, remove_orphan_uploads};
 pub use recover::{Recovered, recover};
@@ -33,6 +37,15 @@ pub enum UpkeepError {
     /// A file could not be handled.
     #[error(transparent)]
     Vault(#[from] VaultError),
+    /// A backup would overwrite something.
+    #[error("`{}` is not empty: name a folder that is, or is not there yet", .0.display())]
+    Used(PathBuf),
+    /// Recordings were erased faster than they could be copied.
+    #[error("recordings were erased again and again during the backup: try once more")]
+    Unsettled,
+    /// The finished backup has a fault.
+    #[error("the backup is not sound: {0}")]
+    Unsound(Finding),
 }
 
 /// Result of an upkeep function.

@@ -3,14 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use super::{Finding, Recovered, check, clear_up, recover};
+use super::{Finding, Recovered, UpkeepError, back_up, check, clear_up, recover};
 use crate::domain::blob::Blob;
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
 use crate::ids::{TraineeId, UploadId};
 use crate::store::testing::{Centre, NOW_MS};
-use crate::store::{NewUpload, Session};
+use crate::store::{NewUpload, Session, Store, StoreSettings};
 use crate::vault::Vault;
 
 struct Bench {
@@ -206,6 +206,57 @@ async fn an_upload_whose_time_is_over_is_forgotten() {
     clear_up(&bench.centre.store, &bench.vault).await.unwrap();
     assert_eq!(bench.vault.upload_files().await.unwrap(), []);
     assert!(bench.centre.store.uploads().get(&Scope::service(), id).await.is_err());
+}
+
+#[tokio::test]
+async fn a_backup_is_a_data_folder_with_everything_but_what_is_still_arriving() {
+    let bench = Bench::new().await;
+    let (store, service) = (&bench.centre.store, Scope::service());
+    let ana = bench.centre.trainee("Ana").await.id;
+    let session = bench.session(ana, "video").await;
+    bench.score(&session).await;
+    bench.upload(ana, b"vi", 2).await;
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("backup");
+    let clock = bench.centre.clock.clone();
+    let copied = back_up((store, &bench.vault), &to, "trocar.sqlite", clock.clone()).await.unwrap();
+    assert_eq!(copied, 3); // recording, trajectory, diagnostics
+    bench.session(ana, "made after the backup").await;
+
+    let copy = Store::open(&to.join("trocar.sqlite"), &StoreSettings::default(), clock.clone()).await.unwrap();
+    let files = Vault::open(&to).await.unwrap();
+    assert_eq!(check(&copy, &files, true).await.unwrap(), []);
+    assert_eq!(
+        copy.sessions().result(&service, session.id).await.unwrap(),
+        store.sessions().result(&service, session.id).await.unwrap()
+    );
+    assert_eq!(files.read(session.video, 100).await.unwrap(), b"video");
+    assert_eq!(copy.uploads().unfinished().await.unwrap(), []);
+    let again = back_up((store, &bench.vault), &to, "trocar.sqlite", clock).await;
+    assert!(matches!(again, Err(UpkeepError::Used(_))), "{again:?}");
+}
+
+#[tokio::test]
+async fn a_backup_during_work_is_sound() {
+    let bench = Bench::new().await;
+    let (store, service) = (&bench.centre.store, Scope::service());
+    let ana = bench.centre.trainee("Ana").await.id;
+    for number in 0..5 {
+        bench.session(ana, &format!("early video {number}")).await;
+    }
+    let working = async {
+        for number in 0..20 {
+            let session = bench.session(ana, &format!("video {number}")).await;
+            if number % 2 == 0 {
+                store.sessions().erase(&service, session.id).await.unwrap();
+                clear_up(store, &bench.vault).await.unwrap();
+            }
+        }
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let backing_up = back_up((store, &bench.vault), folder.path(), "trocar.sqlite", bench.centre.clock.clone());
+    let (copied, ()) = tokio::join!(backing_up, working);
+    assert!(copied.unwrap() >= 5);
 }
 
 /// Does any file below the folder hold these bytes?

@@ -145,6 +145,18 @@ async fn an_upload_goes_on_after_the_noted_bytes_and_forgets_those_behind() {
 }
 
 #[tokio::test]
+async fn opening_with_an_old_offset_takes_no_acknowledged_byte_away() {
+    let (vault, _folder) = vault().await;
+    let id = UploadId::at(1);
+    let mut file = vault.create_upload(id).await.unwrap();
+    file.append(b"acknowledged").await.unwrap();
+    file.sync().await.unwrap();
+    drop(file);
+    drop(vault.open_upload(id, 3).await.unwrap()); // read the row too early, sees that now, and goes
+    assert_eq!(vault.upload_length(id).await.unwrap(), 12);
+}
+
+#[tokio::test]
 async fn an_upload_has_one_sender_at_a_time() {
     let (vault, _folder) = vault().await;
     let id = UploadId::at(1);

@@ -1,7 +1,8 @@
 //! Uploads: a file each, appended while a recording arrives.
 //!
 //! The order that makes an acknowledged byte a durable one: append → [`UploadFile::sync`] → the offset's row
-//! (`store.uploads().advance`) → the answer. Bytes behind the noted offset were never acknowledged; opening cuts them off.
+//! (`store.uploads().advance`) → the answer. Bytes behind the noted offset were never acknowledged; the first append cuts
+//! them off. Not the opening: the offset may have been read before the upload was free, and be old.
 
 use std::collections::HashSet;
 use std::fs::File;
@@ -29,7 +30,10 @@ pub struct UploadFile {
 struct OpenFile {
     path: PathBuf,
     file: File,
+    /// Bytes before the next append.
     written: u64,
+    /// Was everything behind them cut off already?
+    cut: bool,
     _claim: Claim,
 }
 
@@ -57,24 +61,23 @@ impl Vault {
             let file = disk::create(&path)?;
             disk::sync(&file, &path);
             path.parent().into_iter().for_each(disk::sync_folder);
-            Ok(Box::new(OpenFile { path, file, written: 0, _claim: claim }))
+            Ok(Box::new(OpenFile { path, file, written: 0, cut: true, _claim: claim }))
         });
         Ok(UploadFile { appended: 0, waiting: Vec::new(), file: Some(file.await?) })
     }
 
-    /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open.
+    /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open. Read the
+    /// row again once it is open: nobody else can advance it then.
     pub async fn open_upload(&self, id: UploadId, noted: u64) -> VaultResult<UploadFile> {
         let claim = self.inner.open_uploads.claim(id)?;
         let path = path(&self.inner.data, id);
         let file = on_a_blocking_thread(move || {
-            let mut file = disk::open_to_write(&path)?;
+            let file = disk::open_to_write(&path)?;
             let found = file.metadata().map_err(failed("measuring", &path))?.len();
             if found < noted {
                 return Err(VaultError::Lost { found, noted });
             }
-            file.set_len(noted).map_err(failed("cutting", &path))?;
-            file.seek(SeekFrom::Start(noted)).map_err(failed("opening", &path))?;
-            Ok(Box::new(OpenFile { path, file, written: noted, _claim: claim }))
+            Ok(Box::new(OpenFile { path, file, written: noted, cut: false, _claim: claim }))
         });
         Ok(UploadFile { appended: noted, waiting: Vec::new(), file: Some(file.await?) })
     }
@@ -159,15 +162,23 @@ impl UploadFile {
 impl OpenFile {
     /// Appends all of it or, when the disk is full, nothing.
     fn write(&mut self, bytes: &[u8]) -> VaultResult<()> {
+        if !self.cut {
+            self.cut_off()?;
+        }
         let written = disk::write(&mut self.file, bytes, &self.path);
         match &written {
             Ok(()) => self.written += bytes.len() as u64,
-            Err(_) => {
-                self.file.set_len(self.written).map_err(failed("cutting", &self.path))?;
-                self.file.seek(SeekFrom::Start(self.written)).map_err(failed("writing", &self.path))?;
-            }
+            Err(_) => self.cut_off()?,
         }
         written
+    }
+
+    /// Cuts off what lies behind the bytes that count.
+    fn cut_off(&mut self) -> VaultResult<()> {
+        self.file.set_len(self.written).map_err(failed("cutting", &self.path))?;
+        self.file.seek(SeekFrom::Start(self.written)).map_err(failed("cutting", &self.path))?;
+        self.cut = true;
+        Ok(())
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Works beside a running service: each change is one transaction, and the service sees it with its next question.
 
+mod backup;
 mod check;
 mod token;
 mod user;
@@ -35,6 +36,8 @@ pub struct Args {
 enum Command {
     /// Compare the database with the files, without changing either; status 1 if something is lost.
     Check(check::Args),
+    /// Copy database and files into an empty folder while the service works; the copy is a data folder itself.
+    Backup(backup::Args),
     /// Accounts of people.
     #[command(subcommand)]
     User(user::Command),
@@ -58,6 +61,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         let centre = open(&settings).await?;
         match args.command {
             Command::Check(args) => check::run(&centre, &args).await,
+            Command::Backup(args) => backup::run(&centre, &args).await,
             Command::User(command) => user::run(&centre, command).await,
             Command::Token(command) => token::run(&centre, command).await,
         }

@@ -1,0 +1,107 @@
+//! Backup: a copy of database and files, made while the service works.
+//!
+//! A backup *is* a data folder: `trocar serve --data BACKUP` runs on it, and copying it back restores it. Every blob is
+//! verified while it is copied, and the whole is checked at the end. Left out are unfinished uploads (their senders go on
+//! with the original) and signed-in browsers.
+
+use std::path::Path;
+
+use tokio::io::AsyncReadExt;
+
+use super::{UpkeepError, UpkeepResult, check, recover};
+use crate::domain::blob::Blob;
+use crate::domain::scope::Scope;
+use crate::store::{Store, StoreSettings};
+use crate::time::SharedClock;
+use crate::vault::{Vault, VaultError};
+
+/// Snapshots tried until one's files are all there. Another is needed only if somebody erases a recording between the
+/// snapshot and the copying of that very file.
+const MOST_SNAPSHOTS: u32 = 5;
+/// Rows read per round.
+const ROUND: u32 = 1_000;
+/// Bytes copied at once.
+const PIECE: usize = 256 * 1024;
+
+/// Copies everything into a folder that is empty or not there yet; `database` is the database's file name. Returns how many
+/// files the backup holds.
+pub async fn back_up(
+    (store, vault): (&Store, &Vault),
+    to: &Path,
+    database: &str,
+    clock: SharedClock,
+) -> UpkeepResult<u64> {
+    refuse_used(to)?;
+    let files = Vault::open(to).await?;
+    let path = to.join(database);
+    copy_blobs(store, vault, &files).await?; // most of the bytes, before the snapshot: fewer can go meanwhile
+    for _ in 0..MOST_SNAPSHOTS {
+        store.snapshot(&path).await?;
+        let copy = Store::open(&path, &StoreSettings::default(), clock.clone()).await?;
+        match copy_blobs(&copy, vault, &files).await {
+            Ok(count) => {
+                complete(&copy, &files).await?;
+                copy.close().await; // leaves one file, without a log beside it
+                return Ok(count);
+            }
+            // A recording was erased meanwhile: a snapshot from now on is without it.
+            Err(UpkeepError::Vault(VaultError::NotFound)) => copy.close().await,
+            Err(error) => return Err(error),
+        }
+    }
+    Err(UpkeepError::Unsettled)
+}
+
+/// A folder with something in it is not overwritten, whatever it is.
+fn refuse_used(to: &Path) -> UpkeepResult<()> {
+    match std::fs::read_dir(to) {
+        Ok(mut entries) if entries.next().is_some() => Err(UpkeepError::Used(to.to_owned())),
+        _ => Ok(()),
+    }
+}
+
+/// Copies the blobs that the database refers to and the folder lacks; returns how many it refers to.
+async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<u64> {
+    let (mut after, mut count) = (None, 0);
+    loop {
+        let blobs = store.blobs().all(after, ROUND).await?;
+        for blob in &blobs {
+            if to.open_blob(blob.hash).await.is_err() {
+                copy_blob(*blob, from, to).await?;
+            }
+            count += 1;
+        }
+        after = blobs.last().map(|blob| blob.hash);
+        if after.is_none() {
+            return Ok(count);
+        }
+    }
+}
+
+async fn copy_blob(blob: Blob, from: &Vault, to: &Vault) -> UpkeepResult<()> {
+    let mut reader = from.open_range(blob.hash, 0, blob.bytes).await?;
+    let mut copy = to.incoming(blob.bytes).await?;
+    let mut piece = vec![0; PIECE];
+    loop {
+        match reader.read(&mut piece).await.map_err(|_| VaultError::Damaged)? {
+            0 => break,
+            read => copy.write(&piece[..read]).await?,
+        }
+    }
+    let kept = copy.finish().await?;
+    if kept.blob() == blob { Ok(()) } else { Err(VaultError::Damaged.into()) }
+}
+
+/// Makes the copy a data folder in its own right, and proves it.
+async fn complete(copy: &Store, files: &Vault) -> UpkeepResult<()> {
+    for upload in copy.uploads().unfinished().await? {
+        copy.uploads().delete(&Scope::service(), upload.id).await?;
+    }
+    copy.cookies().forget_all().await?;
+    recover(copy, files).await?; // files of what was erased between copying and snapshot
+    copy.forget_erased().await?;
+    match check(copy, files, true).await?.first() {
+        None => Ok(()),
+        Some(finding) => Err(UpkeepError::Unsound(finding.clone())),
+    }
+}
