@@ -54,10 +54,8 @@ pub async fn back_up(
 
 /// A folder with something in it is not overwritten, whatever it is.
 fn refuse_used(to: &Path) -> UpkeepResult<()> {
-    match std::fs::read_dir(to) {
-        Ok(mut entries) if entries.next().is_some() => Err(UpkeepError::Used(to.to_owned())),
-        _ => Ok(()),
-    }
+    let is_used = std::fs::read_dir(to).is_ok_and(|mut entries| entries.next().is_some());
+    if is_used { Err(UpkeepError::Used(to.to_owned())) } else { Ok(()) }
 }
 
 /// Copies the blobs that the database refers to and the folder lacks; returns how many it refers to.

@@ -72,7 +72,7 @@ async fn nonsense_is_refused_whoever_writes_it() {
         "UPDATE session SET created_at_ms = 'yesterday'",
         "DELETE FROM blob",
         "DELETE FROM calibration",
-        "INSERT INTO upload SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL, trainee_id, task_id, box_id, 'f', 'video/mp4',
+        "INSERT INTO upload SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL, trainee_id, task_id, box_id, 'f',
          '', NULL, 10, 11, NULL, 1, 2 FROM session",
         "INSERT INTO session SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', trainee_id, task_id, box_id, filename, media_type,
          video, recorded_at_ms, created_at_ms FROM session",
