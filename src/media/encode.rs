@@ -166,6 +166,8 @@ impl VideoWriter {
         let mut packet = Packet::empty();
         while self.encoder.receive_packet(&mut packet).is_ok() {
             packet.set_stream(0);
+            // Without a duration the container ends where its last frame begins, and players leave that frame out.
+            packet.set_duration((f64::from(TICKS_PER_S) / self.settings.fps).round() as i64);
             packet.rescale_ts(Rational(1, TICKS_PER_S), self.stream_time_base);
             packet.write_interleaved(&mut self.output).map_err(failed("writing the recording"))?;
         }
@@ -236,3 +238,6 @@ fn copy_plane(plane: Plane<'_>, video: &mut frame::Video, index: usize) {
 fn failed(doing: &'static str) -> impl Fn(ff::Error) -> EncodeError {
     move |source| EncodeError::Ffmpeg { doing, source }
 }
+
+#[cfg(test)]
+mod tests;

@@ -25,37 +25,49 @@ pub struct Mark {
     pub h: i64,
 }
 
-/// Frames that are marked.
+/// Frames on which each tool, and the empty box, are marked.
 const FRAMES: usize = 5;
+/// Frames that an instructor leafs through to find them.
+const LEAFED: usize = 40;
+/// Rectangles on the empty box, each frame.
 const BACKGROUNDS: usize = 9;
+/// An instructor marks what is plain to see.
+const PLAIN: f64 = 0.98;
 
-/// Marks on a few frames spread over a recording whose frames have these times, s.
+/// Marks on a few frames spread over a recording whose frames have these times, s; sorted by frame.
 pub fn of_recording(world: &World, times_s: &[f64]) -> Vec<Mark> {
+    let leafed = spread(&(0..times_s.len()).collect::<Vec<_>>(), LEAFED);
+    let seen: Vec<Vec<f64>> =
+        leafed.iter().map(|f| truth::at(world, times_s[*f]).iter().map(|t| t.visible).collect()).collect();
+    let mut marks = Vec::new();
+    for tool in 0..world.tools.len() {
+        let plain: Vec<usize> = (0..leafed.len()).filter(|i| seen[*i][tool] > PLAIN).map(|i| leafed[i]).collect();
+        marks.extend(spread(&plain, FRAMES).into_iter().flat_map(|f| on_tool(world, tool, f, times_s[f])));
+    }
     let mut dice = Dice::new(world.seed, "marks");
-    let last = times_s.len().saturating_sub(1);
-    let mut frames: Vec<usize> = (0..FRAMES).map(|i| (last * (2 * i + 1)) / (2 * FRAMES)).collect();
-    frames.dedup();
-    let on_frame = |frame: usize| times_s.get(frame).map(|time_s| of_frame(world, &mut dice, frame, *time_s));
-    frames.into_iter().filter_map(on_frame).flatten().collect()
+    for frame in spread(&leafed, FRAMES) {
+        let poses = world.poses(times_s[frame]);
+        marks.extend((0..BACKGROUNDS).filter_map(|_| background(world, &poses, &mut dice, frame)));
+    }
+    marks.sort_by_key(|mark| mark.frame);
+    marks
 }
 
-fn of_frame(world: &World, dice: &mut Dice, frame: usize, time_s: f64) -> Vec<Mark> {
-    let poses = world.poses(time_s);
-    let visible = truth::at(world, time_s);
-    let mut marks = Vec::new();
-    for (tool, pose) in world.tools.iter().zip(&poses) {
-        let name = tool.design.tape.name;
-        if !visible.iter().any(|t| t.tool == name && t.visible > 0.98) {
-            continue; // an instructor marks what is plain to see
-        }
-        let (band, radius) = (tool.design.band_mm, 0.5 * tool.design.diameter_mm);
-        let inside = [(0.25, name), (0.5, name), (0.75, name), (1.6, "shaft"), (2.2, "shaft")];
-        let on_tube = inside.map(|(share, label)| on_axis(world, pose, share * band, radius, label, frame));
-        let jaw = on_axis(world, pose, -0.25 * tool.design.jaw_mm, 0.5 * radius, "jaw", frame);
-        marks.extend(on_tube.into_iter().chain([jaw]).flatten());
+/// At most `count` of these, evenly spread.
+fn spread(all: &[usize], count: usize) -> Vec<usize> {
+    if all.len() <= count {
+        return all.to_vec();
     }
-    marks.extend((0..BACKGROUNDS).filter_map(|_| background(world, &poses, dice, frame)));
-    marks
+    (0..count).map(|i| all[(all.len() * (2 * i + 1)) / (2 * count)]).collect()
+}
+
+fn on_tool(world: &World, tool: usize, frame: usize, time_s: f64) -> Vec<Mark> {
+    let (design, pose) = (&world.tools[tool].design, world.poses(time_s)[tool]);
+    let (name, band, radius) = (design.tape.name, design.band_mm, 0.5 * design.diameter_mm);
+    let along = [(0.25, name), (0.5, name), (0.75, name), (1.6, "shaft"), (2.2, "shaft")];
+    let on_tube = along.map(|(share, label)| on_axis(world, &pose, share * band, radius, label, frame));
+    let jaw = on_axis(world, &pose, -0.25 * design.jaw_mm, 0.5 * radius, "jaw", frame);
+    on_tube.into_iter().chain([jaw]).flatten().collect()
 }
 
 /// The largest square round a point of the axis that stays on the tube, with a fifth of its width to spare.

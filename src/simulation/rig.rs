@@ -114,13 +114,13 @@ fn mounting(dice: &mut Dice, view: View) -> Isometry3<f64> {
 /// A ring of LEDs round the lens, and daylight through the lid from the left.
 fn lighting(camera_from_board: &Isometry3<f64>) -> Lighting {
     let up = camera_from_board * Vector3::new(0.0, 0.0, -1.0);
-    let ring = Lamp { at: Point3::new(6.0, -12.0, -6.0), radius: 13.0, power: [0.62, 0.6, 0.57] };
-    let window = Lamp { at: camera_from_board * above(-150.0, -60.0, 235.0), radius: 34.0, power: [0.55, 0.57, 0.62] };
+    let ring = Lamp { at: Point3::new(6.0, -12.0, -6.0), radius: 13.0, power: [1.02, 0.99, 0.94] };
+    let window = Lamp { at: camera_from_board * above(-150.0, -60.0, 235.0), radius: 34.0, power: [0.8, 0.83, 0.9] };
     Lighting {
         lamps: [ring, window],
-        ambient: [0.3, 0.3, 0.3],
-        below: [0.16, 0.14, 0.12],
-        above: [0.3, 0.31, 0.33],
+        ambient: [0.36, 0.36, 0.36],
+        below: [0.22, 0.19, 0.16],
+        above: [0.4, 0.41, 0.44],
         up,
     }
 }

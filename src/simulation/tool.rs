@@ -37,7 +37,7 @@ impl Tape {
 
     /// What the tape looks like: vinyl, half glossy.
     pub fn material(&self) -> Material {
-        Material { matt: self.colour, gloss: 0.16, sharpness: 24, mirror: 0.02 }
+        Material { matt: self.colour, gloss: 0.3, sharpness: 34, mirror: 0.02 }
     }
 }
 
@@ -146,10 +146,10 @@ pub fn side_of(axis: Vector3<f64>, roll: f64) -> Vector3<f64> {
 }
 
 /// The jaws' steel.
-pub const STEEL: Material = Material { matt: [0.2, 0.2, 0.21], gloss: 0.55, sharpness: 40, mirror: 0.35 };
+pub const STEEL: Material = Material { matt: [0.1, 0.1, 0.105], gloss: 0.8, sharpness: 36, mirror: 0.42 };
 
 /// The bare tube: black polymer, polished.
-pub const BLACK: Material = Material { matt: [0.012, 0.012, 0.013], gloss: 0.2, sharpness: 60, mirror: 0.03 };
+pub const BLACK: Material = Material { matt: [0.012, 0.012, 0.013], gloss: 0.85, sharpness: 90, mirror: 0.035 };
 
 /// The tube's end face.
 pub const FACE: Material = Material { matt: [0.09, 0.09, 0.095], gloss: 0.2, sharpness: 20, mirror: 0.1 };

@@ -171,3 +171,6 @@ fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
     let value: Option<f64> = text.parse().ok();
     value.filter(|v| (least..=most).contains(v)).ok_or_else(|| format!("expected a number from {least} to {most}"))
 }
+
+#[cfg(test)]
+mod tests;

@@ -70,7 +70,14 @@ pub(super) fn rest(cast: &Cast) -> Script {
 
 /// The right tool passes behind the left one three times, then is drawn out of the picture and comes back.
 pub(super) fn crossing(cast: &Cast) -> Script {
-    let (front, behind) = (above(8.0, -20.0, 78.0), [above(34.0, -24.0, 16.0), above(-38.0, -30.0, 16.0)]);
+    let (front, beside, behind) = match cast.rig.view {
+        View::Top => {
+            (above(8.0, -20.0, 78.0), above(14.0, -14.0, 72.0), [above(34.0, -24.0, 16.0), above(-38.0, -30.0, 16.0)])
+        }
+        View::Side => {
+            (above(8.0, 14.0, 40.0), above(16.0, 20.0, 46.0), [above(36.0, -48.0, 14.0), above(-40.0, -50.0, 14.0)])
+        }
+    };
     let mut left = cast.hand_at(front, "left hand");
     let mut right = cast.hand_at(behind[0], "right hand");
     let away = away_from_view(cast, behind[0]);
@@ -87,7 +94,7 @@ pub(super) fn crossing(cast: &Cast) -> Script {
         right.glide(behind[0], 1.5);
         right.pause();
         while left.now_s() < right.now_s() - 2.0 {
-            left.reach(above(14.0, -14.0, 72.0), Ending::Flow);
+            left.reach(beside, Ending::Flow);
             left.pause();
             left.reach(front, Ending::Stop);
             left.pause();
