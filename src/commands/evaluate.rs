@@ -8,7 +8,7 @@ use nalgebra::Point3;
 use serde_json::{Value, json};
 
 use super::table::Table;
-use super::{Failure, read_trajectory};
+use super::{Failure, print_result, read_trajectory};
 use crate::domain::files::truth::TruthFile;
 use crate::pipeline::evaluation::{
     self, Accuracy, Errors, Inside, Level, Repeatability, Spread, ToolAccuracy, accuracy, repeatability,
@@ -47,11 +47,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
         (accuracy_json(&result), accuracy_text(&result))
     };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&json).context("writing JSON")?);
+        print_result(&(serde_json::to_string_pretty(&json).context("writing JSON")? + "\n"))
     } else {
-        print!("{text}");
+        print_result(&text)
     }
-    Ok(())
 }
 
 fn judge(track: &Path, truth: &Path) -> Result<Accuracy, Failure> {

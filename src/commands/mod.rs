@@ -4,7 +4,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{self, BufReader, Write};
 use std::path::Path;
 
 use anyhow::Context;
@@ -111,4 +111,9 @@ fn read_trajectory(path: &Path) -> Result<Trajectory, Failure> {
     let file = File::open(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
     let trajectory = read_csv(BufReader::new(file)).with_context(|| path.display().to_string());
     trajectory.map_err(Failure::Input)
+}
+
+/// Writes a command's result to standard output.
+fn print_result(text: &str) -> Result<(), Failure> {
+    Ok(io::stdout().lock().write_all(text.as_bytes()).context("writing to standard output")?)
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 
 use super::table::Table;
-use super::{Failure, read_trajectory};
+use super::{Failure, print_result, read_trajectory};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
@@ -36,15 +36,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let settings = AssessmentSettings { window_s: args.window_s, ..AssessmentSettings::default() };
     let assessed = |path: &PathBuf| Ok((path.clone(), assess(&read_trajectory(path)?, &settings)));
     let sessions = args.tracks.iter().map(assessed).collect::<Result<Vec<(PathBuf, Assessment)>, Failure>>()?;
+    let task = args.task.as_deref();
     if args.json {
-        let all: Vec<Value> = sessions.iter().map(|(path, a)| session_json(path, args.task.as_deref(), a)).collect();
-        println!("{}", serde_json::to_string_pretty(&all).context("writing JSON")?);
+        let all: Vec<Value> = sessions.iter().map(|(path, a)| session_json(path, task, a)).collect();
+        print_result(&(serde_json::to_string_pretty(&all).context("writing JSON")? + "\n"))
     } else {
-        let blocks: Vec<String> =
-            sessions.iter().map(|(path, a)| session_text(path, args.task.as_deref(), a)).collect();
-        print!("{}", blocks.join("\n"));
+        let blocks: Vec<String> = sessions.iter().map(|(path, a)| session_text(path, task, a)).collect();
+        print_result(&blocks.join("\n"))
     }
-    Ok(())
 }
 
 fn session_json(path: &Path, task: Option<&str>, assessment: &Assessment) -> Value {
@@ -122,7 +121,8 @@ fn reasons(assessment: &Assessment) -> String {
             None => lines.push((why, vec![what])),
         }
     }
-    lines.into_iter().map(|(why, features)| format!("  – {why}: {}\n", features.join(", "))).collect()
+    let lines = lines.into_iter().map(|(why, features)| format!("  – {why}: {}\n", features.join(", ")));
+    lines.collect::<Vec<_>>().concat()
 }
 
 /// A number with four significant digits, as people read it; whole numbers as they are.

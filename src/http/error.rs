@@ -248,7 +248,9 @@ impl From<IntakeError> for Problem {
             }
             IntakeError::Mismatch => Refusal::ChecksumMismatch.with("The bytes were dropped. Send this piece again."),
             IntakeError::Cut(cause) => super::read::unreadable(&*cause, u64::MAX),
-            IntakeError::Resumed => Refusal::Conflict.with("The upload goes on with another request. What came is safe."),
+            IntakeError::Resumed => {
+                Refusal::Conflict.with("The upload goes on with another request. What came is safe.")
+            }
             IntakeError::Ending => busy("The service is ending. What came is safe: go on in a minute."),
             IntakeError::Known { session } => Refusal::DuplicateRecording
                 .with("The same recording of the same trainee, task and box is a session already; see `session`.")

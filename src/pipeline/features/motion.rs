@@ -65,6 +65,16 @@ impl Span {
         self.first + self.nodes.len() as i64 - 1
     }
 
+    /// The grid instants that it covers.
+    pub fn interval(&self) -> Interval {
+        Interval { first: self.first, last: self.last() }
+    }
+
+    /// The speed at each node, mm/s.
+    pub fn speeds(&self) -> Vec<f64> {
+        self.nodes.iter().map(|node| node.velocity.norm()).collect()
+    }
+
     /// The part inside an interval, if it has a length.
     fn clipped(&self, interval: Interval) -> Option<Span> {
         let (first, last) = (self.first.max(interval.first), self.last().min(interval.last));

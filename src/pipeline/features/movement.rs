@@ -8,39 +8,26 @@ use std::ops::Range;
 use super::motion::{Interval, Motion, Span};
 use super::settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
-/// One movement.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Movement {
-    /// When, on the grid.
-    pub interval: Interval,
-    /// The speed at each instant, mm/s.
-    pub speeds: Vec<f64>,
-}
-
 /// The movements of a motion, in time order.
-pub fn movements(motion: &Motion, settings: &FeatureSettings) -> Vec<Movement> {
+pub fn movements(motion: &Motion, settings: &FeatureSettings) -> Vec<Span> {
     motion.spans.iter().flat_map(|span| movements_of_span(span, settings)).collect()
 }
 
 /// From the first instant of the first movement to the last of the last.
 pub fn extent(motion: &Motion, settings: &FeatureSettings) -> Option<Interval> {
     let movements = movements(motion, settings);
-    Some(movements.first()?.interval.hull(movements.last()?.interval))
+    Some(movements.first()?.interval().hull(movements.last()?.interval()))
 }
 
 /// The movements of one span, in time order.
-pub fn movements_of_span(span: &Span, settings: &FeatureSettings) -> Vec<Movement> {
-    let speeds: Vec<f64> = span.nodes.iter().map(|node| node.velocity.norm()).collect();
+pub fn movements_of_span(span: &Span, settings: &FeatureSettings) -> Vec<Span> {
+    let speeds = span.speeds();
     let least_steps = settings.movement_min_s / settings.step_s - 1e-9; // 0.2 s in steps of 0.02 s is 10, not 10.000…2
     let long_enough = |run: &Range<usize>| (run.len() - 1) as f64 >= least_steps;
     let fast_enough = |run: &Range<usize>| speeds[run.clone()].iter().any(|v| *v >= settings.movement_speed_mm_s);
     let faster = runs(&speeds, |speed| speed > MOVEMENT_END_RATIO * settings.movement_speed_mm_s);
     let kept = faster.into_iter().filter(|run| long_enough(run) && fast_enough(run));
-    kept.map(|run| Movement {
-        interval: Interval { first: span.first + run.start as i64, last: span.first + run.end as i64 - 1 },
-        speeds: speeds[run].to_vec(),
-    })
-    .collect()
+    kept.map(|run| Span { first: span.first + run.start as i64, nodes: span.nodes[run].to_vec() }).collect()
 }
 
 /// The maximal stretches of values that satisfy a condition; none is empty.

@@ -3,8 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::hull;
-use super::motion::Motion;
-use super::smoothness::along;
+use super::motion::{Motion, Span};
 use super::{BOTH, Direction, Feature, FeatureSettings, IMAGE, Measure, NotEnough, THREE_D};
 
 /// Longest path that is taken for a hand's, mm: ten kilometres.
@@ -140,7 +139,20 @@ fn hull_points(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3
     let length = moved(motion, settings)?;
     let step = settings.smoothness_step_mm.max(length / HULL_POINTS);
     let ends = motion.spans.iter().filter_map(|span| span.nodes.last()).map(|node| node.position);
-    Ok(motion.spans.iter().flat_map(|span| along(span, step, 0.0)).chain(ends).collect())
+    Ok(motion.spans.iter().flat_map(|span| along(span, step)).chain(ends).collect())
+}
+
+/// Points at equal distances along a span's path, the first of them its first node. The rest that is shorter than a
+/// step is left out.
+fn along(span: &Span, step_mm: f64) -> impl Iterator<Item = Point3<f64>> {
+    let legs = span.nodes.iter().zip(&span.nodes[1..]).map(|(from, to)| (from.position, to.position - from.position));
+    let mut walked = step_mm; // since the last point, as if there had been one before the path
+    legs.filter(|(_, leg)| leg.norm() > 0.0).flat_map(move |(from, leg)| {
+        let (before, length) = (walked, leg.norm());
+        let count = ((before + length) / step_mm) as usize;
+        walked = before + length - count as f64 * step_mm;
+        (1..=count).map(move |k| from + leg * ((k as f64 * step_mm - before) / length))
+    })
 }
 
 fn bounding_box(motion: &Motion) -> Vector3<f64> {

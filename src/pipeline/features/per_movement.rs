@@ -81,10 +81,10 @@ fn median_over_movements(
 ) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
     let all = movements(motion, settings);
-    let moving: i64 = all.iter().map(|m| m.interval.steps()).sum();
-    let short = all.iter().filter(|m| m.interval.steps() as f64 * motion.step_s <= settings.longest_movement_s);
+    let moving: i64 = all.iter().map(|m| m.interval().steps()).sum();
+    let short = all.iter().filter(|m| m.interval().steps() as f64 * motion.step_s <= settings.longest_movement_s);
     let values: Vec<(f64, f64)> =
-        short.filter_map(|m| Some((of(&m.speeds, motion.step_s)?, m.interval.steps() as f64))).collect();
+        short.filter_map(|m| Some((of(&m.speeds(), motion.step_s)?, m.interval().steps() as f64))).collect();
     let share = values.iter().map(|(_, steps)| steps).sum::<f64>() / moving.max(1) as f64;
     if moving == 0 {
         Err(NotEnough::NoMovement)

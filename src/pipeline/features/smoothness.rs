@@ -1,8 +1,12 @@
 //! T 4.38's smoothness: how sharply the path turns per millimetre.
+//!
+//! Taken over the movements alone. The thesis leaves out steps of no length, and with them the turn at a corner where the
+//! hand stops; on a real path a stop is never exact, so what is slower than a movement is left out instead.
 
 use nalgebra::Point3;
 
 use super::motion::{Motion, Span};
+use super::movement::movements;
 use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough};
 
 /// How crooked.
@@ -11,9 +15,9 @@ pub const SMOOTHNESS: Feature = Feature {
     title: "Smoothness",
     unit: "1/mm²",
     direction: Direction::Lower,
-    description: "Sum over the path, on points 1 mm apart along it, of the squared turn per length: (2·(π − angle) / \
-                  (a + b))², where a and b are the lengths of two neighbouring steps and the angle is the one between \
-                  them. 0 is a straight line; larger is more crooked.",
+    description: "Sum over all movements, on points of their path 1 mm apart, of the squared turn per length: (2·(π − angle) \
+                  / (a + b))², where a and b are the lengths of two neighbouring steps and the angle is the one between \
+                  them. Turning at rest does not count. 0 is a straight line; larger is more crooked.",
     source: "T 4.38 with the cosine rule's denominator corrected to 2ab; Moll 2014 (OMPL)",
     range: (0.0, 1e9),
     spaces: BOTH,
@@ -21,25 +25,53 @@ pub const SMOOTHNESS: Feature = Feature {
     measures: &[Measure::Tool(smoothness)],
 };
 
-/// Where on the first step the points may start: a corner is cut more or less depending on where the points fall, so
-/// the value is the mean over evenly spread starts.
+/// How far from the path's start the first point may lie, in parts of a step: a corner is cut more or less depending on
+/// where the points fall, so the value is the mean over evenly spread starts.
 const STARTS: u32 = 8;
 
 fn smoothness(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
     let step = settings.smoothness_step_mm;
     let start = |k: u32| step * f64::from(k) / f64::from(STARTS);
-    let turns: Vec<f64> =
-        (0..STARTS).flat_map(|k| motion.spans.iter().flat_map(move |s| turns(s, step, start(k)))).collect();
+    let movements = movements(motion, settings);
+    let of_start = |k: u32| movements.iter().flat_map(move |movement| turns(movement, start(k), step));
+    let turns: Vec<f64> = (0..STARTS).flat_map(of_start).collect();
     if turns.is_empty() {
         return Err(NotEnough::NoMovement);
     }
     Ok(turns.iter().map(|turn| turn * turn).sum::<f64>() / f64::from(STARTS))
 }
 
-fn turns(span: &Span, step_mm: f64, start_mm: f64) -> Vec<f64> {
-    let points: Vec<Point3<f64>> = along(span, step_mm, start_mm).collect();
-    points.windows(3).map(|p| turn_per_mm(&p[0], &p[1], &p[2])).collect()
+fn turns(span: &Span, start_mm: f64, step_mm: f64) -> Vec<f64> {
+    divided(span, start_mm, step_mm).windows(3).map(|p| turn_per_mm(&p[0], &p[1], &p[2])).collect()
+}
+
+/// Points on a span's path, each a step from the one before as the crow flies, like a pair of dividers walked along it;
+/// the first is `start_mm` from the first node.
+///
+/// Equal steps *along* the path were tried and rejected: where a hand is slow, the noise walks a millimetre within a tenth
+/// of one, the chords shrink, and one such place outweighs the whole session.
+fn divided(span: &Span, start_mm: f64, step_mm: f64) -> Vec<Point3<f64>> {
+    let Some(first) = span.nodes.first().map(|node| node.position) else { return Vec::new() };
+    let (mut last, mut points) = (first, if start_mm > 0.0 { Vec::new() } else { vec![first] });
+    for (from, to) in span.nodes.iter().zip(&span.nodes[1..]).map(|(from, to)| (from.position, to.position)) {
+        loop {
+            let radius = if points.is_empty() { start_mm } else { step_mm };
+            if (to - last).norm() <= radius {
+                break;
+            }
+            last = exit(from, to, last, radius);
+            points.push(last);
+        }
+    }
+    points
+}
+
+/// Where a leg that ends outside a sphere leaves it for good.
+fn exit(from: Point3<f64>, to: Point3<f64>, centre: Point3<f64>, radius: f64) -> Point3<f64> {
+    let (leg, offset) = (to - from, from - centre);
+    let (a, b, c) = (leg.norm_squared(), offset.dot(&leg), offset.norm_squared() - radius * radius);
+    from + leg * ((-b + (b * b - a * c).max(0.0).sqrt()) / a).clamp(0.0, 1.0)
 }
 
 /// One term of T 4.38 before it is squared; 0 where a step has no length.
@@ -52,27 +84,34 @@ fn turn_per_mm(before: &Point3<f64>, here: &Point3<f64>, after: &Point3<f64>) ->
     2.0 * (std::f64::consts::PI - cosine.clamp(-1.0, 1.0).acos()) / (a + b)
 }
 
-/// Points at equal distances along a span's path, the first at `start_mm` (less than a step) from its first node. The
-/// rest that is shorter than a step is left out.
-pub(super) fn along(span: &Span, step_mm: f64, start_mm: f64) -> impl Iterator<Item = Point3<f64>> {
-    let legs = span.nodes.iter().zip(&span.nodes[1..]).map(|(from, to)| (from.position, to.position - from.position));
-    let mut walked = step_mm - start_mm; // since the last point, as if there had been one before the path
-    legs.filter(|(_, leg)| leg.norm() > 0.0).flat_map(move |(from, leg)| {
-        let (before, length) = (walked, leg.norm());
-        let count = ((before + length) / step_mm) as usize;
-        walked = before + length - count as f64 * step_mm;
-        (1..=count).map(move |k| from + leg * ((k as f64 * step_mm - before) / length))
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
+    use super::super::motion::Node;
     use super::*;
 
     #[test]
     fn a_right_angle_turns_by_a_quarter_per_mean_step() {
         let term = turn_per_mm(&Point3::new(-1.0, 0.0, 0.0), &Point3::origin(), &Point3::new(0.0, 3.0, 0.0));
         assert!((term - std::f64::consts::PI / 4.0).abs() < 1e-12); // 2·(π/2)/(1+3)
+    }
+
+    #[test]
+    fn the_points_are_a_step_apart_and_noise_at_rest_lays_none() {
+        let node = |x: f64, y: f64| Node {
+            position: Point3::new(x, y, 0.0),
+            velocity: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
+        };
+        let trembling = (0..100).map(|i| node(0.3 * f64::from(i % 2), 0.0));
+        let going = (0..100).map(|i| node(0.35 * f64::from(i), 0.2 * f64::from(i % 3)));
+        let span = Span { first: 0, nodes: trembling.chain(going).collect() };
+        let points = divided(&span, 0.0, 1.0);
+        assert_eq!(points[0], Point3::origin());
+        assert!(points.windows(2).all(|p| ((p[1] - p[0]).norm() - 1.0).abs() < 1e-9));
+        assert!((30..=36).contains(&points.len()), "{} points on 34.65 mm", points.len());
+        assert!(((divided(&span, 0.25, 1.0)[0] - Point3::origin()).norm() - 0.25).abs() < 1e-9);
     }
 
     #[test]

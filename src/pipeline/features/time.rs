@@ -104,8 +104,8 @@ fn idle_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEno
 /// Steps of a span that lie in long enough rests: before, between and after its movements.
 fn idle_steps(span: &Span, settings: &FeatureSettings) -> i64 {
     let movements = movements_of_span(span, settings);
-    let starts = movements.iter().map(|m| m.interval.first).chain([span.last()]);
-    let ends = [span.first].into_iter().chain(movements.iter().map(|m| m.interval.last));
+    let starts = movements.iter().map(|m| m.first).chain([span.last()]);
+    let ends = [span.first].into_iter().chain(movements.iter().map(|m| m.last()));
     let rests = ends.zip(starts).map(|(rest_from, rest_until)| rest_until - rest_from);
     rests.filter(|steps| *steps as f64 * settings.step_s >= settings.pause_min_s - 1e-9).sum()
 }

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use super::motion::{Motion, Node, Span};
-use super::movement::{Movement, movements};
+use super::movement::movements;
 use super::path::path_length;
 use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
@@ -91,9 +91,9 @@ fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
 fn together_share(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     common(a, b, settings)?;
     let [of_a, of_b] = [a, b].map(|motion| movements(motion, settings));
-    let moving = |movements: &[Movement], instant: i64| {
-        let next = movements.partition_point(|m| m.interval.last < instant);
-        movements.get(next).is_some_and(|m| m.interval.first <= instant)
+    let moving = |movements: &[Span], instant: i64| {
+        let next = movements.partition_point(|m| m.last() < instant);
+        movements.get(next).is_some_and(|m| m.first <= instant)
     };
     let (mut any, mut all) = (0_u32, 0_u32);
     for instant in overlaps(a, b).flat_map(|(_, _, instants)| instants) {

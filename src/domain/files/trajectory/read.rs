@@ -152,10 +152,10 @@ impl Positions {
         let mut positions = [None; COLUMNS.len()];
         for (index, name) in header.iter().enumerate() {
             let name = name.trim_start_matches('\u{feff}'); // spreadsheets put a byte-order mark before the first name
-            if let Some(column) = COLUMNS.iter().position(|known| *known == name) {
-                if positions[column].replace(index).is_some() {
-                    return Err(TrajectoryProblem::RepeatedColumn(COLUMNS[column]));
-                }
+            if let Some(column) = COLUMNS.iter().position(|known| *known == name)
+                && positions[column].replace(index).is_some()
+            {
+                return Err(TrajectoryProblem::RepeatedColumn(COLUMNS[column]));
             }
         }
         match (0..REQUIRED).find(|&column| positions[column].is_none()) {
