@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::hull;
-use super::motion::{Motion, Span};
+use super::motion::Motion;
 use super::{BOTH, Direction, Feature, FeatureSettings, IMAGE, Measure, NotEnough, THREE_D};
 
 /// Longest path that is taken for a hand's, mm: ten kilometres.
@@ -95,8 +95,9 @@ pub const WORKING_VOLUME: Feature = Feature {
     measures: &[Measure::Tool(working_volume)],
 };
 
-/// Points from which a hull is made, at most: enough that the hull of a minute's path is exact to a millimetre.
-const HULL_POINTS: f64 = 10_000.0;
+/// Points from which a hull is made, at most: every instant of six minutes. Of a longer path every second or third is
+/// taken, which costs nothing where it matters: a hand is slow where it turns back.
+const HULL_POINTS: usize = 20_000;
 
 pub(super) fn path_length(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
@@ -136,23 +137,9 @@ fn moved(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> 
 }
 
 fn hull_points(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f64>>, NotEnough> {
-    let length = moved(motion, settings)?;
-    let step = settings.smoothness_step_mm.max(length / HULL_POINTS);
-    let ends = motion.spans.iter().filter_map(|span| span.nodes.last()).map(|node| node.position);
-    Ok(motion.spans.iter().flat_map(|span| along(span, step)).chain(ends).collect())
-}
-
-/// Points at equal distances along a span's path, the first of them its first node. The rest that is shorter than a
-/// step is left out.
-fn along(span: &Span, step_mm: f64) -> impl Iterator<Item = Point3<f64>> {
-    let legs = span.nodes.iter().zip(&span.nodes[1..]).map(|(from, to)| (from.position, to.position - from.position));
-    let mut walked = step_mm; // since the last point, as if there had been one before the path
-    legs.filter(|(_, leg)| leg.norm() > 0.0).flat_map(move |(from, leg)| {
-        let (before, length) = (walked, leg.norm());
-        let count = ((before + length) / step_mm) as usize;
-        walked = before + length - count as f64 * step_mm;
-        (1..=count).map(move |k| from + leg * ((k as f64 * step_mm - before) / length))
-    })
+    moved(motion, settings)?;
+    let every = motion.nodes().count().div_ceil(HULL_POINTS);
+    Ok(motion.nodes().step_by(every).map(|node| node.position).collect())
 }
 
 fn bounding_box(motion: &Motion) -> Vector3<f64> {
