@@ -18,7 +18,7 @@ pub const SMOOTHNESS: Feature = Feature {
     description: "Sum over all movements, on points of their path 1 mm apart, of the squared turn per length: (2·(π − angle) \
                   / (a + b))², where a and b are the lengths of two neighbouring steps and the angle is the one between \
                   them. Turning at rest does not count. 0 is a straight line; larger is more crooked.",
-    source: "T 4.38 with the cosine rule's denominator corrected to 2ab; Moll 2014 (OMPL)",
+    source: "thesis eq. 4.38 with the cosine rule's denominator corrected to 2ab; Moll 2014 (OMPL)",
     range: (0.0, 1e9),
     spaces: BOTH,
     windowed: true,

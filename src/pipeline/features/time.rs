@@ -13,7 +13,7 @@ pub const DURATION: Feature = Feature {
     description: "Time from the start of the first movement to the end of the last, of the tool or, for the session, of \
                   any tool. A movement is a stretch of at least 0.2 s in which the speed stays above 7 mm/s and reaches \
                   10 mm/s.",
-    source: "T 4.37; start and end rule after PerkTutor's hysteresis",
+    source: "thesis eq. 4.37; start and end rule after PerkTutor's hysteresis",
     range: (0.0, 86_400.0),
     spaces: THREE_D,
     windowed: false,
@@ -27,7 +27,7 @@ pub const THINKING_TIME: Feature = Feature {
     unit: "s",
     direction: Direction::Lower,
     description: "Time during the task in which the tool is seen and its speed is below 5 mm/s.",
-    source: "T 4.36, corrected: below the threshold, not above it; threshold as EndoViS",
+    source: "thesis eq. 4.36, corrected: below the threshold, not above it; threshold as EndoViS",
     range: (0.0, 86_400.0),
     spaces: BOTH,
     windowed: true,
@@ -41,7 +41,7 @@ pub const IDLE_SHARE: Feature = Feature {
     unit: "1",
     direction: Direction::Lower,
     description: "Share of the seen time of the task that lies in rests of at least 1 s between movements.",
-    source: "D'Angelo 2016 (idle time); METHOD 6",
+    source: "D'Angelo 2016 (idle time)",
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: true,
@@ -56,7 +56,7 @@ pub const NOT_SEEN_SHARE: Feature = Feature {
     direction: Direction::Lower,
     description: "Share of the task in which the tool was neither observed nor in a gap of at most 0.25 s between two \
                   observations: out of view, hidden, or lost by the tracker.",
-    source: "METHOD 6; SurgTrac's time off-screen",
+    source: "SurgTrac's time off-screen",
     range: (0.0, 1.0),
     spaces: THREE_D,
     windowed: true,

@@ -1,3 +1,5 @@
+//! Every form of the table: what is written, what is read back, what is refused.
+
 use nalgebra::{Point2, Point3, Vector3};
 use proptest::prelude::*;
 
