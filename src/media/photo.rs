@@ -77,3 +77,87 @@ fn luma(picture: DynamicImage) -> Vec<u8> {
 fn unreadable(error: impl std::fmt::Display) -> MediaError {
     MediaError::Photo(error.to_string())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use image::codecs::jpeg::JpegEncoder;
+    use image::{ExtendedColorType, GrayImage, ImageEncoder, ImageFormat, Luma as Grey, Rgb, RgbImage};
+
+    use super::*;
+
+    fn png(picture: &DynamicImage) -> Cursor<Vec<u8>> {
+        let mut bytes = Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
+        bytes.rewind().unwrap();
+        bytes
+    }
+
+    /// The smallest EXIF block that says nothing but the orientation.
+    fn exif(orientation: u8) -> Vec<u8> {
+        let mut block = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+        block.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+        block
+    }
+
+    #[test]
+    fn grey_levels_come_through_untouched() {
+        let picture = GrayImage::from_fn(5, 3, |x, y| Grey([(40 * x + y) as u8]));
+        let luma = read_luma(png(&picture.clone().into()), Limits::default()).unwrap();
+        assert_eq!((luma.width(), luma.height(), luma.plane().data), (5, 3, picture.as_raw().as_slice()));
+    }
+
+    #[test]
+    fn colour_weighs_as_in_a_jpegs_own_luma() {
+        let colours = [[255, 255, 255], [255, 0, 0], [0, 255, 0], [0, 0, 255], [0, 0, 0]];
+        let picture = RgbImage::from_fn(5, 1, |x, _| Rgb(colours[x as usize]));
+        let luma = read_luma(png(&picture.into()), Limits::default()).unwrap();
+        assert_eq!(luma.plane().data, [255, 76, 150, 29, 0]);
+    }
+
+    #[test]
+    fn a_photo_is_turned_as_it_is_displayed() {
+        let picture = GrayImage::from_fn(32, 16, |x, _| Grey([if x < 16 { 20 } else { 220 }]));
+        let mut bytes = Cursor::new(Vec::new());
+        let mut encoder = JpegEncoder::new_with_quality(&mut bytes, 95);
+        encoder.set_exif_metadata(exif(6)).unwrap(); // display a quarter turn clockwise
+        encoder.write_image(picture.as_raw(), 32, 16, ExtendedColorType::L8).unwrap();
+        bytes.rewind().unwrap();
+        let luma = read_luma(bytes, Limits::default()).unwrap();
+        assert_eq!((luma.width(), luma.height()), (16, 32));
+        assert!(luma.plane().at(8, 2) < 60 && luma.plane().at(8, 29) > 180);
+    }
+
+    #[test]
+    fn what_is_no_photo_is_refused() {
+        for bytes in [&b""[..], b"not a photo at all", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xe0"] {
+            let refused = read_luma(Cursor::new(bytes), Limits::default());
+            assert!(matches!(refused, Err(MediaError::Photo(_))), "{bytes:?}: {refused:?}");
+        }
+    }
+
+    #[test]
+    fn a_cut_photo_is_refused() {
+        let mut bytes = png(&GrayImage::from_fn(64, 64, |x, y| Grey([(x * y) as u8])).into()).into_inner();
+        bytes.truncate(bytes.len() / 2);
+        assert!(matches!(read_luma(Cursor::new(bytes), Limits::default()), Err(MediaError::Photo(_))));
+    }
+
+    #[test]
+    fn a_huge_photo_is_refused_before_its_pixels_are_read() {
+        let mut bytes = png(&GrayImage::new(1, 1).into()).into_inner();
+        bytes[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x22, 0]); // 16384×8704 in the header, nothing behind it
+        let sum = crc(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&sum.to_be_bytes());
+        let refused = read_luma(Cursor::new(bytes), Limits::default());
+        let Err(MediaError::OverLimit { value, .. }) = refused else { panic!("{refused:?}") };
+        assert!(value.contains("16384×8704"), "{value}");
+    }
+
+    /// PNG's checksum.
+    fn crc(bytes: &[u8]) -> u32 {
+        let step = |crc: u32, _| if crc & 1 == 1 { (crc >> 1) ^ 0xEDB8_8320 } else { crc >> 1 };
+        !bytes.iter().fold(!0, |crc: u32, &byte| (0..8).fold(crc ^ u32::from(byte), step))
+    }
+}

@@ -48,3 +48,51 @@ pub fn camera_file(calibration: &Calibration, calibrated_at: &str) -> CameraFile
 fn to_micro(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::camera::report::Sigma;
+    use crate::pipeline::camera::{Camera, PhotoReason};
+
+    fn calibration() -> Calibration {
+        let photo = |name: &str, rms_px, reason| PhotoReport { name: name.to_owned(), rms_px, reason };
+        let bent = PhotoReason::Bent { bulge_mm: 4.21 };
+        Calibration {
+            camera: Camera {
+                width: 640,
+                height: 480,
+                fx: 532.123_456_789_012_3,
+                fy: 532.9,
+                cx: 342.5,
+                cy: 233.9,
+                k1: -0.28,
+                k2: 0.025,
+                p1: 0.0012,
+                p2: -0.0001,
+                k3: 0.163,
+            },
+            rms_px: 0.195_000_04,
+            photos: vec![photo("a.jpg", Some(0.2), None), photo("b.jpg", Some(3.7), Some(bent))],
+            sigma: Sigma { fx: 0.4, fy: 0.4, cx: 0.3, cy: 0.3, k1: 1e-3, k2: 1e-2, p1: 1e-4, p2: 1e-4, k3: 1e-1 },
+            coverage: Coverage { corners: vec![0; Coverage::COLUMNS * Coverage::ROWS] },
+        }
+    }
+
+    #[test]
+    fn the_camera_survives_the_file_to_the_last_bit() {
+        let file = camera_file(&calibration(), "2026-01-02T03:04:05Z");
+        assert_eq!(CameraFile::parse(&file.to_json()).unwrap().camera(), calibration().camera);
+    }
+
+    #[test]
+    fn a_photo_left_out_says_why() {
+        let file = camera_file(&calibration(), "2026-01-02T03:04:05Z");
+        let more = CameraFile::parse(&file.to_json()).unwrap().more;
+        assert_eq!(more["photos"][0], json!({"file": "a.jpg", "used": true, "rms_px": 0.2, "reason": null}));
+        assert_eq!((&more["photos"][1]["used"], &more["photos"][1]["rms_px"]), (&json!(false), &json!(3.7)));
+        assert!(more["photos"][1]["reason"].as_str().unwrap().contains("bent"));
+        assert_eq!((&more["rms_px"], &more["sigma"]["k3"]), (&json!(0.195), &json!(0.1)));
+        assert_eq!(more["calibrated_at"], "2026-01-02T03:04:05Z");
+    }
+}

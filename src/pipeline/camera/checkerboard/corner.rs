@@ -16,7 +16,7 @@ const UNKNOWNS: usize = 9;
 
 /// Steps of one fit, windows of one corner.
 const MOST_STEPS: usize = 25;
-const MOST_WINDOWS: usize = 12;
+const MOST_WINDOWS: usize = 20;
 
 /// The window sits on the corner if these are no further apart, px.
 const ARRIVED_PX: f64 = 0.01;
@@ -64,7 +64,8 @@ impl Corner {
         let square = place.square_px();
         let radius = (WINDOW_IN_SQUARES * square).clamp(SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX);
         let mut model = Model::start(place);
-        let (mut centre, mut last_move) = (place.at, Vector2::zeros());
+        let mut centre = place.at;
+        let mut last: Option<(Vector2<f64>, Vector2<f64>)> = None;
         for _ in 0..MOST_WINDOWS {
             let window = Window::around(picture, centre, radius)?;
             model.start_levels(&window);
@@ -76,9 +77,9 @@ impl Corner {
             if step.norm() < ARRIVED_PX {
                 return Some(model.corner(&window));
             }
-            // A step that turns back has overshot: the window is wanted in between.
-            centre += if step.dot(&last_move) < 0.0 { step / 2.0 } else { step };
-            last_move = step;
+            let shift = step * last.map_or(1.0, |(shift, before)| stride(shift, before, step));
+            centre += shift;
+            last = Some((shift, step));
         }
         None
     }
@@ -93,6 +94,13 @@ impl Corner {
     pub fn is_bright_ahead(&self) -> bool {
         self.amplitude > 0.0
     }
+}
+
+/// How many times its step a window is to be shifted, by the secant of its last shift: steps that turn back have overshot,
+/// steps that hardly shrink have far to go.
+fn stride(last_shift: Vector2<f64>, last_step: Vector2<f64>, step: Vector2<f64>) -> f64 {
+    let shrunk = (last_step - step).dot(&last_shift);
+    if shrunk > 0.0 { (last_shift.norm_squared() / shrunk).clamp(0.4, 4.0) } else { 1.0 }
 }
 
 /// Radius of the window, in distances to the next edge: beyond half of it the neighbour's edge, blurred, comes in.

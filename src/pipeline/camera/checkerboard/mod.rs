@@ -26,6 +26,9 @@ const MOST_BLUR_IN_SQUARES: f64 = 0.2;
 /// Below this many pixels on the shorter side no further scale is made.
 const SMALLEST_SCALE_PX: usize = 120;
 
+/// A board of the fewest corners does not fit into less.
+const SMALLEST_PHOTO_PX: usize = 24;
+
 /// Grids tried at one scale, the largest first.
 const MOST_GRIDS: usize = 3;
 
@@ -65,6 +68,9 @@ pub enum BoardReason {
 /// All inner corners of the board, row by row. Which of the (equivalent) first corners is chosen is not defined, but
 /// rows run so that columns lie clockwise of them in the picture: the board is seen from its face.
 pub fn find(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, BoardReason> {
+    if photo.width.min(photo.height) < SMALLEST_PHOTO_PX {
+        return Err(BoardReason::NoBoard);
+    }
     let scales = Scales::of(photo);
     let mut reason = BoardReason::NoBoard;
     for scale in (0..scales.pictures.len()).rev() {
