@@ -1,9 +1,10 @@
 //! One inner corner to a few hundredths of a pixel: a blurred crossing fitted to the pixels around it.
 //!
 //! In: the full picture, a rough position (within 0.3 squares) and the directions of the two edges. Out: the corner,
-//! with its blur and contrast. Method: `level = a + b·s₁·s₂ + c·s₁ + d·s₂` with `sᵢ = erf(distance to edge i / √2σ)`,
-//! all nine unknowns by Levenberg–Marquardt over a disc tapered to its rim. The four levels let each square have its own
-//! brightness, so uneven light does not shift the corner. A checkerboard's crossing is point-symmetric, and stays so
+//! with its blur and contrast. Method: `level = a + b·s₁·s₂ + c·s₁ + d·s₂ + e·(s₁·s₂)²` with `sᵢ = erf(distance to edge i
+//! / √2σ)`, all ten unknowns by Levenberg–Marquardt over a disc tapered to its rim. a to d let each square have its own
+//! brightness, so uneven light does not shift the corner; e bends the tone curve, without which the shrunken dark
+//! squares of a blurred and gamma-coded picture pull the fit to one of them. A checkerboard's crossing is point-symmetric, and stays so
 //! under any symmetric blur, sharpening and tone curve; a symmetric window on it is therefore unbiased by all of them,
 //! where gradient-orthogonality (OpenCV's `cornerSubPix`) pulls towards whatever enters one side of its square window.
 //! Assumes: the window meets no other edge. Gives up where the fit is no crossing: [`Corner::is_crossing`].
@@ -12,7 +13,7 @@ use nalgebra::{Point2, SMatrix, SVector, Vector2};
 
 use super::grey::Grey;
 
-const UNKNOWNS: usize = 9;
+const UNKNOWNS: usize = 10;
 
 /// Steps of one fit, windows of one corner.
 const MOST_STEPS: usize = 25;
@@ -35,6 +36,8 @@ pub(super) struct Corner {
     amplitude: f64,
     /// Largest difference between opposite squares, halved, grey levels.
     shading: f64,
+    /// How far the level between dark and bright lies from their mean, grey levels.
+    bend: f64,
     /// Root mean square of what the model leaves, grey levels.
     residual: f64,
     /// Sine of the angle between the edges.
@@ -87,7 +90,8 @@ impl Corner {
     /// Whether the pixels really show two edges that cross, rather than a square's outer corner, a T or texture.
     pub fn is_crossing(&self) -> bool {
         let contrast = self.amplitude.abs();
-        contrast > 4.0 && self.shading < 0.5 * contrast && self.residual < 0.3 * contrast && self.openness > 0.25
+        let even = self.shading < 0.5 * contrast && self.bend < contrast; // a gamma of 2.2 bends by 0.3
+        contrast > 4.0 && even && self.residual < 0.3 * contrast && self.openness > 0.25
     }
 
     /// Whether the square between the two positive steps is bright.
@@ -105,7 +109,7 @@ fn stride(last_shift: Vector2<f64>, last_step: Vector2<f64>, step: Vector2<f64>)
 
 /// Radius of the window, in distances to the next edge: beyond half of it the neighbour's edge, blurred, comes in.
 const WINDOW_IN_SQUARES: f64 = 0.45;
-/// Below this a window holds too few pixels for nine unknowns.
+/// Below this a window holds too few pixels for ten unknowns.
 const SMALLEST_WINDOW_PX: f64 = 3.6;
 /// Above this the bending of edges under distortion costs more than further pixels gain.
 const LARGEST_WINDOW_PX: f64 = 14.0;
@@ -139,21 +143,21 @@ impl Window {
     }
 }
 
-/// u, v, direction 1, direction 2, σ, then the levels a, b, c, d.
+/// u, v, direction 1, direction 2, σ, then the levels a, b, c, d, e.
 #[derive(Clone, Debug)]
 struct Model(SVector<f64, UNKNOWNS>);
 
 impl Model {
     fn start(place: &Place) -> Self {
         let [a, b] = place.steps.map(|s| s.y.atan2(s.x));
-        Self(SVector::from([place.at.x, place.at.y, a, b, 1.2, 0.0, 0.0, 0.0, 0.0]))
+        Self(SVector::from([place.at.x, place.at.y, a, b, 1.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
     }
 
     fn at(&self) -> Point2<f64> {
         Point2::new(self.0[0], self.0[1])
     }
 
-    /// Levels a and b for the present edges; c and d start from none.
+    /// Levels a and b for the present edges; the others start from none.
     fn start_levels(&mut self, window: &Window) {
         let (mut weights, mut mean) = (0.0, 0.0);
         for &(_, _, level, weight) in &window.pixels {
@@ -167,7 +171,7 @@ impl Model {
             joint += weight * (level - mean) * first * second;
             own += weight * (first * second).powi(2);
         }
-        self.0.fixed_rows_mut::<4>(5).copy_from(&SVector::from([mean, joint / own, 0.0, 0.0]));
+        self.0.fixed_rows_mut::<5>(5).copy_from(&SVector::from([mean, joint / own, 0.0, 0.0, 0.0]));
     }
 
     /// The soft side `s` of an edge on which a pixel lies, its slope across the edge, and the offsets across and along.
@@ -182,11 +186,12 @@ impl Model {
 
     /// The level expected at a pixel, and its slopes against the unknowns.
     fn level(&self, x: f64, y: f64) -> (f64, SVector<f64, UNKNOWNS>) {
-        let [a, b, c, d] = [self.0[5], self.0[6], self.0[7], self.0[8]];
+        let [a, b, c, d, e] = [self.0[5], self.0[6], self.0[7], self.0[8], self.0[9]];
         let (first, slope1, across1, along1) = self.edge(2, x, y);
         let (second, slope2, across2, along2) = self.edge(3, x, y);
         // How the level follows each edge's soft side, times that side's slope across the edge.
-        let (pull1, pull2) = ((b * second + c) * slope1, (b * first + d) * slope2);
+        let bend = 2.0 * e * first * second;
+        let (pull1, pull2) = ((b * second + c + bend * second) * slope1, (b * first + d + bend * first) * slope2);
         let ((sin1, cos1), (sin2, cos2)) = (self.0[2].sin_cos(), self.0[3].sin_cos());
         let slopes = SVector::from([
             pull1 * sin1 + pull2 * sin2,
@@ -198,8 +203,9 @@ impl Model {
             first * second,
             first,
             second,
+            (first * second).powi(2),
         ]);
-        (a + b * first * second + c * first + d * second, slopes)
+        (a + b * first * second + c * first + d * second + e * (first * second).powi(2), slopes)
     }
 
     fn cost(&self, window: &Window) -> f64 {
@@ -248,6 +254,7 @@ impl Model {
             blur_px: self.0[4],
             amplitude: self.0[6],
             shading: self.0[7].abs().max(self.0[8].abs()),
+            bend: self.0[9].abs(),
             residual: (self.cost(window) / weights).sqrt(),
             openness: (self.0[2] - self.0[3]).sin().abs(),
         }
