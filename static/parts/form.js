@@ -52,7 +52,10 @@ const Checks = ({ name, label, hint, options, value = [] }) => html`
       defaultChecked=${value.includes(key)} />${words}</label>`)}
   </fieldset>`;
 
-/** Calls `onSave(values, form)` and shows what the server says against it. A field with `when(chosen)` is there only if that holds. */
+/**
+ * Calls `onSave(values, form)` and shows what the server says against it. A field with `when(chosen)` is there only if
+ * that holds; `chosen` has the value of every select.
+ */
 export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords = t.form.saving, danger, children }) {
   const [busy, setBusy] = useState(false);
   const [problem, setProblem] = useState(null);
@@ -75,8 +78,10 @@ export function Form({ fields, onSave, onCancel, submit = t.form.save, busyWords
   return html`
     <form class="stack" ref=${form} onSubmit=${save} onInput=${choose}>
       <${ProblemNotice} problem=${problem} />
-      <div class="fields">${shown.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)}
-        ...${field} />`)}</div>
+      <div class="fields">
+        ${shown.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)} ...${field}
+          value=${field.type === 'select' ? chosen[field.name] : field.value} />`)}
+      </div>
       ${children}
       <div class="actions row">
         ${onCancel && html`<button class="button" type="button" onClick=${onCancel}>${t.form.cancel}</button>`}
