@@ -37,6 +37,8 @@ use crate::vault::{Lock, Vault};
 
 /// How long everything may take to end, once asked to.
 const GRACE: Duration = Duration::from_secs(9);
+/// Open files that are asked for; the system's hard limit may give fewer.
+const DESCRIPTORS: u64 = 65_536;
 /// The first administrator's login.
 const ADMINISTRATOR: &str = "administrator";
 
@@ -72,6 +74,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
     let mut settings = Settings::load(flags).map_err(Failure::input)?;
     settings.workers = workers(settings.workers);
+    // A connection is a descriptor, and the usual soft limit is below the connections that the settings allow.
+    if let Err(error) = rlimit::increase_nofile_limit(DESCRIPTORS) {
+        tracing::warn!(%error, "the limit of open files stays as it is");
+    }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     let served = runtime.block_on(serve(settings, args.demo));
     runtime.shutdown_timeout(Duration::from_millis(500));

@@ -63,8 +63,7 @@ impl Service {
 
     /// A client that has not signed in.
     pub fn stranger(&self) -> Client {
-        let http = reqwest::Client::builder().redirect(reqwest::redirect::Policy::none()).build().unwrap();
-        Client { http, base: format!("http://{}", self.address()), headers: HeaderMap::new() }
+        Client::of(format!("http://{}", self.address()))
     }
 
     /// The first administrator, signed in.
@@ -74,13 +73,7 @@ impl Service {
 
     /// Somebody, signed in by cookie.
     pub async fn sign_in(&self, login: &str, password: &str) -> Client {
-        let mut client = self.stranger();
-        let answer = client.post("/api/v1/sign-in", json!({"login": login, "password": password})).await;
-        assert_eq!(answer.status(), StatusCode::OK, "{login} signs in");
-        let cookie = answer.headers()[header::SET_COOKIE].to_str().unwrap();
-        let pair = cookie.split(';').next().unwrap();
-        client.headers.insert(header::COOKIE, HeaderValue::from_str(pair).unwrap());
-        client
+        self.stranger().signed_in(login, password).await
     }
 }
 
@@ -93,6 +86,22 @@ pub struct Client {
 }
 
 impl Client {
+    /// Of a service at this address, not signed in.
+    pub fn of(base: String) -> Self {
+        let http = reqwest::Client::builder().redirect(reqwest::redirect::Policy::none()).build().unwrap();
+        Self { http, base, headers: HeaderMap::new() }
+    }
+
+    /// The same, signed in by cookie.
+    pub async fn signed_in(mut self, login: &str, password: &str) -> Self {
+        let answer = self.post("/api/v1/sign-in", json!({"login": login, "password": password})).await;
+        assert_eq!(answer.status(), StatusCode::OK, "{login} signs in");
+        let cookie = answer.headers()[header::SET_COOKIE].to_str().unwrap();
+        let pair = cookie.split(';').next().unwrap();
+        self.headers.insert(header::COOKIE, HeaderValue::from_str(pair).unwrap());
+        self
+    }
+
     /// The same with another header in each request.
     pub fn with(mut self, name: &'static str, value: &str) -> Self {
         self.headers.insert(HeaderName::from_static(name), HeaderValue::from_str(value).unwrap());

@@ -2,9 +2,11 @@
 
 mod centre;
 mod documents;
+mod full_disk;
 mod hostile;
 mod nouns;
 mod playback;
+mod process;
 mod roles;
 mod sign_in;
 mod streams;
