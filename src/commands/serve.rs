@@ -4,6 +4,7 @@
 //! Every start puts files and database in step before it listens. SIGTERM and SIGINT end it within ten seconds: open
 //! requests finish, partial uploads are kept, leases are handed back.
 
+use std::io::Write;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -119,19 +120,15 @@ fn workers(set: usize) -> usize {
 
 /// Fills a new data folder with the demonstration centre, or goes on where an earlier start ended. A centre that has
 /// people of its own is left alone.
-#[expect(clippy::print_stdout, reason = "the command's result; a log would keep the password")]
 async fn demonstrate(running: &Running, scratch: PathBuf) -> anyhow::Result<()> {
     let builder = Builder::new(&running.app, scratch);
     if !running.is_first && !builder.is_registered().await? {
-        println!("This data folder is in use: no demonstration centre is added to it.");
+        say("This data folder is in use: no demonstration centre is added to it.");
         return Ok(());
     }
     if let Some(password) = builder.register().await? {
-        println!(
-            "Or, for the demonstration centre, as {} with the password {}",
-            demonstration::INSTRUCTOR,
-            password.reveal()
-        );
+        let instructor = demonstration::INSTRUCTOR;
+        say(&format!("Or, for the demonstration centre, as {instructor} with the password {}", password.reveal()));
     }
     running.shutdown.spawn(builder.fill(running.shutdown.clone()));
     Ok(())
@@ -247,13 +244,21 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
     Ok(true)
 }
 
-/// Tells where the service is and, at the first start, how to sign in: on stdout, and nowhere else.
-#[expect(clippy::print_stdout, reason = "the command's result; a log would keep the password")]
+/// Tells where the service is and, at the first start, how to sign in.
 fn greet(address: SocketAddr, password: Option<&Password>) {
-    println!("Trocar listens on http://{address}/");
+    say(&format!("Trocar listens on http://{address}/"));
     if let Some(password) = password {
-        println!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal());
-        println!("It is shown this once and kept nowhere: change it after signing in.");
+        say(&format!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal()));
+        say("It is shown this once and kept nowhere: change it after signing in.");
+    }
+}
+
+/// Says something to whoever started the service: on stdout and nowhere else, since a log would keep a password. Nobody
+/// may be listening (`trocar serve | head -1`), which `println!` would answer with a panic.
+fn say(line: &str) {
+    let mut out = std::io::stdout().lock();
+    if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) {
+        tracing::warn!(%error, "nobody reads what the service has to say");
     }
 }
 

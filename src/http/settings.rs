@@ -10,7 +10,8 @@ use serde::Deserialize;
 pub struct HttpSettings {
     /// Connections open at once. More take memory (about 20 kB each when idle); the next one waits until one closes.
     pub max_connections: usize,
-    /// Seconds in which a request's head must have come, also the longest idle time of a kept connection.
+    /// Seconds in which a request's head must have come, also the longest idle time of a kept connection. Less frees
+    /// places sooner; more meets fewer clients that send into a connection which is just closing.
     pub head_timeout_s: f64,
     /// Slowest body that is read, bytes per second, measured while we wait for the client.
     pub min_body_rate: u64,
@@ -38,7 +39,7 @@ impl Default for HttpSettings {
     fn default() -> Self {
         Self {
             max_connections: 2048,
-            head_timeout_s: 10.0,
+            head_timeout_s: 30.0,
             min_body_rate: 1024,
             body_grace_s: 20.0,
             write_timeout_s: 60.0,

@@ -1,9 +1,9 @@
 //! The program itself: its first start, its end, and its death at any moment.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Lines};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 use bytes::Bytes;
 use rand::RngExt;
@@ -23,6 +23,8 @@ const MIB: usize = 1024 * 1024;
 /// `trocar serve` as a process of its own.
 struct Process {
     child: Child,
+    /// What it says further on.
+    _words: Lines<BufReader<ChildStdout>>,
     base: String,
     /// What it printed, beside the address.
     password: Option<String>,
@@ -34,13 +36,14 @@ impl Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
         command.args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "warn", "--data"]).arg(data);
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
-        let first = lines.next().expect("it says where it listens");
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut said = || lines.next().expect("it says more").unwrap();
+        let first = said();
         let base = first.rsplit(' ').next().unwrap().trim_end_matches('/').to_owned();
         let is_first = !data.join("had-its-first-start").exists();
-        let password = is_first.then(|| lines.next().unwrap().rsplit(' ').next().unwrap().to_owned());
+        let password = is_first.then(|| said().rsplit(' ').next().unwrap().to_owned());
         fs::write(data.join("had-its-first-start"), "").unwrap();
-        Self { child, base, password }
+        Self { child, _words: lines, base, password }
     }
 
     fn client(&self) -> Client {
