@@ -20,6 +20,7 @@ use toml::{Table, Value};
 
 use crate::analysis::AnalysisSettings;
 use crate::http::settings::HttpSettings;
+use crate::intake::UploadSettings;
 use crate::queue::QueueSettings;
 use crate::store::StoreSettings;
 
@@ -47,18 +48,6 @@ pub struct Settings {
     pub upkeep: UpkeepSettings,
 }
 
-/// Limits of uploads.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct UploadSettings {
-    /// Longest recording, bytes. Larger ones are refused before a byte is sent. Usually 8 GiB.
-    pub max_bytes: u64,
-    /// Hours without a new byte after which an unfinished upload is forgotten. Usually 48.
-    pub expire_h: u64,
-    /// Uploads that may be unfinished at a time, of all senders. Each holds its bytes on the disk. Usually 200.
-    pub max_unfinished: u64,
-}
-
 /// Times of upkeep.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -81,12 +70,6 @@ impl Default for Settings {
             uploads: UploadSettings::default(),
             upkeep: UpkeepSettings::default(),
         }
-    }
-}
-
-impl Default for UploadSettings {
-    fn default() -> Self {
-        Self { max_bytes: 8 << 30, expire_h: 48, max_unfinished: 200 }
     }
 }
 

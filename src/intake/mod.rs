@@ -24,6 +24,7 @@ pub mod container;
 mod error;
 mod finish;
 mod senders;
+mod settings;
 pub mod tus;
 mod whole;
 
@@ -31,13 +32,13 @@ pub use append::{Piece, Received};
 pub use begin::{About, Recording};
 pub use error::{IntakeError, IntakeResult};
 pub use finish::finish;
+pub use settings::UploadSettings;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::events::{Event, Events};
 use crate::queue::Queue;
-use crate::settings::UploadSettings;
 use crate::shutdown::Shutdown;
 use crate::store::{Session, Store};
 use crate::time::{SharedClock, millis};

@@ -46,6 +46,9 @@ pub async fn forget_expired_uploads(store: &Store, vault: &Vault) -> UpkeepResul
 pub(super) async fn remove_orphan_uploads(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     let mut removed = 0;
     for id in vault.upload_files().await? {
+        if store.uploads().is_unfinished(id).await? {
+            continue; // asked before the file is taken, which its sender would be told of as locked
+        }
         let is_free = async { UpkeepResult::Ok(!store.uploads().is_unfinished(id).await?) };
         removed += usize::from(vault.delete_upload_if(id, is_free).await? == Removal::Removed);
     }
