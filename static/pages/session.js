@@ -50,9 +50,11 @@ const Lead = ({ session, person }) => html`
   ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&
     html`· <a href=${href(['trainees', session.trainee.id])}>${t.trainee.progress}</a>`}`;
 
+/** A recording may wait for something that a person must do, such as calibrating its box: then that is said. */
 const Waiting = ({ session, progress }) => html`
   <section class="card">
     <div class="body stack tight">
+      ${session.error && html`<${Notice} tone="warn" title=${session.error.title}>${session.error.detail}<//>`}
       <${Notice}
         title=${{ queued: words.waiting, tracking: words.tracking, receiving: words.receiving }[session.status]}>
         ${session.status === 'queued' && Number.isFinite(session.queue_position)
