@@ -12,6 +12,7 @@ const TRUE_MINUS = '−';
 export function number(value) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const size = Math.abs(value);
+  if (Number.isInteger(value) && size < 10_000) return minus(plain[0].format(value)); // Counts are exact.
   if (size !== 0 && (size < 0.1 || size >= 10_000)) return minus(rounded.format(value));
   return minus(plain[size >= 100 ? 0 : size >= 10 ? 1 : 2].format(value));
 }
