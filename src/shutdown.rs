@@ -52,6 +52,7 @@ impl Shutdown {
     }
 
     /// Begins to end at SIGTERM or SIGINT. A second signal ends the process at once.
+    #[expect(clippy::disallowed_methods, reason = "asked twice to end: what is durable is, the next start recovers")]
     pub fn begin_on_signals(&self) -> std::io::Result<()> {
         let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
         let shutdown = self.clone();

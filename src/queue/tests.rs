@@ -28,7 +28,9 @@ impl Bench {
         let centre = Centre::ready().await;
         let trainee = centre.trainee("Ana").await.id;
         let contents: Vec<String> = (0..jobs).map(|job| format!("recording {job}")).collect();
-        join_all(contents.iter().map(|content| centre.session(trainee, content))).await;
+        for some in contents.chunks(100) {
+            join_all(some.iter().map(|content| centre.session(trainee, content))).await;
+        }
         let queue = Self::queue(&centre);
         Self { centre, queue }
     }

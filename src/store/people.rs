@@ -102,7 +102,7 @@ impl People<'_> {
                     .bind(now_ms)
                     .execute(&mut *tx)
                     .await
-                    .map_err(|e| taken_or_missing(e))?;
+                    .map_err(taken_or_missing)?;
                 note(tx, &scope, now_ms, ("create", "person"), person.id).await?;
                 Ok(person)
             })

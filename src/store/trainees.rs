@@ -101,7 +101,7 @@ impl Trainees<'_> {
     }
 
     /// Erases a trainee with account, sessions, results and uploads. Their files go with the next collection of blobs
-    /// that nothing refers to ([`crate::store::Blobs`]).
+    /// that nothing refers to ([`crate::upkeep`]).
     pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "erasing trainees")?;

@@ -142,7 +142,9 @@ async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Messa
     if let Err(error) = connection.close().await {
         tracing::warn!(%error, "closing the database");
     }
-    closers.into_iter().for_each(|reply| drop(reply.send(())));
+    for reply in closers {
+        let _ = reply.send(()); // whoever asked may have gone away
+    }
 }
 
 /// Runs a batch, commits it, and answers.

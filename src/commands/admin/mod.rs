@@ -1,6 +1,7 @@
 //! `trocar admin`: what is done on the machine itself: accounts, tokens, the check of database and files.
 //!
 //! Works beside a running service: each change is one transaction, and the service sees it with its next question.
+#![expect(clippy::print_stdout, reason = "results alone go to stdout")]
 
 mod backup;
 mod check;

@@ -38,7 +38,7 @@ impl Sessions<'_> {
     }
 
     /// Erases a session with recording and results. The files go with the next collection of blobs that nothing refers
-    /// to ([`crate::store::Blobs`]).
+    /// to ([`crate::upkeep`]).
     pub async fn erase(&self, scope: &Scope, id: SessionId) -> StoreResult<()> {
         self.get(scope, id).await?;
         require_staff(scope, "erasing sessions")?;
