@@ -1,4 +1,4 @@
-//! A photo that lies whole in a file: its luma, in display orientation.
+//! A photo that lies whole in a file: its luma, or its colours as a frame, in display orientation.
 //!
 //! Photos come from strangers: only JPEG and PNG are decoded (in Rust, without FFmpeg), sizes and memory are bounded
 //! before a pixel is read. The EXIF orientation is honoured, as [`super::VideoFile`] honours a video's rotation:
@@ -9,7 +9,7 @@ use std::io::{BufRead, Seek};
 use image::{DynamicImage, ImageDecoder, ImageReader};
 
 use super::file::check_size;
-use super::{Limits, MediaError};
+use super::{Limits, MediaError, Picture};
 use crate::pipeline::frame::Plane;
 
 /// Most memory that decoding one photo may take, bytes: four bytes of sixteen bits for each pixel within [`Limits`].
@@ -49,6 +49,19 @@ pub fn is_photo(first_bytes: &[u8]) -> bool {
 /// Reads a JPEG or PNG photo. [`MediaError::Photo`] if it is none or damaged, [`MediaError::OverLimit`] if it is larger
 /// than a recording may be.
 pub fn read_luma(bytes: impl BufRead + Seek, limits: Limits) -> Result<Luma, MediaError> {
+    let picture = decode(bytes, limits)?;
+    let (width, height) = (picture.width(), picture.height());
+    Ok(Luma { data: luma(picture), width, height })
+}
+
+/// Reads a JPEG or PNG photo in colour, as the frame of this number in a recording. Errors as [`read_luma`].
+pub fn read_picture(bytes: impl BufRead + Seek, index: u64, limits: Limits) -> Result<Picture, MediaError> {
+    let rgb = decode(bytes, limits)?.into_rgb8();
+    let (width, height) = rgb.dimensions();
+    Ok(Picture::from_rgb(rgb.as_raw(), width as usize, height as usize, index))
+}
+
+fn decode(bytes: impl BufRead + Seek, limits: Limits) -> Result<DynamicImage, MediaError> {
     let mut reader = ImageReader::new(bytes).with_guessed_format().map_err(unreadable)?;
     let mut bounds = image::Limits::default();
     bounds.max_alloc = Some(MOST_BYTES);
@@ -59,8 +72,7 @@ pub fn read_luma(bytes: impl BufRead + Seek, limits: Limits) -> Result<Luma, Med
     let orientation = decoder.orientation().map_err(unreadable)?;
     let mut picture = DynamicImage::from_decoder(decoder).map_err(unreadable)?;
     picture.apply_orientation(orientation);
-    let (width, height) = (picture.width(), picture.height());
-    Ok(Luma { data: luma(picture), width, height })
+    Ok(picture)
 }
 
 /// Grey pictures as they are; colour by BT.601's weights, which give back the Y that a JPEG holds. (`into_luma8` weighs

@@ -39,7 +39,7 @@ pub struct Picture {
 
 enum Planes {
     Decoded(frame::Video),
-    Turned([OwnedPlane; 3]),
+    Owned([OwnedPlane; 3]),
 }
 
 struct OwnedPlane {
@@ -64,17 +64,31 @@ impl Picture {
             turn => {
                 let turned = [0, 1, 2].map(|i| turn_plane(plane_of(&planar, i), turn));
                 let shift = if turn == Rotation::Half { (sx, sy) } else { (sy, sx) };
-                (Planes::Turned(turned), shift)
+                (Planes::Owned(turned), shift)
             }
         };
         Ok(Self { index, time_s, planes, shift, encoding })
+    }
+
+    /// A still picture of packed R, G, B as a frame at time 0, coded as a JPEG would be: full range, BT.601, no subsampling.
+    pub(super) fn from_rgb(rgb: &[u8], width: usize, height: usize, index: u64) -> Self {
+        let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+        let [mut y, mut u, mut v] = [const { Vec::new() }; 3];
+        for &[r, g, b] in rgb.as_chunks().0 {
+            let codes = codes_of_rgb(encoding, [r, g, b].map(|c| f64::from(c) / 255.0));
+            y.push(codes[0]);
+            u.push(codes[1]);
+            v.push(codes[2]);
+        }
+        let planes = [y, u, v].map(|data| OwnedPlane { data, width, height });
+        Self { index, time_s: 0.0, planes: Planes::Owned(planes), shift: (0, 0), encoding }
     }
 
     /// The picture as the pipeline sees it.
     pub fn frame(&self) -> Frame<'_> {
         let [y, u, v] = [0, 1, 2].map(|i| match &self.planes {
             Planes::Decoded(video) => plane_of(video, i),
-            Planes::Turned(planes) => planes[i].borrow(),
+            Planes::Owned(planes) => planes[i].borrow(),
         });
         Frame {
             index: self.index,
@@ -93,6 +107,13 @@ impl OwnedPlane {
     fn borrow(&self) -> Plane<'_> {
         Plane { data: &self.data, stride: self.width, width: self.width, height: self.height }
     }
+}
+
+/// Gamma-coded R', G', B' in 0..1 as the codes of an encoding.
+fn codes_of_rgb(encoding: ColourEncoding, [r, g, b]: [f64; 3]) -> [u8; 3] {
+    let [kr, kg, kb] = encoding.luma_weights();
+    let luma = kr * r + kg * g + kb * b;
+    encoding.codes_of([luma, (b - luma) / (2.0 * (1.0 - kb)), (r - luma) / (2.0 * (1.0 - kr))])
 }
 
 fn plane_of(video: &frame::Video, i: usize) -> Plane<'_> {
@@ -193,6 +214,18 @@ fn turn_plane(plane: Plane<'_>, turn: Rotation) -> OwnedPlane {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_still_picture_gives_back_the_colours_it_was_made_of() {
+        let rgb = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255], [0, 0, 0], [200, 120, 40]];
+        let picture = Picture::from_rgb(rgb.as_flattened(), 3, 2, 7);
+        let frame = picture.frame();
+        for (i, wanted) in rgb.iter().enumerate() {
+            let seen = frame.encoding.rgb_of_codes(frame.yuv_at(i % 3, i / 3).map(f64::from)) * 255.0;
+            assert!(seen.iter().zip(wanted).all(|(s, w)| (s - f64::from(*w)).abs() < 2.0), "{wanted:?}: {seen}");
+        }
+        assert_eq!(frame.index, 7);
+    }
 
     #[test]
     fn a_quarter_turn_moves_the_top_left_corner_to_the_top_right() {

@@ -1,8 +1,10 @@
 //! Errors of decoding and tracking as problems for people.
 
+use crate::analysis::calibration::ViewsError;
 use crate::analysis::protocol::MarkShape;
 use crate::domain::problem::Problem;
 use crate::media::MediaError;
+use crate::pipeline::camera::{BoardProblem, CalibrationProblem};
 use crate::pipeline::tracker::{Quality, SettingsProblem, ToolQuality};
 
 /// An error that says what to do.
@@ -48,6 +50,36 @@ pub(super) fn no_input() -> Problem {
     Problem::new("no-input", "The work came without a file", "send the recording again")
 }
 
+impl Explain for BoardProblem {
+    fn explain(&self) -> Problem {
+        Problem::new("board-not-supported", "The board is not supported", self.to_string())
+    }
+}
+
+impl Explain for ViewsError {
+    fn explain(&self) -> Problem {
+        let (slug, title) = match self {
+            ViewsError::Count(_) => ("photo-count", "Too few or too many photos"),
+            ViewsError::Photo { .. } => ("not-a-photo", "A photo cannot be read"),
+            ViewsError::SizeDiffers { .. } => ("photo-sizes-differ", "The photos differ in size"),
+            ViewsError::Video { source, .. } => return source.explain(),
+        };
+        Problem::new(slug, title, self.to_string())
+    }
+}
+
+impl Explain for CalibrationProblem {
+    fn explain(&self) -> Problem {
+        let slug = match self {
+            CalibrationProblem::TooFewPhotos { .. } => "board-not-found",
+            CalibrationProblem::Corners { .. } => "board-differs",
+            CalibrationProblem::SamePose { .. } => "board-not-turned",
+            CalibrationProblem::Undetermined { .. } | CalibrationProblem::Contradiction => "camera-undetermined",
+        };
+        Problem::new(slug, "The camera cannot be calibrated from these pictures", self.to_string())
+    }
+}
+
 /// No tool on any frame.
 pub(super) fn never_seen(quality: &Quality) -> Problem {
     let tool = |t: &ToolQuality| {
@@ -72,6 +104,13 @@ pub(super) fn unreadable_palette() -> Problem {
 pub(super) fn mark_beyond_the_end(frame: u64, frames: u64) -> Problem {
     let detail = format!("a rectangle is on frame {frame}, but the clip has only {frames} frames, counted from 0");
     Problem::new("mark-beyond-the-end", "A rectangle is on a frame that is not there", detail)
+}
+
+/// A rectangle on a frame of which no picture was sent.
+pub(super) fn mark_without_picture(frame: u64) -> Problem {
+    let detail =
+        format!("a rectangle is on frame {frame}, but no picture of that frame was sent; send it as frame_{frame}");
+    Problem::new("mark-without-picture", "A rectangle is on a frame that was not sent", detail)
 }
 
 /// A rectangle that is empty or leaves the frame.

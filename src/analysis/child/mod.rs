@@ -1,5 +1,6 @@
 //! What runs inside the confinement: decode, track, report. No file is opened, no clock is asked, nothing is stored.
 
+mod calibrate;
 mod explain;
 mod palette;
 mod preview;
@@ -11,7 +12,7 @@ use std::fs::File;
 
 use reporter::Reporter;
 
-use super::protocol::{self, Answer, Request, Work};
+use super::protocol::{self, Answer, PaletteWork, Request, Work};
 use crate::domain::problem::Problem;
 use crate::media::{Limits, MediaError, Picture, VideoFile};
 use crate::sandbox::{self, ConfinementError, Enforced};
@@ -56,6 +57,7 @@ pub fn run() -> Result<(), ChildError> {
     let mut reporter = Reporter::new();
     reporter.say(&Answer::Confined { landlock: admission.enforced != Enforced::NoLandlock })?;
     let request: Request = protocol::decode(&admission.request).map_err(ChildError::Request)?;
+    share_the_cores(request.threads);
     let last = match work(request, admission.inputs, &mut reporter) {
         Ok(()) => Answer::Done,
         Err(Halt::Explained(problem)) => Answer::Problem(problem),
@@ -64,13 +66,24 @@ pub fn run() -> Result<(), ChildError> {
     Ok(reporter.say(&last)?)
 }
 
+/// Without this, tables would be built by a thread for each core, for each child, and their stacks count as its memory.
+fn share_the_cores(threads: usize) {
+    // Refused only if the pool exists already, and then it has the right size: this runs once.
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build_global();
+}
+
 fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), Halt> {
     let limits = Limits { threads: request.threads, ..Limits::default() };
     match request.work {
         Work::Probe => probe::run(open(inputs, limits)?, reporter),
         Work::Track(work) => track::run(work, open(inputs, limits)?, reporter),
-        Work::Palette(work) => palette::from_clip(work, open(inputs, limits)?, reporter),
-        Work::Calibrate(_) => Err(Halt::Explained(explain::no_input())),
+        Work::Palette(PaletteWork { marks, frames: None }) => {
+            palette::from_clip(&marks, open(inputs, limits)?, reporter)
+        }
+        Work::Palette(PaletteWork { marks, frames: Some(frames) }) => {
+            palette::from_pictures(&marks, &frames, inputs, limits, reporter)
+        }
+        Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
     }
 }
 

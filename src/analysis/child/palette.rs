@@ -1,28 +1,53 @@
-//! Collect the colours that an instructor marked, from the clip in which they were marked.
+//! Collect the colours that an instructor marked, from the clip in which they were marked or from pictures of its frames.
+
+use std::fs::File;
+use std::io::BufReader;
 
 use super::reporter::Reporter;
 use super::{Halt, explain};
-use crate::analysis::protocol::{Answer, MarkShape, PaletteShape, PaletteWork};
-use crate::media::VideoFile;
+use crate::analysis::protocol::{Answer, MarkShape, PaletteShape};
+use crate::media::{Limits, VideoFile, photo};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::samples::ColourSamples;
 
 /// Frames between two signs of life.
 const FRAMES_AT_A_TIME: u64 = 32;
 
-pub(super) fn from_clip(work: PaletteWork, mut video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
-    let last = work.marks.iter().map(|mark| mark.frame).max().unwrap_or(0);
+/// Decodes no further than the last mark.
+pub(super) fn from_clip(marks: &[MarkShape], mut video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
+    let last = marks.iter().map(|mark| mark.frame).max().unwrap_or(0);
     let mut samples = None;
     let mut decoded = 0;
     while decoded <= last {
         let Some(picture) = video.next_picture()? else {
             return Err(Halt::Explained(explain::mark_beyond_the_end(last, decoded)));
         };
-        collect(&mut samples, &work.marks, decoded, &picture.frame())?;
+        collect(&mut samples, marks, decoded, &picture.frame())?;
         decoded += 1;
         if decoded.is_multiple_of(FRAMES_AT_A_TIME) {
             reporter.say(&Answer::Alive { done: decoded, of: Some(last + 1) })?;
         }
+    }
+    tell(samples, reporter)
+}
+
+/// Each input shows the frame of the same place in `frames`.
+pub(super) fn from_pictures(
+    marks: &[MarkShape],
+    frames: &[u64],
+    inputs: Vec<File>,
+    limits: Limits,
+    reporter: &mut Reporter,
+) -> Result<(), Halt> {
+    if let Some(unseen) = marks.iter().find(|mark| !frames.contains(&mark.frame)) {
+        return Err(Halt::Explained(explain::mark_without_picture(unseen.frame)));
+    }
+    let of = Some(inputs.len() as u64);
+    let mut samples = None;
+    for (done, (file, &frame)) in (1..).zip(inputs.into_iter().zip(frames)) {
+        let picture = photo::read_picture(BufReader::new(file), frame, limits)?;
+        collect(&mut samples, marks, frame, &picture.frame())?;
+        reporter.say(&Answer::Alive { done, of })?;
     }
     tell(samples, reporter)
 }

@@ -2,9 +2,6 @@
 //!
 //! Beside them lie a secret text and another person's recording, which differ from everything else by content and size.
 
-use std::path::{Path, PathBuf};
-use std::time::Duration;
-
 use super::forge::*;
 use super::*;
 

@@ -4,7 +4,6 @@
 use std::io::Write;
 use std::os::fd::OwnedFd;
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use trocar::analysis::protocol::encode;
 use trocar::sandbox::{Ended, Limit, Order, Outcome, run};

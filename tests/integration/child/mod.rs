@@ -1,15 +1,17 @@
 //! The confined child from outside: what it says of healthy and of broken recordings, and that nothing gets past it.
 
 mod attack;
+mod calibrating;
 mod clips;
 mod confinement;
 mod forge;
 mod mutation;
 mod recordings;
 mod tracking;
+mod workers;
 
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use trocar::analysis::protocol::{Request, Work};

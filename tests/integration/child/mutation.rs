@@ -4,7 +4,6 @@
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use super::clips::{ffmpeg, test_picture};
 use super::forge::{H264, Movie, avi, matroska, matroska_cluster, matroska_tracks};

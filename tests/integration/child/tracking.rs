@@ -1,7 +1,6 @@
 //! Tracking in a child gives, to the last bit, what the same tracker gives without one.
 
 use std::io::BufReader;
-use std::path::PathBuf;
 
 use trocar::analysis::protocol::{
     CameraShape, MarkShape, PaletteShape, PaletteWork, PathRow, ToolShape, TrackWork, ViewShape,
@@ -13,22 +12,28 @@ use trocar::pipeline::tracker::{Tracker, TrackerSettings, Tracking};
 
 use super::*;
 
+/// The folder of shared data, if it is at hand.
+pub fn shared() -> Option<PathBuf> {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let places = std::env::var_os("TROCAR_SHARED").map(PathBuf::from).into_iter();
+    let mut places = places.chain(["../shared", "../../shared"].map(|place| manifest.join(place)));
+    let found = places.find(|place| place.join("scenes").is_dir());
+    if found.is_none() {
+        eprintln!("SKIPPED: no shared scenes; set TROCAR_SHARED to the folder that holds scenes/");
+    }
+    found
+}
+
 /// One of the shared rendered scenes, if they are at hand.
-struct SharedScene {
+pub struct SharedScene {
     folder: PathBuf,
-    annotations: AnnotationsFile,
-    camera: CameraFile,
+    pub annotations: AnnotationsFile,
+    pub camera: CameraFile,
 }
 
 impl SharedScene {
-    fn find(name: &str) -> Option<Self> {
-        let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let places = std::env::var_os("TROCAR_SHARED").map(PathBuf::from).into_iter();
-        let mut places = places.chain(["../shared", "../../shared"].map(|place| manifest.join(place)));
-        let Some(shared) = places.find(|place| place.join("scenes").is_dir()) else {
-            eprintln!("SKIPPED: no shared scenes; set TROCAR_SHARED to the folder that holds scenes/");
-            return None;
-        };
+    pub fn find(name: &str) -> Option<Self> {
+        let shared = shared()?;
         let folder = shared.join("scenes").join(name);
         let text = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
         let annotations = AnnotationsFile::parse(&text("annotations.json")).unwrap();
@@ -36,11 +41,11 @@ impl SharedScene {
         Some(Self { folder, annotations, camera })
     }
 
-    fn video(&self) -> PathBuf {
+    pub fn video(&self) -> PathBuf {
         self.folder.join("video.mp4")
     }
 
-    fn marks(&self) -> Vec<MarkShape> {
+    pub fn marks(&self) -> Vec<MarkShape> {
         let mark = |l: &trocar::domain::files::annotations::LabelledRectangle| MarkShape {
             frame: l.frame,
             label: l.label.clone(),

@@ -1,0 +1,103 @@
+//! Calibration and colours in a child, from photos and pictures as people send them.
+
+use trocar::analysis::protocol::{BoardShape, CalibrateWork, MarkShape, PaletteWork};
+use trocar::domain::files::camera::CameraFile;
+
+use super::clips::ffmpeg;
+use super::tracking::{SharedScene, shared};
+use super::*;
+
+fn ask(work: Work, inputs: &[PathBuf]) -> Result<Heard, Failure> {
+    let attempt_at = Attempt {
+        program: &program(),
+        request: Request { threads: 2, work },
+        inputs: inputs.iter().map(|path| File::open(path).unwrap()).collect(),
+        budget: &Budget { wall: Duration::from_secs(300), ..budget() },
+        stop: &Stop::new().unwrap(),
+    };
+    attempt(attempt_at, |_| {}).0
+}
+
+fn calibrate(columns: u32, rows: u32, photos: &[PathBuf]) -> Work {
+    Work::Calibrate(CalibrateWork {
+        board: BoardShape { columns, rows, square_mm: 21.0 },
+        photos: Some(photos.iter().map(|path| path.display().to_string()).collect()),
+        calibrated_at: "2026-11-21T20:14:00Z".into(),
+    })
+}
+
+fn problem(result: Result<Heard, Failure>) -> String {
+    match result {
+        Err(Failure::Explained(problem)) => problem.slug,
+        other => panic!("expected a problem, got {other:?}"),
+    }
+}
+
+#[test]
+fn photos_of_a_board_become_a_camera() {
+    let Some(shared) = shared() else { return };
+    let folder = std::fs::read_dir(shared.join("scenes/calib/V")).unwrap();
+    let mut photos: Vec<PathBuf> = folder.map(|entry| entry.unwrap().path()).collect();
+    photos.retain(|path| path.extension().is_some_and(|e| e == "jpg" || e == "png"));
+    photos.sort();
+    photos.truncate(12);
+    let heard = ask(calibrate(9, 6, &photos), &photos).unwrap();
+    let camera = CameraFile::parse(&heard.calibration.unwrap().camera_json).unwrap();
+    assert!(camera.more["rms_px"].as_f64().unwrap() < 0.5, "{camera:?}");
+    assert_eq!(camera.more["photos"].as_array().unwrap().len(), photos.len());
+    assert_eq!(camera.more["calibrated_at"], "2026-11-21T20:14:00Z");
+}
+
+#[test]
+fn files_that_are_no_photos_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("board.jpg");
+    std::fs::write(&path, "not a photo").unwrap();
+    let photos = vec![path; 3];
+    assert_eq!(problem(ask(calibrate(9, 6, &photos), &photos)), "not-a-photo");
+    assert_eq!(problem(ask(calibrate(1, 1, &photos), &photos)), "board-not-supported");
+    assert_eq!(problem(ask(calibrate(9, 6, &[]), &[])), "photo-count");
+}
+
+#[test]
+fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let marks = scene.marks();
+    let mut frames: Vec<u64> = marks.iter().map(|mark| mark.frame).collect();
+    frames.dedup();
+    let folder = tempfile::tempdir().unwrap();
+    let mut pictures = Vec::new();
+    for frame in &frames {
+        let select = format!("-i {} -vf select=eq(n\\,{frame}) -frames:v 1", scene.video().display());
+        let Some(picture) = ffmpeg(&select, &folder.path().join(format!("frame_{frame}.png"))) else { return };
+        pictures.push(picture);
+    }
+    let colours = |frames, inputs: &[PathBuf]| {
+        let work = Work::Palette(PaletteWork { marks: marks.clone(), frames });
+        ask(work, inputs).unwrap().palette.unwrap()
+    };
+    let of_pictures = colours(Some(frames.clone()), &pictures);
+    let of_clip = colours(None, &[scene.video()]);
+    assert_eq!(of_pictures.counts(), of_clip.counts());
+    let mean = |palette: &trocar::analysis::protocol::PaletteShape, label: &str| {
+        let samples = palette.colour_samples().unwrap();
+        let index = samples.labels.iter().position(|l| l == label).unwrap();
+        let of_label: Vec<_> = samples.samples.iter().filter(|s| s.label == index).collect();
+        let rgb = of_label.iter().map(|s| samples.encoding.rgb_of_codes(s.yuv.map(f64::from)));
+        rgb.sum::<nalgebra::Vector3<f64>>() / of_label.len() as f64
+    };
+    for (label, _) in of_clip.counts() {
+        let apart = (mean(&of_pictures, &label) - mean(&of_clip, &label)).abs().max();
+        assert!(apart < 0.04, "{label}: {apart}");
+    }
+}
+
+#[test]
+fn a_mark_on_a_frame_that_was_not_sent_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("frame_3.png");
+    image::RgbImage::new(20, 20).save(&picture).unwrap();
+    let mark = MarkShape { frame: 4, label: "orange".into(), x_y_w_h: [1, 1, 2, 2] };
+    let work = Work::Palette(PaletteWork { marks: vec![mark], frames: Some(vec![3]) });
+    assert_eq!(problem(ask(work, &[picture])), "mark-without-picture");
+}

@@ -1,0 +1,234 @@
+//! Workers on a real store, vault and queue, with real children: what becomes of a job, however its child ends.
+
+use std::sync::Arc;
+
+use trocar::analysis::paths::Paths;
+use trocar::analysis::{AnalysisSettings, Workshop};
+use trocar::domain::calibration::{CalibrationSource, NewCalibration};
+use trocar::domain::files::annotations::AnnotationsFile;
+use trocar::domain::files::camera::CameraFile;
+use trocar::domain::job::{JobInput, JobState, NamedBlob, PaletteInput};
+use trocar::domain::scope::Scope;
+use trocar::domain::session::{NewSession, SessionStatus};
+use trocar::domain::text::Key;
+use trocar::events::{Event, Events, Heard as News, Listener};
+use trocar::ids::{JobId, SessionId, TaskId, TraineeId};
+use trocar::pipeline::trajectory::Kind;
+use trocar::queue::{Queue, QueueSettings};
+use trocar::shutdown::Shutdown;
+use trocar::store::{Job, Store, StoreSettings, TrainingBox};
+use trocar::time::{Manual, SharedClock};
+use trocar::vault::Vault;
+
+use super::tracking::SharedScene;
+use super::*;
+
+/// A centre with one box, trainee and task, whose workers a test starts.
+struct Centre {
+    store: Store,
+    vault: Vault,
+    queue: Queue,
+    clock: Arc<Manual>,
+    news: Listener,
+    shutdown: Shutdown,
+    the_box: TrainingBox,
+    trainee: TraineeId,
+    task: TaskId,
+    _folder: tempfile::TempDir,
+}
+
+impl Centre {
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let clock = Manual::at(1_795_292_040_000);
+        let shared: SharedClock = clock.clone();
+        let store =
+            Store::open(&folder.path().join("trocar.db"), &StoreSettings::default(), shared.clone()).await.unwrap();
+        let vault = Vault::open(folder.path()).await.unwrap();
+        let events = Events::new();
+        let news = events.listen();
+        let queue = Queue::new(store.clone(), QueueSettings::default(), events, shared);
+        let service = Scope::service();
+        let named = |name: &str| serde_json::json!({ "name": name });
+        let the_box = store.boxes().create(&service, serde_json::from_value(named("Box 1")).unwrap()).await.unwrap();
+        let trainee =
+            store.trainees().create(&service, serde_json::from_value(named("Ada")).unwrap()).await.unwrap().id;
+        let task = store.tasks().create(&service, serde_json::from_value(named("Pegs")).unwrap()).await.unwrap().id;
+        let shutdown = Shutdown::new();
+        Self { store, vault, queue, clock, news, shutdown, the_box, trainee, task, _folder: folder }
+    }
+
+    fn open_workshop(&self, program: Program) {
+        let workshop = Workshop {
+            store: self.store.clone(),
+            vault: self.vault.clone(),
+            queue: self.queue.clone(),
+            clock: self.clock.clone(),
+            settings: AnalysisSettings::default(),
+            program,
+        };
+        workshop.open(1, &self.shutdown);
+    }
+
+    async fn calibrate(&self, camera: CameraFile) {
+        let new = NewCalibration { camera, source: CalibrationSource::File };
+        self.store.calibrations().add(&Scope::service(), self.the_box.id, new).await.unwrap();
+    }
+
+    async fn mark(&self, annotations: AnnotationsFile, clip: &[u8]) -> JobId {
+        let kept = self.vault.put(clip).await.unwrap();
+        let input = PaletteInput {
+            of: self.the_box.id,
+            annotations,
+            files: vec![NamedBlob { name: "clip.mp4".into(), blob: kept.blob() }],
+            is_video: true,
+            frames: vec![],
+        };
+        let job = self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
+        self.queue.work_arrived();
+        job.id
+    }
+
+    async fn upload(&self, recording: &[u8]) -> SessionId {
+        let kept = self.vault.put(recording).await.unwrap();
+        let new = NewSession {
+            trainee: self.trainee,
+            task: self.task,
+            in_box: self.the_box.id,
+            filename: "clip.mp4".parse().unwrap(),
+            recorded_at_ms: None,
+            video: kept.blob(),
+            media_type: "video/mp4".into(),
+        };
+        let session = self.store.sessions().create(&Scope::service(), new).await.unwrap();
+        self.queue.work_arrived();
+        session.id
+    }
+
+    async fn job(&self, id: JobId) -> Job {
+        self.store.jobs().get(&Scope::service(), id).await.unwrap()
+    }
+
+    /// Waits for news that satisfy this.
+    async fn hears(&mut self, expected: impl Fn(&Event) -> bool) {
+        let patience = Duration::from_secs(120);
+        let heard = async {
+            while let Some(news) = self.news.next().await {
+                if matches!(&news, News::Event(event) if expected(event)) {
+                    return;
+                }
+            }
+            panic!("nobody tells anything any more");
+        };
+        tokio::time::timeout(patience, heard).await.expect("the news never came");
+    }
+
+    async fn hears_of_job(&mut self, job: JobId, states: &[JobState]) {
+        self.hears(|e| matches!(e, Event::Job { id, state, .. } if *id == job && states.contains(state))).await;
+    }
+
+    async fn close(&self) {
+        self.shutdown.begin();
+        assert!(self.shutdown.finished(Duration::from_secs(10)).await, "workers do not end");
+    }
+}
+
+const MARKS: &str = r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"orange","x":1,"y":1,"w":2,"h":2},
+                       {"frame":0,"label":"background","x":9,"y":9,"w":2,"h":2}]}"#;
+
+/// A program that never says a word.
+fn silent() -> Program {
+    Program::at("/bin/sleep", &["1000"])
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_becomes_features_path_diagnostics_and_picture() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let recording = std::fs::read(scene.video()).unwrap();
+    let mut centre = Centre::new().await;
+    centre.open_workshop(program());
+    centre.calibrate(scene.camera.clone()).await;
+    let session = centre.upload(&recording).await;
+    centre.mark(scene.annotations.clone(), &recording).await; // the session has waited for it
+    let ended = [SessionStatus::Done, SessionStatus::Failed];
+    centre.hears(|e| matches!(e, Event::Session { id, status, .. } if *id == session && ended.contains(status))).await;
+    let service = Scope::service();
+    let stands = centre.store.sessions().get(&service, session).await.unwrap();
+    assert_eq!((stands.status(), stands.problem()), (SessionStatus::Done, None));
+    let result = centre.store.sessions().result(&service, session).await.unwrap().unwrap();
+    assert_eq!(result.versions.pipeline, trocar::pipeline::PIPELINE_VERSION);
+    assert_eq!((result.video.width, result.video.height), (scene.camera.width, scene.camera.height));
+    assert!(result.features.iter().any(|f| f.value.is_ok()), "{:?}", result.features);
+    let paths = Paths::from_bytes(&centre.vault.read(result.trajectory, 1 << 30).await.unwrap()).unwrap();
+    assert_eq!(paths.tools, result.tools);
+    assert_eq!(paths.frame_times_s.len() as u64, result.video.frames);
+    assert!(paths.trajectory(Kind::Smoothed).samples.len() as u64 > result.video.frames / 2);
+    let diagnostics = centre.vault.read(result.diagnostics, 1 << 30).await.unwrap();
+    let diagnostics: serde_json::Value = serde_json::from_slice(&diagnostics).unwrap();
+    assert!(diagnostics["columns"]["tip_u_px"].as_array().unwrap().iter().any(|tip| tip.is_number()));
+    let preview = centre.vault.read(result.preview.unwrap(), 1 << 20).await.unwrap();
+    assert!(image::load_from_memory(&preview).unwrap().width() > 100);
+    centre.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_cannot_be_done_fails_at_once_with_its_reason() {
+    let mut centre = Centre::new().await;
+    centre.open_workshop(program());
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"not a video").await;
+    centre.hears_of_job(job, &[JobState::Failed]).await;
+    let job = centre.job(job).await;
+    assert_eq!((job.attempt, job.problem.unwrap().slug.as_str()), (1, "not-a-video"));
+    centre.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_child_that_dies_three_times_is_quarantined_with_the_reason() {
+    let mut centre = Centre::new().await;
+    centre.open_workshop(Program::at("/bin/false", &[]));
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
+    centre.hears_of_job(job, &[JobState::Quarantined]).await;
+    let job = centre.job(job).await;
+    assert_eq!((job.attempt, job.max_attempts), (3, 3));
+    assert!(job.problem.as_ref().unwrap().detail.contains("status 1"), "{job:?}");
+    centre.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn at_the_services_end_the_job_is_handed_back_untouched() {
+    let mut centre = Centre::new().await;
+    centre.open_workshop(silent());
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
+    centre.hears_of_job(job, &[JobState::Running]).await;
+    centre.close().await;
+    let job = centre.job(job).await;
+    assert_eq!((job.state, job.attempt, job.problem), (JobState::Queued, 0, None));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_whose_lease_is_lost_ends_its_child_and_saves_nothing() {
+    let mut centre = Centre::new().await;
+    centre.open_workshop(silent());
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
+    centre.hears_of_job(job, &[JobState::Running]).await;
+    centre.queue.recover().await.unwrap(); // takes the lease away, as a sweep would
+    centre.hears_of_job(job, &[JobState::Queued]).await;
+    centre.clock.advance(Duration::from_secs(10)); // the next heartbeat learns of it
+    centre.hears_of_job(job, &[JobState::Running]).await; // and the worker is free for the next job: this one again
+    assert_eq!(centre.job(job).await.attempt, 2);
+    assert!(centre.store.palettes().latest(&Scope::service(), centre.the_box.id).await.unwrap().is_none());
+    centre.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_file_is_gone_fails_with_that_reason() {
+    let mut centre = Centre::new().await;
+    let job = centre.mark(serde_json::from_str(MARKS).unwrap(), b"whatever").await;
+    let blob = centre.job(job).await.input.blobs()[0];
+    centre.vault.delete_if(blob.hash, async { Ok::<_, trocar::vault::VaultError>(true) }).await.unwrap();
+    centre.open_workshop(program());
+    centre.hears_of_job(job, &[JobState::Failed]).await;
+    assert_eq!(centre.job(job).await.problem.unwrap().slug, "input-gone");
+    assert!(centre.store.boxes().get(&Scope::service(), &Key::from(&centre.the_box.id)).await.is_ok());
+    centre.close().await;
+}
