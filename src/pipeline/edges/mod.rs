@@ -8,4 +8,5 @@ pub mod light;
 pub mod line_fit;
 pub mod outline_probes;
 pub mod scan_lines;
+pub mod shaft;
 pub mod subpixel;

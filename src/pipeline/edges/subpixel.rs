@@ -52,7 +52,7 @@ pub struct EdgeModel {
     pub blur_px: [f64; 3],
     /// Variance of pixels about the model in Y, U, V, codes².
     noise: [f64; 3],
-    /// Where the tape's chroma points from grey; unit.
+    /// The tape's usual chroma, codes.
     tape: Vector2<f64>,
     evidence: [BlurEvidence; 3],
     spill: LightSpill,
@@ -82,18 +82,17 @@ struct BlurEvidence {
 const STEPS_PER_SIGMA: f64 = 32.0;
 const TABLE_REACH: f64 = 8.0;
 /// Softest edge that still tells where it is, pixels.
-const WORST_SIGMA_PX: f64 = 0.6;
+const WORST_SIGMA_PX: f64 = 1.0;
 const MOST_SAMPLES: usize = 256;
 
 impl EdgeModel {
     /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
     pub fn new(tape_yuv: [f64; 3], encoding: ColourEncoding) -> Self {
-        let tape = Vector2::new(tape_yuv[1] - 128.0, tape_yuv[2] - 128.0);
         Self {
             curves: edge_curves(),
             blur_px: [0.9, 1.3, 1.3],
             noise: [6.0, 3.0, 3.0],
-            tape: tape.try_normalize(1e-9).unwrap_or_default(),
+            tape: Vector2::new(tape_yuv[1], tape_yuv[2]),
             evidence: Default::default(),
             spill: LightSpill::new(),
             codes_from_rgb: encoding.codes_from_rgb(),
@@ -143,9 +142,9 @@ impl EdgeModel {
                 break;
             }
         }
-        let inside = Vector2::new(fits[1].step, fits[2].step);
-        if inside.dot(&self.tape) <= 0.0 {
-            return None; // the colour grows outwards: another edge than the tape's
+        let off_tape = |height: fn(&PlaneFit) -> f64| (Vector2::new(height(&fits[1]), height(&fits[2])) - self.tape).norm();
+        if off_tape(|fit| fit.outside + fit.step) >= off_tape(|fit| fit.outside) {
+            return None; // the outside looks more like the tape than the inside: another edge
         }
         if is_tape(fits.map(|f| f.outside.round().clamp(0.0, 255.0) as u8)) {
             return None; // tape on both sides: a highlight or a crease

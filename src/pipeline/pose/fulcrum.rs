@@ -21,6 +21,10 @@ pub struct Fulcrum {
 /// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
 pub const PLAY_MM: f64 = 0.5;
 
+/// Poses whose errors can be taken for independent: what light and background do to a border hardly changes from one
+/// frame to the next, so that a thousand frames know the fulcrum no better than so many views of it.
+const INDEPENDENT_POSES: f64 = 10.0;
+
 /// The point nearest to all lines `point + s·axis`, unweighted: the textbook start. `None` where the lines are parallel.
 pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -> Option<Point3<f64>> {
     let (matrix, right) = lines.fold((Matrix3::zeros(), Vector3::zeros()), |(matrix, right), (point, axis)| {
@@ -50,7 +54,7 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Fulcrum> {
             return None;
         }
         if step.norm() < 1e-4 {
-            return Some(Fulcrum { at, covariance });
+            return Some(Fulcrum { at, covariance: covariance * (poses.len() as f64 / INDEPENDENT_POSES).max(1.0) });
         }
     }
     None

@@ -36,7 +36,7 @@ pub struct MeasuredEdge {
 pub const EDGE_BIAS_PX: f64 = 0.15;
 
 /// Fewest edges on each border.
-pub const FEWEST_BORDER_EDGES: usize = 4;
+pub const FEWEST_BORDER_EDGES: usize = 3;
 
 /// Least standard deviation of a single edge: texture and compression that the noise does not show, pixels.
 const LEAST_SIGMA_PX: f64 = 0.1;

@@ -7,6 +7,7 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::line_fit::{self, Line};
 use crate::pipeline::edges::outline_probes::{Place, ProbeLayout, border_probes, rim_probes};
 use crate::pipeline::edges::scan_lines::{self, CoarseBand};
+use crate::pipeline::edges::shaft;
 use crate::pipeline::edges::subpixel::{EdgeModel, Probe};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
@@ -49,6 +50,11 @@ pub struct Measurement {
 }
 
 impl Measurement {
+    /// Do enough pixels agree with the tube that it may be one at all?
+    pub fn is_possible(&self) -> bool {
+        self.estimate.residual_px < 0.8 && self.seen_share > 0.35
+    }
+
     /// Do the pixels explain the tube so well that no other start need be tried?
     pub fn is_good(&self) -> bool {
         self.estimate.residual_px < 0.4 && self.seen_share > 0.55 && self.ends_seen
@@ -69,16 +75,18 @@ const LOOKS: [ProbeLayout; 3] = [
 const END_MARGIN: f64 = 0.35;
 
 impl Bench<'_> {
-    /// Measures the band that a region shows; `hand_first` tells whether the back of the region's axis is the hand's side.
+    /// Measures the band that a region shows; `hand_first` tells whether the first
+    /// of two ends is the hand's, where that is known; else the dark shaft beyond one end tells.
     pub fn measure(
         &mut self,
         region: &Rectangle,
-        hand_first: impl Fn(Pixel, Pixel) -> bool,
+        hand_first: impl Fn(Pixel, Pixel) -> Option<bool>,
     ) -> Result<Measurement, Reason> {
         let coarse = scan_lines::scan(self.frame, self.table, self.class, region).ok_or(Reason::BordersNotFound)?;
         let lines = self.border_lines(&coarse).ok_or(Reason::BordersNotFound)?;
         let [back, front] = coarse.ends;
-        let (distal, proximal) = if hand_first(back, front) { (front, back) } else { (back, front) };
+        let hand_at_back = hand_first(back, front).unwrap_or_else(|| shaft::is_beyond_first(self.frame, &coarse));
+        let (distal, proximal) = if hand_at_back { (front, back) } else { (back, front) };
         let sight = |pixel| self.camera.normalised_of(pixel).ok_or(Reason::ImpossiblePose);
         let (distal, proximal) = (sight(distal)?, sight(proximal)?);
         let radius = 0.5 * self.spec.diameter_mm;
@@ -101,6 +109,7 @@ impl Bench<'_> {
         let mut outcome: Result<Measurement, Reason> = Err(Reason::ImpossiblePose);
         for start in starts {
             let found = self.refine(*start, length_mm, &LOOKS);
+            let found = found.and_then(|m| if m.is_possible() { Ok(m) } else { Err(Reason::ImpossiblePose) });
             let better = match (&found, &outcome) {
                 (Ok(new), Ok(old)) => new.seen_share > old.seen_share,
                 (Ok(_), Err(_)) => true,

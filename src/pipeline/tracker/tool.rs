@@ -1,7 +1,9 @@
 //! One tool through a recording: where to look for it, which region is its band, and its thread through time.
 
+use nalgebra::Vector2;
+
 use super::measure::{Bench, Measurement};
-use super::settings::{MotionSettings, ToolSpec, TrackerSettings, View};
+use super::settings::{MotionSettings, ToolSpec, TrackerSettings};
 use crate::pipeline::blob::components::{Component, ComponentFinder};
 use crate::pipeline::blob::{join, select};
 use crate::pipeline::camera::Camera;
@@ -13,7 +15,7 @@ use crate::pipeline::pose::fulcrum::{self, Fulcrum};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
-use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::space::CameraPoint;
 use crate::pipeline::tube::Tube;
 
 /// What one frame left behind for the recording's end.
@@ -147,8 +149,10 @@ impl ToolTracker {
         region: &Component,
     ) -> Result<Measurement, Reason> {
         let rectangle = select::judge(region)?;
-        let towards_hand = self.direction_to_hand(settings);
-        self.bench(frame, table, settings).measure(&rectangle, |back, front| towards_hand.prefers(back, front))
+        let to_hand = self.direction_to_hand(&settings.camera);
+        self.bench(frame, table, settings).measure(&rectangle, |first, second| {
+            to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
+        })
     }
 
     fn bench<'a>(
@@ -174,19 +178,13 @@ impl ToolTracker {
         Some((Tube { tip: state.tip(), ..last }, length))
     }
 
-    fn direction_to_hand(&self, settings: &TrackerSettings) -> HandSide {
-        let camera = &settings.camera;
+    /// The direction in the picture, from the tip to the hand, where it is known: towards the fulcrum, or as it was last.
+    fn direction_to_hand(&self, camera: &Camera) -> Option<Vector2<f64>> {
+        const STEP_MM: f64 = 5.0;
+        let (last, _) = self.last?;
+        let to_hand = self.fulcrum.and_then(|f| (f.at - last.tip).try_normalize(1e-9)).unwrap_or(-last.axis);
         let pixel = |point| camera.project(CameraPoint(point));
-        if let Some((tube, _)) = self.last {
-            let (tip, back) = (pixel(tube.tip), pixel(tube.tip - tube.axis * 5.0));
-            if let (Some(tip), Some(back)) = (tip, back) {
-                return HandSide::Along(back.0 - tip.0);
-            }
-        }
-        match settings.view {
-            Some(View::Top) => HandSide::Along(nalgebra::Vector2::y()),
-            _ => HandSide::AwayFrom(Pixel::new(f64::from(camera.width) / 2.0, f64::from(camera.height) / 2.0)),
-        }
+        Some(pixel(last.tip + to_hand * STEP_MM)?.0 - pixel(last.tip)?.0)
     }
 
     fn remember(&mut self, measured: &Result<Measurement, Reason>) {
@@ -217,21 +215,6 @@ impl ToolTracker {
 /// Is a fulcrum known well enough to be used?
 pub fn is_known(fulcrum: &Fulcrum) -> bool {
     fulcrum.covariance.trace() < FULCRUM_SIGMA_MM * FULCRUM_SIGMA_MM
-}
-
-enum HandSide {
-    Along(nalgebra::Vector2<f64>),
-    AwayFrom(Pixel),
-}
-
-impl HandSide {
-    /// Is the first end on the hand's side?
-    fn prefers(&self, first: Pixel, second: Pixel) -> bool {
-        match self {
-            HandSide::Along(direction) => (first.0 - second.0).dot(direction) > 0.0,
-            HandSide::AwayFrom(centre) => (first.0 - centre.0).norm() > (second.0 - centre.0).norm(),
-        }
-    }
 }
 
 /// The cells around a tube's band.
