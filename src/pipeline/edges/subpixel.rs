@@ -142,8 +142,9 @@ impl EdgeModel {
                 break;
             }
         }
-        let off_tape = |height: fn(&PlaneFit) -> f64| (Vector2::new(height(&fits[1]), height(&fits[2])) - self.tape).norm();
-        if off_tape(|fit| fit.outside + fit.step) >= off_tape(|fit| fit.outside) {
+        let off_tape =
+            |height: fn(&PlaneFit) -> f64| (Vector2::new(height(&fits[1]), height(&fits[2])) - self.tape).norm();
+        if off_tape(|fit| fit.outside + fit.step + 0.5 * fit.shade) >= off_tape(|fit| fit.outside) {
             return None; // the outside looks more like the tape than the inside: another edge
         }
         if is_tape(fits.map(|f| f.outside.round().clamp(0.0, 255.0) as u8)) {
@@ -284,6 +285,7 @@ impl EdgeModel {
         Some(PlaneFit {
             outside: heights[0],
             step,
+            shade: heights[2],
             gradient,
             information,
             blur_gradient: step * (blur_right - to_blur.dot(&heights)),
@@ -338,6 +340,7 @@ impl PlaneSamples {
 struct PlaneFit {
     outside: f64,
     step: f64,
+    shade: f64,
     gradient: f64,
     information: f64,
     blur_gradient: f64,

@@ -52,7 +52,7 @@ pub struct Measurement {
 impl Measurement {
     /// Do enough pixels agree with the tube that it may be one at all?
     pub fn is_possible(&self) -> bool {
-        self.estimate.residual_px < 0.8 && self.seen_share > 0.35
+        self.estimate.residual_px < 0.8 && self.seen_share > if self.ends_seen { 0.35 } else { 0.5 }
     }
 
     /// Do the pixels explain the tube so well that no other start need be tried?

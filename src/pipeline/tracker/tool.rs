@@ -150,9 +150,8 @@ impl ToolTracker {
     ) -> Result<Measurement, Reason> {
         let rectangle = select::judge(region)?;
         let to_hand = self.direction_to_hand(&settings.camera);
-        self.bench(frame, table, settings).measure(&rectangle, |first, second| {
-            to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0)
-        })
+        self.bench(frame, table, settings)
+            .measure(&rectangle, |first, second| to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0))
     }
 
     fn bench<'a>(
