@@ -7,3 +7,4 @@ mod architecture;
 mod child;
 mod dependencies;
 mod support;
+mod truth;

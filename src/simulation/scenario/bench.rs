@@ -11,7 +11,7 @@ use crate::simulation::rig::{View, above};
 use crate::simulation::shape::RoundCone;
 
 const RAIL: Material = Material { matt: [0.34, 0.35, 0.37], gloss: 0.5, sharpness: 26, mirror: 0.25 };
-const CORK: Material = Material { matt: [0.36, 0.22, 0.11], gloss: 0.03, sharpness: 8, mirror: 0.0 };
+const FOAM: Material = Material { matt: [0.3, 0.31, 0.33], gloss: 0.03, sharpness: 8, mirror: 0.0 };
 
 /// One tool goes straight towards the camera and back: the hardest case for depth.
 pub(super) fn approach(cast: &Cast) -> Script {
@@ -57,14 +57,14 @@ pub(crate) fn slide_wobble(seed: u64) -> Oscillation {
     Oscillation::new(&mut Dice::new(seed, "wobble"), 0.06, 0.5, 4.0)
 }
 
-/// One tool lies on a block of cork and does not move.
+/// One tool rests against a ball of foam and does not move.
 pub(super) fn rest(cast: &Cast) -> Script {
     let mut dice = Dice::new(cast.seed, "rest");
     let place = above(dice.within(-14.0, 14.0), dice.within(-22.0, 0.0), 24.0);
     let mut hand = cast.hand_at(place, "left hand").steady();
     hand.wait(8.0);
-    let cork = RoundCone::sphere(Point3::new(place.x, place.y + 3.0, -9.0), 9.0);
-    let block = Prop { solid: cork, material: CORK };
+    let ball = RoundCone::sphere(Point3::new(place.x, place.y + 3.0, -9.0), 9.0);
+    let block = Prop { solid: ball, material: FOAM };
     Script { hands: vec![(0, hand)], beads: Vec::new(), props: vec![block], strokes: Vec::new() }
 }
 
