@@ -5,38 +5,75 @@
 
 use trocar::pipeline::camera::Camera;
 use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
+use trocar::pipeline::frame::Frame;
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use trocar::pipeline::tracker::{ToolSpec, Tracker, TrackerSettings, Tracking, View as TrackerView};
-use trocar::simulation::render::Renderer;
+use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{Scenario, Setup, Skill, View, World, marks, truth};
 
 const FPS: f64 = 25.0;
 
-fn setup(scenario: Scenario) -> Setup {
-    Setup { width: 1280, height: 720, ..Setup::new(scenario, Skill::INTERMEDIATE, 21) }
+/// A scene, rendered.
+struct Recording {
+    world: World,
+    view: View,
+    times_s: Vec<f64>,
+    pictures: Vec<Rendered>,
 }
 
-/// Tracks the frames of a world as this camera would have it.
-fn track(world: &World, setup: &Setup, frames: usize, camera: Camera) -> (Tracking, Truth) {
-    let times: Vec<f64> = (0..frames).map(|i| i as f64 / FPS).collect();
-    let renderer = Renderer::new(world);
-    let first = renderer.render(times[0]);
-    let encoding = first.frame(0, times[0]).encoding;
-    let mut settings = TrackerSettings::new(camera, tools(world), samples(world, &renderer, &times));
-    settings.view = Some(match setup.view {
-        View::Top => TrackerView::Top,
-        View::Side => TrackerView::Side,
-    });
-    let mut tracker = Tracker::new(settings, setup.width, setup.height, encoding).unwrap();
-    for (index, time_s) in times.iter().enumerate() {
-        tracker.observe(&renderer.render(*time_s).frame(index as u64, *time_s));
+impl Recording {
+    fn of(scenario: Scenario) -> Self {
+        const FRAMES: usize = 30;
+        let setup = Setup { rig: 2, ..Setup::new(scenario, Skill::INTERMEDIATE, 21) };
+        let world = World::new(&setup);
+        let times_s: Vec<f64> = (0..FRAMES).map(|i| i as f64 / FPS).collect();
+        let renderer = Renderer::new(&world);
+        let pictures = times_s.iter().map(|time_s| renderer.render(*time_s)).collect();
+        Self { view: setup.view, times_s, pictures, world }
     }
-    let frame = |(index, time_s): (usize, &f64)| TruthFrame {
-        frame: index as u64,
-        time_s: *time_s,
-        tools: truth::at(world, *time_s),
-    };
-    (tracker.finish(), Truth { frames: times.iter().enumerate().map(frame).collect() })
+
+    fn frame(&self, index: usize) -> Frame<'_> {
+        self.pictures[index].frame(index as u64, self.times_s[index])
+    }
+
+    /// What the tracker makes of it, believing in this camera.
+    fn track(&self, camera: Camera) -> Tracking {
+        let mut settings = TrackerSettings::new(camera, tools(&self.world), self.samples());
+        settings.view = Some(match self.view {
+            View::Top => TrackerView::Top,
+            View::Side => TrackerView::Side,
+        });
+        let encoding = self.frame(0).encoding;
+        let mut tracker = Tracker::new(settings, camera.width, camera.height, encoding).unwrap();
+        for index in 0..self.pictures.len() {
+            tracker.observe(&self.frame(index));
+        }
+        tracker.finish()
+    }
+
+    fn samples(&self) -> ColourSamples {
+        let mut samples = ColourSamples::new(self.frame(0).encoding);
+        for mark in marks::of_recording(&self.world, &self.times_s) {
+            let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
+            samples.collect(&self.frame(mark.frame), &Rectangle { label: mark.label.to_owned(), x, y, w, h });
+        }
+        samples
+    }
+
+    fn truth(&self) -> Truth {
+        let frame = |(index, time_s): (usize, &f64)| TruthFrame {
+            frame: index as u64,
+            time_s: *time_s,
+            tools: truth::at(&self.world, *time_s),
+        };
+        Truth { frames: self.times_s.iter().enumerate().map(frame).collect() }
+    }
+
+    fn judged(&self, spoil: impl Fn(&mut Camera)) -> Accuracy {
+        let mut camera = self.world.rig.camera;
+        spoil(&mut camera);
+        accuracy(&self.track(camera).smoothed, &self.truth()).unwrap()
+    }
 }
 
 fn tools(world: &World) -> Vec<ToolSpec> {
@@ -46,27 +83,6 @@ fn tools(world: &World) -> Vec<ToolSpec> {
         band_length_mm: Some(tool.design.band_mm),
     };
     world.tools.iter().map(spec).collect()
-}
-
-fn samples(world: &World, renderer: &Renderer, times: &[f64]) -> ColourSamples {
-    let mut samples: Option<ColourSamples> = None;
-    for mark in marks::of_recording(world, times) {
-        let picture = renderer.render(times[mark.frame]);
-        let frame = picture.frame(mark.frame as u64, times[mark.frame]);
-        let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
-        let rectangle = Rectangle { label: mark.label.to_owned(), x, y, w, h };
-        samples.get_or_insert_with(|| ColourSamples::new(frame.encoding)).collect(&frame, &rectangle);
-    }
-    samples.unwrap()
-}
-
-fn judged(scenario: Scenario, frames: usize, spoil: impl Fn(&mut Camera)) -> Accuracy {
-    let setup = setup(scenario);
-    let world = World::new(&setup);
-    let mut camera = world.rig.camera;
-    spoil(&mut camera);
-    let (tracking, truth) = track(&world, &setup, frames, camera);
-    accuracy(&tracking.smoothed, &truth).unwrap()
 }
 
 fn plain(accuracy: &Accuracy) -> &trocar::pipeline::evaluation::Level {
@@ -80,7 +96,7 @@ fn rms_mm(accuracy: &Accuracy) -> f64 {
 #[test]
 fn tools_of_every_scene_are_found_where_they_are() {
     for scenario in Scenario::ALL {
-        let accuracy = judged(scenario, 30, |_| {});
+        let accuracy = Recording::of(scenario).judged(|_| {});
         let level = plain(&accuracy);
         eprintln!(
             "{}: found {}/{}, swaps {}, false {}, errors {:?}",
@@ -105,7 +121,8 @@ fn tools_of_every_scene_are_found_where_they_are() {
 
 #[test]
 fn a_spoiled_calibration_makes_the_measured_error_worse() {
-    let with = |spoil: fn(&mut Camera)| rms_mm(&judged(Scenario::Rectangle, 30, spoil));
+    let recording = Recording::of(Scenario::Rectangle);
+    let with = |spoil: fn(&mut Camera)| rms_mm(&recording.judged(spoil));
     let good = with(|_| {});
     let spoiled = [
         ("a focal length 5 % too long", with(|c| (c.fx, c.fy) = (1.05 * c.fx, 1.05 * c.fy))),
@@ -120,10 +137,10 @@ fn a_spoiled_calibration_makes_the_measured_error_worse() {
 
 #[test]
 fn a_resting_tool_is_measured_at_rest() {
-    let setup = setup(Scenario::Rest);
-    let world = World::new(&setup);
-    let (tracking, truth) = track(&world, &setup, 30, world.rig.camera);
-    let tip = truth.frames[0].tools[0].tip_mm;
+    let recording = Recording::of(Scenario::Rest);
+    let tracking = recording.track(recording.world.rig.camera);
+    let tip = recording.truth().frames[0].tools[0].tip_mm;
+    assert_eq!(tracking.smoothed.samples.len(), 30);
     let wander = tracking.smoothed.samples.iter().map(|s| (s.tip_mm - tip).xy().norm()).fold(0.0, f64::max);
     assert!(wander < 1.0, "a resting tip is seen {wander} mm off, across the line of sight");
     let speeds = tracking.smoothed.samples.iter().filter_map(|s| s.velocity_mm_s).map(|v| v.norm());
