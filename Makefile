@@ -76,3 +76,7 @@ figures: release test-packages ## accuracy and cost on every scene, beside the O
 foreign-clients: release test-packages ## 500 MB by tus-js-client and tus-py-client, with cuts; memory of the server
 	@$(call install,python3-venv)
 	tests/clients/run.py $(RELEASE)
+
+.PHONY: kills
+kills: test-packages ## the service and its children killed 50 times each, during uploads and jobs
+	TROCAR_KILLS=50 cargo test --locked --test integration faults -- --nocapture

@@ -6,5 +6,6 @@ mod api;
 mod architecture;
 mod child;
 mod dependencies;
+mod faults;
 mod support;
 mod truth;
