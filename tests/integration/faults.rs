@@ -3,9 +3,8 @@
 //!
 //! `TROCAR_KILLS` says how often each is killed: a few times in every run, 50 times by `make kills`.
 
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
@@ -14,6 +13,8 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
+
+use crate::process::Process;
 
 /// A start after a kill may take this long.
 const READY: Duration = Duration::from_secs(5);
@@ -64,14 +65,9 @@ async fn every_job_ends_with_one_result_however_often_service_and_children_are_k
     }
 }
 
-/// What a service prints, line by line.
-type Stdout = Box<dyn Iterator<Item = String> + Send>;
-
 /// A box, a trainee and a task in a real process of the service.
 struct Centre {
-    process: Child,
-    /// Kept open: a service whose stdout is gone could not print.
-    stdout: Stdout,
+    process: Option<Process>,
     data: TempDir,
     scene: PathBuf,
     base: String,
@@ -84,8 +80,9 @@ impl Centre {
         let data = tempfile::tempdir().unwrap();
         let scene = data.path().join("scene");
         simulate(&scene);
-        let (process, stdout, base, password) = start(data.path());
-        let mut centre = Self { process, stdout, data, scene, base, token: String::new(), http: Client::new() };
+        let process = Process::start(&data.path().join("data"));
+        let (base, password) = (interface(&process), process.password.clone());
+        let mut centre = Self { process: Some(process), data, scene, base, token: String::new(), http: Client::new() };
         centre.sign_in(&password.expect("the first start tells the password")).await;
         centre.furnish().await;
         centre
@@ -218,19 +215,19 @@ impl Centre {
     }
 
     async fn kill_and_restart(&mut self) {
-        self.process.kill().unwrap(); // SIGKILL
-        self.process.wait().unwrap();
+        drop(self.process.take()); // SIGKILL
         let begun = Instant::now();
-        let (process, stdout, base, password) = start(self.data.path());
-        assert!(password.is_none(), "the administrator is still there");
-        (self.process, self.stdout, self.base) = (process, stdout, base);
+        let process = Process::start(&self.data.path().join("data"));
+        assert!(process.password.is_none(), "the administrator is still there");
+        self.base = interface(&process);
+        self.process = Some(process);
         let ready = self.http.get(format!("http://{}/readyz", self.host())).send().await.unwrap();
         assert_eq!(ready.status(), StatusCode::OK);
         assert!(begun.elapsed() < READY, "ready after {:?}", begun.elapsed());
     }
 
     fn kill_children(&self) {
-        let parent = self.process.id();
+        let Some(parent) = self.process.as_ref().map(Process::id) else { return };
         let children = std::fs::read_to_string(format!("/proc/{parent}/task/{parent}/children")).unwrap_or_default();
         let of_threads = std::fs::read_dir(format!("/proc/{parent}/task")).unwrap().flatten();
         let all = of_threads.filter_map(|task| std::fs::read_to_string(task.path().join("children")).ok());
@@ -245,28 +242,8 @@ impl Centre {
     }
 }
 
-impl Drop for Centre {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-/// Starts the service; its address, and the first administrator's password if this is the first start.
-fn start(data: &Path) -> (Child, Stdout, String, Option<String>) {
-    let is_first = !data.join("data").join("trocar.db").exists();
-    let mut process = Command::new(env!("CARGO_BIN_EXE_trocar"))
-        .args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "error", "--data"])
-        .arg(data.join("data"))
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut lines: Stdout = Box::new(BufReader::new(process.stdout.take().unwrap()).lines().map_while(Result::ok));
-    let address = lines.find_map(|line| line.split("http://").nth(1).map(|rest| rest.trim_end_matches('/').to_owned()));
-    let address = address.expect("the service says where it listens");
-    let password =
-        is_first.then(|| lines.find_map(|l| l.split("password ").nth(1).map(|p| p.trim().to_owned()))).flatten();
-    (process, lines, format!("http://{address}/api/v1"), password)
+fn interface(process: &Process) -> String {
+    format!("http://{}/api/v1", process.address)
 }
 
 fn simulate(folder: &Path) {

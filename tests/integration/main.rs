@@ -7,5 +7,7 @@ mod architecture;
 mod child;
 mod dependencies;
 mod faults;
+mod process;
+mod readme;
 mod support;
 mod truth;

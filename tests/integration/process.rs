@@ -1,0 +1,47 @@
+//! The real program as a process of its own, which can be killed, and whose workers can start children.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+/// A running `trocar serve`. Dropping it kills it.
+pub struct Process {
+    child: Child,
+    /// Where it listens: host and port.
+    pub address: String,
+    /// The first administrator's password, if this was the first start on the data folder.
+    pub password: Option<String>,
+    /// Kept open: a service whose stdout is gone could not print.
+    _stdout: Box<dyn Iterator<Item = String> + Send>,
+}
+
+impl Process {
+    /// Starts a service on a data folder and waits until it says where it listens.
+    pub fn start(data: &Path) -> Self {
+        let is_first = !data.join("trocar.db").exists();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_trocar"))
+            .args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "error", "--data"])
+            .arg(data)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let mut after =
+            |mark: &str| lines.find_map(|line| Some(line.split_once(mark)?.1.trim_end_matches('/').to_owned()));
+        let address = after("http://").expect("the service says where it listens");
+        let password = is_first.then(|| after("password ").expect("the first start tells the password"));
+        Self { child, address, password, _stdout: Box::new(lines) }
+    }
+
+    /// The process's id.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill(); // SIGKILL; it may have ended already
+        let _ = self.child.wait();
+    }
+}
