@@ -15,9 +15,10 @@ use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+use crate::pipeline::tube::Outline;
 use measure::Measurement;
 use session::Instant;
-use tool::{Seen, ToolTracker};
+use tool::{Scene, Seen, ToolTracker};
 
 /// Follows the tools through a recording or a live feed, frame by frame.
 pub struct Tracker {
@@ -52,9 +53,13 @@ impl Tracker {
     /// Looks at the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
+        let outlines = self.expected_outlines(frame.time_s);
         let tools = (0..self.tools.len())
             .map(|i| {
-                let seen = self.tools[i].observe(frame, &self.table, &self.settings);
+                let obstacles: Vec<Outline> =
+                    outlines.iter().enumerate().filter(|(other, _)| *other != i).filter_map(|(_, o)| *o).collect();
+                let scene = Scene { frame, table: &self.table, settings: &self.settings, obstacles: &obstacles };
+                let seen = self.tools[i].observe(&scene);
                 self.report(i, (frame.index, frame.time_s), seen)
             })
             .collect();
@@ -80,6 +85,12 @@ impl Tracker {
             Trajectory { tools: names.clone(), samples, frame_times_s: frame_times_s.clone() }
         });
         Tracking { raw, filtered, smoothed, quality }
+    }
+
+    /// Where each tool is expected to stand, so that the others know what hides them.
+    fn expected_outlines(&self, time_s: f64) -> Vec<Option<Outline>> {
+        let thread = self.settings.motion.thread();
+        self.tools.iter().map(|tool| tool.expected_tube(time_s, &thread).and_then(|(tube, _)| tube.outline())).collect()
     }
 
     fn report(&self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {

@@ -56,7 +56,29 @@ impl Tube {
     }
 }
 
+/// How far jaws reach beyond a tube's tip, mm; generous, because what they hide is only left out.
+const JAWS_MM: f64 = 30.0;
+
 impl Outline {
+    /// Does the tube, with its jaws, stand before a point `depth_mm` away that is seen along `sight`? `margin` widens it
+    /// on both sides, radians.
+    pub fn hides(&self, sight: Vector3<f64>, depth_mm: f64, margin: f64) -> bool {
+        let ray = sight.normalize();
+        if self.normals.iter().any(|normal| normal.dot(&ray) < -margin) {
+            return false;
+        }
+        // Where the axis passes behind the ray: along the axis, in the plane of both.
+        let axis = self.tube.axis;
+        let (along, tip) = (ray.dot(&axis), self.tube.tip.coords);
+        let apart = 1.0 - along * along;
+        if apart < 1e-9 {
+            return false;
+        }
+        let ahead_mm = (along * ray.dot(&tip) - axis.dot(&tip)) / apart;
+        let there = tip + axis * ahead_mm;
+        ahead_mm < JAWS_MM && there.z > 0.0 && there.z < depth_mm
+    }
+
     /// Where border 0 or 1 touches the tube, `back_mm` behind the tip.
     pub fn border(&self, side: usize, back_mm: f64) -> Point3<f64> {
         self.tube.tip - self.tube.axis * back_mm - self.normals[side] * self.tube.radius
@@ -95,5 +117,16 @@ mod tests {
                 prop_assert!((outline.rim(7.0, across) - outline.border(side, 7.0)).norm() < 1e-9);
             }
         }
+    }
+
+    #[test]
+    fn a_tube_hides_what_lies_behind_it_and_nothing_beside_before_or_far_ahead_of_it() {
+        let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::x(), radius: 4.0 };
+        let outline = tube.outline().unwrap();
+        let seen = |x: f64, y: f64| Vector3::new(x, y, 150.0);
+        assert!(outline.hides(seen(-20.0, 1.0), 200.0, 0.0));
+        assert!(!outline.hides(seen(-20.0, 1.0), 120.0, 0.0), "it lies before the tube");
+        assert!(!outline.hides(seen(-20.0, 6.0), 200.0, 0.0), "it lies beside the tube");
+        assert!(!outline.hides(seen(50.0, 0.0), 200.0, 0.0), "it lies beyond the jaws");
     }
 }

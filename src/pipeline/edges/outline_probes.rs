@@ -1,6 +1,6 @@
 //! Probes along the outline of a tube that is roughly known: both borders of its band, and the near rims of both ends.
 
-use nalgebra::Vector2;
+use nalgebra::{Point3, Vector2};
 
 use super::subpixel::Probe;
 use crate::pipeline::camera::Camera;
@@ -24,6 +24,24 @@ pub enum Place {
         /// Place across, as [`Outline::rim`] counts.
         across: f64,
     },
+}
+
+impl Place {
+    /// The place on an outline, camera frame, mm.
+    pub fn on(&self, outline: &Outline) -> Point3<f64> {
+        match *self {
+            Place::Border { side, back_mm } => outline.border(side, back_mm),
+            Place::Rim { back_mm, across } => outline.rim(back_mm, across),
+        }
+    }
+
+    /// Which of the outline's four parts it lies on: both borders, the distal end, the other end.
+    pub fn part(&self) -> usize {
+        match *self {
+            Place::Border { side, .. } => side,
+            Place::Rim { back_mm, .. } => 2 + usize::from(back_mm > 0.0),
+        }
+    }
 }
 
 /// How densely and how far to look.
@@ -87,7 +105,7 @@ pub fn rim_probes(
     }
 }
 
-fn pixel_of(camera: &Camera, point: nalgebra::Point3<f64>) -> Option<Pixel> {
+fn pixel_of(camera: &Camera, point: Point3<f64>) -> Option<Pixel> {
     camera.project(CameraPoint(point))
 }
 

@@ -66,14 +66,6 @@ impl MeasuredEdge {
             }
         }
     }
-
-    /// Which of the four shared offsets applies.
-    pub fn part(&self) -> usize {
-        match self.place {
-            Place::Border { side, .. } => side,
-            Place::Rim { back_mm, .. } => 2 + usize::from(back_mm > 0.0),
-        }
-    }
 }
 
 /// Which edges may be left out.
@@ -85,10 +77,18 @@ pub enum Trust {
     All,
 }
 
-/// Fits the tube to the edges, starting from `start`.
-pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera, trust: Trust) -> Option<TubeEstimate> {
+/// Fits the tube to the edges, starting from `start`. `length_sigma_px` says how well the place of the band's other end
+/// is known, seen in pixels: 0 for a measured length.
+pub fn fit(
+    edges: &[MeasuredEdge],
+    start: &Tube,
+    camera: &Camera,
+    trust: Trust,
+    length_sigma_px: f64,
+) -> Option<TubeEstimate> {
+    let bias = [EDGE_BIAS_PX, EDGE_BIAS_PX, EDGE_BIAS_PX, EDGE_BIAS_PX.hypot(length_sigma_px)];
     const ROUNDS: usize = 8;
-    let count = |part: usize| edges.iter().filter(|e| e.part() == part).count();
+    let count = |part: usize| edges.iter().filter(|e| e.place.part() == part).count();
     if count(0).min(count(1)) < FEWEST_BORDER_EDGES || count(2) + count(3) == 0 {
         return None;
     }
@@ -96,7 +96,7 @@ pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera, trust: Trust) 
     let mut offsets = SVector::<f64, 4>::zeros();
     let mut last = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let system = System::build(edges, &tube, &offsets, camera, trust)?;
+        let system = System::build(edges, &tube, &offsets, &bias, camera, trust)?;
         let step = system.matrix.cholesky()?.solve(&system.right);
         tube = turned(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
         offsets += step.fixed_rows::<4>(5);
@@ -109,7 +109,7 @@ pub fn fit(edges: &[MeasuredEdge], start: &Tube, camera: &Camera, trust: Trust) 
         }
         last = size;
     }
-    let system = System::build(edges, &tube, &offsets, camera, trust)?;
+    let system = System::build(edges, &tube, &offsets, &bias, camera, trust)?;
     let covariance = system.matrix.cholesky()?.inverse();
     Some(TubeEstimate {
         tube,
@@ -133,6 +133,7 @@ impl System {
         edges: &[MeasuredEdge],
         tube: &Tube,
         offsets: &SVector<f64, 4>,
+        bias: &[f64; 4],
         camera: &Camera,
         trust: Trust,
     ) -> Option<Self> {
@@ -140,7 +141,7 @@ impl System {
         let nudged = nudged_outlines(tube)?;
         let residuals: Vec<f64> = edges
             .iter()
-            .map(|e| e.residual_px(&outline, camera).map(|r| r - offsets[e.part()]))
+            .map(|e| e.residual_px(&outline, camera).map(|r| r - offsets[e.place.part()]))
             .collect::<Option<_>>()?;
         let sigma = |e: &MeasuredEdge| e.sigma_px.hypot(LEAST_SIGMA_PX);
         let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
@@ -158,14 +159,14 @@ impl System {
                 // The outline moves outwards by as much as the residual falls.
                 row[i] = (edge.residual_px(behind, camera)? - edge.residual_px(ahead, camera)?) / (2.0 * NUDGE[i]);
             }
-            row[5 + edge.part()] = 1.0;
+            row[5 + edge.place.part()] = 1.0;
             matrix.ger(information, &row, &row, 1.0);
             right += row * (information * residual);
             squares += weight * residual * residual;
             weights += weight;
         }
         for part in 0..4 {
-            let prior = 1.0 / (EDGE_BIAS_PX * EDGE_BIAS_PX);
+            let prior = 1.0 / (bias[part] * bias[part]);
             matrix[(5 + part, 5 + part)] += prior;
             right[5 + part] -= prior * offsets[part];
         }

@@ -1,6 +1,6 @@
 //! One band on one frame: from a region of the marker's colour to a tube in space with its covariance.
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::{Point2, Point3, Vector2};
 
 use crate::pipeline::blob::moments::Rectangle;
 use crate::pipeline::camera::Camera;
@@ -8,7 +8,7 @@ use crate::pipeline::edges::line_fit::{self, Line};
 use crate::pipeline::edges::outline_probes::{Place, ProbeLayout, border_probes, rim_probes};
 use crate::pipeline::edges::scan_lines::{self, CoarseBand};
 use crate::pipeline::edges::shaft;
-use crate::pipeline::edges::subpixel::{EdgeModel, Probe};
+use crate::pipeline::edges::subpixel::{Edge, EdgeModel, Probe};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::pipeline::pose::{TubeEstimate, band_length, pinhole_width, tangent_planes};
@@ -16,7 +16,7 @@ use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
 use crate::pipeline::tracker::{PoseMethod, ToolSpec};
-use crate::pipeline::tube::Tube;
+use crate::pipeline::tube::{Outline, Tube};
 
 /// What a measurement needs besides the region.
 pub struct Bench<'a> {
@@ -30,6 +30,10 @@ pub struct Bench<'a> {
     pub class: u8,
     /// The tool.
     pub spec: &'a ToolSpec,
+    /// Length of its band and how well that is known, mm: measured by a person, or learned from this recording.
+    pub length: Option<(f64, f64)>,
+    /// Other tools, that may stand before it.
+    pub obstacles: &'a [Outline],
     /// How its edges look.
     pub edges: &'a mut EdgeModel,
     /// Pose method.
@@ -45,7 +49,7 @@ pub struct Measurement {
     pub length_mm: f64,
     /// Share of the outline's probes that found an edge which agrees with the tube.
     pub seen_share: f64,
-    /// Every end of the band that the tube was fitted to was really met.
+    /// Every end of the band that is in sight was met.
     pub ends_seen: bool,
 }
 
@@ -58,6 +62,25 @@ impl Measurement {
     /// Do the pixels explain the tube so well that no other start need be tried?
     pub fn is_good(&self) -> bool {
         self.estimate.residual_px < 0.4 && self.seen_share > 0.55 && self.ends_seen
+    }
+}
+
+/// Edges along an outline.
+#[derive(Default)]
+struct FoundEdges {
+    edges: Vec<MeasuredEdge>,
+    /// Probes that could have found one, on each of the four parts.
+    visible: [f64; 4],
+}
+
+impl FoundEdges {
+    /// Was every end that is in sight met?
+    fn ends_seen(&self) -> bool {
+        const FEWEST: usize = 2;
+        [2, 3].into_iter().all(|part| {
+            let met = self.edges.iter().filter(|e| e.place.part() == part).count();
+            met >= FEWEST || self.visible[part] < FEWEST as f64
+        })
     }
 }
 
@@ -105,7 +128,7 @@ impl Bench<'_> {
 
     /// Refines each start until one explains the pixels well; else the best of them, if it is possible at all.
     fn best_of(&mut self, starts: &[Tube], seen_mm: Option<f64>) -> Result<Measurement, Reason> {
-        let length_mm = self.spec.band_length_mm.or(seen_mm).ok_or(Reason::ImpossiblePose)?;
+        let length_mm = self.length.map(|l| l.0).or(seen_mm).ok_or(Reason::ImpossiblePose)?;
         let mut outcome: Result<Measurement, Reason> = Err(Reason::ImpossiblePose);
         for start in starts {
             let found = self.refine(*start, length_mm, &LOOKS);
@@ -130,13 +153,13 @@ impl Bench<'_> {
     /// gives is rough, the one that the length gives is not. A length alone cannot tell leaning away from leaning
     /// towards: both, the better one first.
     fn by_length(&self, coarse: &CoarseBand, ends: [Normalised; 2]) -> Vec<Tube> {
-        let Some(length_mm) = self.spec.band_length_mm else { return Vec::new() };
+        let Some((length_mm, _)) = self.length else { return Vec::new() };
         let radius = 0.5 * self.spec.diameter_mm;
         let depth = 2.0 * radius * self.camera.fx / coarse.width_px + radius;
         let fits = [1.0, -1.0].into_iter().filter_map(|sign| {
             let start = band_length::leaning(ends, depth, length_mm, radius, sign)?;
             let edges = self.coarse_edges(coarse, &start, length_mm)?;
-            joint_fit::fit(&edges, &start, self.camera, Trust::All)
+            joint_fit::fit(&edges, &start, self.camera, Trust::All, 0.0)
         });
         let mut fits: Vec<TubeEstimate> = fits.collect();
         fits.sort_by(|a, b| a.residual_px.total_cmp(&b.residual_px));
@@ -177,60 +200,86 @@ impl Bench<'_> {
     /// Moves an expected tube onto the edges that the pixels show, without a region of colour; only where they explain it
     /// well.
     pub fn follow(&mut self, expected: &Tube, length_mm: f64) -> Option<Measurement> {
-        self.refine(*expected, length_mm, &LOOKS[1..]).ok().filter(Measurement::is_good)
+        let exact = self.method == PoseMethod::TangentPlanes;
+        exact.then(|| self.refine(*expected, length_mm, &LOOKS[1..]).ok())?.filter(Measurement::is_good)
     }
 
     /// Moves a rough tube onto the edges that the pixels show.
     fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[ProbeLayout]) -> Result<Measurement, Reason> {
         let mut measurement = Err(Reason::BordersNotFound);
         for layout in looks {
-            let (edges, probes) = self.edges_along(&tube, length_mm, *layout)?;
-            let estimate =
-                joint_fit::fit(&edges, &tube, self.camera, Trust::Majority).ok_or(Reason::BordersNotFound)?;
+            let found = self.edges_along(&tube, length_mm, *layout)?;
+            if found.edges.iter().all(|e| e.place.part() < 2) {
+                return Err(Reason::TipHidden);
+            }
+            let length_sigma_px = self.length.map_or(0.0, |(_, sigma)| sigma * self.px_per_mm_along(&tube, length_mm));
+            let estimate = joint_fit::fit(&found.edges, &tube, self.camera, Trust::Majority, length_sigma_px)
+                .ok_or(Reason::BordersNotFound)?;
             tube = estimate.tube;
-            let seen_share = estimate.support / probes.max(1) as f64;
-            let ends_seen = self.ends_seen(&edges);
+            let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
+            let ends_seen = found.ends_seen();
             measurement = Ok(Measurement { estimate, length_mm, seen_share, ends_seen });
         }
-        measurement
+        let mut measurement: Measurement = measurement?;
+        if self.length.is_none() {
+            measurement.length_mm += self.length_error(&tube, length_mm).unwrap_or(0.0);
+        }
+        Ok(measurement)
     }
 
-    fn ends_seen(&self, edges: &[MeasuredEdge]) -> bool {
-        const FEWEST: usize = 2;
-        let at_end = |distal: bool| {
-            let rims =
-                edges.iter().filter(|e| matches!(e.place, Place::Rim { back_mm, .. } if (back_mm == 0.0) == distal));
-            rims.count() >= FEWEST
-        };
-        at_end(true) && (self.spec.band_length_mm.is_none() || at_end(false))
+    /// By how much the band is longer than thought, from the edge at its other end, mm.
+    fn length_error(&mut self, tube: &Tube, length_mm: f64) -> Option<f64> {
+        let mut probes = Vec::new();
+        rim_probes(&tube.outline()?, self.camera, length_mm, 0.5 * length_mm, LOOKS[1], &mut probes);
+        let mut offsets: Vec<f64> =
+            probes.iter().filter_map(|(_, probe)| self.locate(probe)).map(|e| e.offset_px).collect();
+        offsets.sort_by(f64::total_cmp);
+        Some(offsets.get(offsets.len() / 2)? / self.px_per_mm_along(tube, length_mm))
     }
 
-    /// The edges found along a tube's outline, and how many were looked for.
-    fn edges_along(
-        &mut self,
-        tube: &Tube,
-        length_mm: f64,
-        layout: ProbeLayout,
-    ) -> Result<(Vec<MeasuredEdge>, usize), Reason> {
+    /// Pixels that one millimetre along the axis takes at the band's other end.
+    fn px_per_mm_along(&self, tube: &Tube, length_mm: f64) -> f64 {
+        let pixel = |back: f64| self.camera.project(CameraPoint(tube.tip - tube.axis * back)).map(|p| p.0);
+        let pair = pixel(length_mm).zip(pixel(length_mm + 1.0));
+        pair.map_or(1.0, |(near, far)| (near - far).norm()).max(0.05)
+    }
+
+    fn locate(&mut self, probe: &Probe) -> Option<Edge> {
+        let (table, class) = (self.table, self.class);
+        self.edges.locate(self.frame, probe, |codes| table.class_of(codes) == class)
+    }
+
+    /// The edges along a tube's outline, and what of it could be seen.
+    fn edges_along(&mut self, tube: &Tube, length_mm: f64, layout: ProbeLayout) -> Result<FoundEdges, Reason> {
         let outline = tube.outline().ok_or(Reason::ImpossiblePose)?;
         let margin = END_MARGIN * tube.radius;
         let mut probes: Vec<(Place, Probe)> = Vec::new();
         border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);
         rim_probes(&outline, self.camera, 0.0, 0.5 * length_mm, layout, &mut probes);
-        if self.spec.band_length_mm.is_some() {
+        if self.length.is_some() {
             rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, layout, &mut probes);
         }
-        let (frame, camera, model) = (self.frame, self.camera, &mut *self.edges);
-        let (table, class) = (self.table, self.class);
-        let edges = probes
-            .iter()
-            .filter_map(|(place, probe)| {
-                let edge = model.locate(frame, probe, |codes| table.class_of(codes) == class)?;
-                let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
-                MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, camera)
-            })
-            .collect();
-        Ok((edges, probes.len()))
+        let mut found = FoundEdges::default();
+        for (place, probe) in &probes {
+            if !self.is_visible(place.on(&outline), probe.middle) {
+                continue;
+            }
+            found.visible[place.part()] += 1.0;
+            let Some(edge) = self.locate(probe) else { continue };
+            let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
+            found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
+        }
+        Ok(found)
+    }
+
+    /// Is a place on the outline inside the frame, and before every other tool?
+    fn is_visible(&self, place: Point3<f64>, at: Pixel) -> bool {
+        const RIM_PX: f64 = 3.0;
+        const CLEAR_PX: f64 = 4.0;
+        let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
+        let in_frame = at.u() > RIM_PX && at.v() > RIM_PX && at.u() < width - RIM_PX && at.v() < height - RIM_PX;
+        let clear = CLEAR_PX / self.camera.fx;
+        in_frame && !self.obstacles.iter().any(|other| other.hides(place.coords, place.z, clear))
     }
 
     /// The width's own covariance: whole-pixel borders, each uncertain by a third of a pixel.

@@ -37,7 +37,8 @@ pub fn rework(
     thread: &ThreadSettings,
 ) -> ToolPaths {
     let estimates: Vec<TubeEstimate> = tool.records.iter().filter_map(|r| r.estimate).collect();
-    let fulcrum = fulcrum::estimate(&estimates).filter(tool::is_known);
+    let good: Vec<TubeEstimate> = tool.records.iter().filter(|r| r.is_good).filter_map(|r| r.estimate).collect();
+    let fulcrum = fulcrum::estimate(&good).filter(tool::is_known);
     let mut paths = ToolPaths {
         raw: Vec::new(),
         filtered: Vec::new(),

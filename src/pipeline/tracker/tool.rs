@@ -16,15 +16,15 @@ use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
 use crate::pipeline::space::CameraPoint;
-use crate::pipeline::tube::Tube;
+use crate::pipeline::tube::{Outline, Tube};
 
 /// What one frame left behind for the recording's end.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
     /// The measurement before the fulcrum steadied it.
     pub estimate: Option<TubeEstimate>,
-    /// Length of band that it spans, mm.
-    pub length_mm: f64,
+    /// The pixels explain it so well that the fulcrum may be learned from it.
+    pub is_good: bool,
     /// Why there is no measurement, or why it was refused.
     pub reason: Option<Reason>,
 }
@@ -39,7 +39,50 @@ pub struct ToolTracker {
     last: Option<(Tube, f64)>,
     fulcrum: Option<Fulcrum>,
     keyframes: Vec<TubeEstimate>,
+    lengths: BandLengths,
     pub(super) records: Vec<Record>,
+}
+
+/// What all tools see of a frame.
+pub struct Scene<'a> {
+    /// The frame.
+    pub frame: &'a Frame<'a>,
+    /// Colours.
+    pub table: &'a ColourTable,
+    /// Camera and methods.
+    pub settings: &'a TrackerSettings,
+    /// Outlines of the other tools, where they are expected.
+    pub obstacles: &'a [Outline],
+}
+
+/// Lengths of a band that nobody measured, as its ends were seen.
+#[derive(Default)]
+struct BandLengths {
+    seen_mm: Vec<f64>,
+}
+
+impl BandLengths {
+    /// Views that are enough to know the length, and to keep.
+    const ENOUGH: usize = 12;
+    const MOST: usize = 64;
+
+    fn add(&mut self, length_mm: f64) {
+        if self.seen_mm.len() < Self::MOST {
+            self.seen_mm.push(length_mm);
+        }
+    }
+
+    /// The usual length with its standard deviation, mm; a band partly hidden looks shorter, so that the upper half of
+    /// what was seen counts.
+    fn learned(&self) -> Option<(f64, f64)> {
+        if self.seen_mm.len() < Self::ENOUGH {
+            return None;
+        }
+        let mut sorted = self.seen_mm.clone();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64) as usize];
+        Some((at(0.65), (at(0.9) - at(0.4)).max(0.02 * at(0.65))))
+    }
 }
 
 /// What one frame says of a tool.
@@ -67,21 +110,23 @@ impl ToolTracker {
             last: None,
             fulcrum: None,
             keyframes: Vec::new(),
+            lengths: BandLengths::default(),
             records: Vec::new(),
         }
     }
 
     /// Finds the tool on a frame.
-    pub(super) fn observe(&mut self, frame: &Frame<'_>, table: &ColourTable, settings: &TrackerSettings) -> Seen {
-        let thread = settings.motion.thread();
+    pub(super) fn observe(&mut self, scene: &Scene<'_>) -> Seen {
+        let thread = scene.settings.motion.thread();
+        let frame = scene.frame;
         let expected = self.expected_tube(frame.time_s, &thread);
         let followed = expected
-            .and_then(|(tube, length)| self.bench(frame, table, settings).follow(&tube, length))
+            .and_then(|(tube, length)| self.bench(scene).follow(&tube, length))
             .filter(|m| self.thread.would_believe(frame.time_s, &m.estimate, &thread));
         let measured = match followed {
             Some(measurement) => Ok(measurement),
-            None => match self.look(frame, table, settings, expected) {
-                Err(_) if expected.is_some() => self.look(frame, table, settings, None),
+            None => match self.look(scene, expected) {
+                Err(_) if expected.is_some() => self.look(scene, None),
                 found => found,
             },
         };
@@ -101,17 +146,11 @@ impl ToolTracker {
     }
 
     /// Searches one place, or the whole frame, and measures the likeliest regions until one is a band.
-    fn look(
-        &mut self,
-        frame: &Frame<'_>,
-        table: &ColourTable,
-        settings: &TrackerSettings,
-        expected: Option<(Tube, f64)>,
-    ) -> Result<Measurement, Reason> {
+    fn look(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Result<Measurement, Reason> {
         const MOST_REGIONS: usize = 3;
         let mut best_reason = Reason::NoMarkerColour;
-        for region in self.regions(frame, table, &settings.camera, expected).iter().take(MOST_REGIONS) {
-            match self.measure(frame, table, settings, region) {
+        for region in self.regions(scene, expected).iter().take(MOST_REGIONS) {
+            match self.measure(scene, region) {
                 Ok(measurement) => return Ok(measurement),
                 Err(reason) => best_reason = best_reason.max(reason),
             }
@@ -119,13 +158,8 @@ impl ToolTracker {
         Err(best_reason)
     }
 
-    fn regions(
-        &mut self,
-        frame: &Frame<'_>,
-        table: &ColourTable,
-        camera: &Camera,
-        expected: Option<(Tube, f64)>,
-    ) -> Vec<Component> {
+    fn regions(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Vec<Component> {
+        let (frame, table, camera) = (scene.frame, scene.table, &scene.settings.camera);
         let places = match expected {
             Some((tube, length)) => place_of(&tube, length, camera, frame).into_iter().collect(),
             None => coarse_search(frame, table, self.class),
@@ -141,37 +175,28 @@ impl ToolTracker {
         regions
     }
 
-    fn measure(
-        &mut self,
-        frame: &Frame<'_>,
-        table: &ColourTable,
-        settings: &TrackerSettings,
-        region: &Component,
-    ) -> Result<Measurement, Reason> {
+    fn measure(&mut self, scene: &Scene<'_>, region: &Component) -> Result<Measurement, Reason> {
         let rectangle = select::judge(region)?;
-        let to_hand = self.direction_to_hand(&settings.camera);
-        self.bench(frame, table, settings)
+        let to_hand = self.direction_to_hand(&scene.settings.camera);
+        self.bench(scene)
             .measure(&rectangle, |first, second| to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0))
     }
 
-    fn bench<'a>(
-        &'a mut self,
-        frame: &'a Frame<'a>,
-        table: &'a ColourTable,
-        settings: &'a TrackerSettings,
-    ) -> Bench<'a> {
+    fn bench<'a>(&'a mut self, scene: &'a Scene<'a>) -> Bench<'a> {
         Bench {
-            frame,
-            camera: &settings.camera,
-            table,
+            frame: scene.frame,
+            camera: &scene.settings.camera,
+            table: scene.table,
             class: self.class,
             spec: &self.spec,
+            length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.learned()),
+            obstacles: scene.obstacles,
             edges: &mut self.edges,
-            method: settings.pose,
+            method: scene.settings.pose,
         }
     }
 
-    fn expected_tube(&self, time_s: f64, thread: &ThreadSettings) -> Option<(Tube, f64)> {
+    pub(super) fn expected_tube(&self, time_s: f64, thread: &ThreadSettings) -> Option<(Tube, f64)> {
         let state = self.thread.expected(time_s, thread)?;
         let (last, length) = self.last?;
         Some((Tube { tip: state.tip(), ..last }, length))
@@ -188,10 +213,11 @@ impl ToolTracker {
 
     fn remember(&mut self, measured: &Result<Measurement, Reason>) {
         self.records.push(match measured {
-            Ok(m) => Record { estimate: Some(m.estimate), length_mm: m.length_mm, reason: None },
-            Err(reason) => Record { estimate: None, length_mm: 0.0, reason: Some(*reason) },
+            Ok(m) => Record { estimate: Some(m.estimate), is_good: m.is_good(), reason: None },
+            Err(reason) => Record { estimate: None, is_good: false, reason: Some(*reason) },
         });
-        let Ok(m) = measured else { return };
+        let Some(m) = measured.as_ref().ok().filter(|m| m.is_good()) else { return };
+        self.lengths.add(m.length_mm);
         self.keyframes.push(m.estimate);
         if self.keyframes.len() % 16 == 0 {
             self.fulcrum = fulcrum::estimate(&self.keyframes).filter(is_known).or(self.fulcrum);
