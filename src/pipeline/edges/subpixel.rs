@@ -50,7 +50,8 @@ pub struct EdgeModel {
     curves: Vec<[f32; 3]>,
     /// Blur of Y, U, V: standard deviation, pixels.
     pub blur_px: [f64; 3],
-    /// Variance of pixels about the model in Y, U, V, codes².
+    /// Variance of pixels about the model in Y, U, V, codes²: the median of the edges', which creases and patterns beside
+    /// some of them do not raise.
     noise: [f64; 3],
     /// The tape's usual chroma, codes.
     tape: Vector2<f64>,
@@ -75,8 +76,9 @@ const HABIT_SPREAD: [f64; 3] = [0.5, 0.3, 0.2];
 struct BlurEvidence {
     gradient: f64,
     information: f64,
-    squares: f64,
-    freedom: f64,
+    /// Edges, and those among them whose residuals exceed the noise.
+    probes: f64,
+    noisier: f64,
 }
 
 const STEPS_PER_SIGMA: f64 = 32.0;
@@ -84,6 +86,9 @@ const TABLE_REACH: f64 = 8.0;
 /// Softest edge that still tells where it is, pixels.
 const WORST_SIGMA_PX: f64 = 1.0;
 const MOST_SAMPLES: usize = 256;
+/// A plane of half the resolution is looked at over a window that much wider: three of its samples cannot show both
+/// sides of an edge.
+const COARSE_PLANE_REACH: f64 = 1.5;
 
 impl EdgeModel {
     /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
@@ -123,8 +128,9 @@ impl EdgeModel {
             for plane in 0..3 {
                 fits[plane] =
                     self.fit_plane(plane, &samples[plane], offset, probe.radius_px, self.habits[0] * spill[plane])?;
-                gradient += fits[plane].step * fits[plane].gradient / self.noise[plane];
-                information += fits[plane].step.powi(2) * fits[plane].information / self.noise[plane];
+                let noise = self.noise[plane].max(fits[plane].variance());
+                gradient += fits[plane].step * fits[plane].gradient / noise;
+                information += fits[plane].step.powi(2) * fits[plane].information / noise;
             }
             spill = self.spill_of(&fits);
             if pass == 0 {
@@ -152,11 +158,7 @@ impl EdgeModel {
         }
         self.learn(&fits);
         self.learn_habits(&fits, spill, probe.outward);
-        let excess = (0..3)
-            .map(|p| fits[p].step.powi(2) * fits[p].information / self.noise[p] * fits[p].variance() / self.noise[p])
-            .sum::<f64>();
-        let inflation = (excess / information).max(1.0);
-        Some(Edge { offset_px: offset, sigma_px: (inflation / information).sqrt() })
+        Some(Edge { offset_px: offset, sigma_px: (1.0 / information).sqrt() })
     }
 
     /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
@@ -170,9 +172,9 @@ impl EdgeModel {
                 let step = (seen.gradient / seen.information).clamp(-0.2, 0.2);
                 self.blur_px[plane] = (self.blur_px[plane] + pace * step).clamp(0.4, 4.0);
             }
-            if seen.freedom > 200.0 {
-                let variance = (seen.squares / seen.freedom).clamp(0.5, 400.0);
-                self.noise[plane] += pace * (variance - self.noise[plane]);
+            if seen.probes > 0.0 {
+                let lean = (seen.noisier - 0.5 * seen.probes) / seen.probes; // 0 where the noise is the median
+                self.noise[plane] = (self.noise[plane] * (4.0 * pace * lean).exp()).clamp(0.3, 400.0);
             }
         }
     }
@@ -231,9 +233,9 @@ impl EdgeModel {
             if variance < 6.0 * self.noise[plane] {
                 seen.gradient += fit.blur_gradient / self.noise[plane];
                 seen.information += fit.blur_information / self.noise[plane];
-                seen.squares += fit.squares;
-                seen.freedom += fit.freedom;
             }
+            seen.probes += 1.0;
+            seen.noisier += f64::from(u8::from(variance > self.noise[plane]));
         }
     }
 
@@ -373,8 +375,9 @@ fn gather(plane: &Plane<'_>, shift: (u8, u8), probe: &Probe, into: &mut [&mut Pl
     let rows = 1 - run;
     let half_rows = probe.half_length_px * normal[run].abs();
     let slant = normal[rows] / normal[run];
-    let (back, ahead) =
-        if normal[run] > 0.0 { (probe.inwards_px, probe.outwards_px) } else { (probe.outwards_px, probe.inwards_px) };
+    let wider = if scale[run] > 1.0 { COARSE_PLANE_REACH } else { 1.0 };
+    let (inwards, outwards) = (probe.inwards_px * wider, probe.outwards_px * wider);
+    let (back, ahead) = if normal[run] > 0.0 { (inwards, outwards) } else { (outwards, inwards) };
     let index = |axis: usize, at: f64| (at - first[axis]) / scale[axis];
     let last = |axis: usize, at: f64| (at.ceil().max(0.0) as usize).min(sizes[axis]);
     let row_from = index(rows, middle[rows] - half_rows).ceil().max(0.0) as usize;
