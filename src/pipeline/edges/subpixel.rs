@@ -86,6 +86,8 @@ const TABLE_REACH: f64 = 8.0;
 /// Softest edge that still tells where it is, pixels.
 const WORST_SIGMA_PX: f64 = 1.0;
 const MOST_SAMPLES: usize = 256;
+/// Farthest that the finer model may move from the sharpest plain step, pixels.
+const FARTHEST_FROM_STEP_PX: f64 = 1.3;
 /// A plane of half the resolution is looked at over a window that much wider: three of its samples cannot show both
 /// sides of an edge.
 const COARSE_PLANE_REACH: f64 = 1.5;
@@ -119,7 +121,8 @@ impl EdgeModel {
             plane.distances[..plane.len].iter_mut().for_each(|d| *d += chroma_shift as f32);
         }
         let mut spill = Vector3::zeros();
-        let mut offset = 0.0;
+        let guess = self.sharpest_step(&samples, probe)?;
+        let mut offset = guess;
         let mut fits = [PlaneFit::default(); 3];
         let mut information = 0.0;
         for pass in 0..4 {
@@ -141,8 +144,8 @@ impl EdgeModel {
             }
             let step = (gradient / information).clamp(-1.5, 1.5);
             offset += step;
-            if offset > probe.outwards_px - 1.0 || offset < 1.0 - probe.inwards_px {
-                return None;
+            if (offset - guess).abs() > FARTHEST_FROM_STEP_PX {
+                return None; // another optimum, where the shading stands in for the edge
             }
             if step.abs() < 0.01 {
                 break;
@@ -159,6 +162,17 @@ impl EdgeModel {
         self.learn(&fits);
         self.learn_habits(&fits, spill, probe.outward);
         Some(Edge { offset_px: offset, sigma_px: (1.0 / information).sqrt() })
+    }
+
+    /// Where one plain step explains the samples best, to half a pixel: the start, so that the finer model cannot settle
+    /// where its shading term imitates the edge.
+    fn sharpest_step(&self, samples: &[PlaneSamples; 3], probe: &Probe) -> Option<f64> {
+        let steps: Vec<StepScan> = samples.iter().map(StepScan::new).collect();
+        let (first, last) = (1.0 - probe.inwards_px, probe.outwards_px - 1.0);
+        let candidates = (0..StepScan::BINS).map(StepScan::place).filter(|at| (first..=last).contains(at));
+        let cost =
+            |at: f64| -> f64 { steps.iter().zip(&self.noise).map(|(scan, noise)| scan.misfit(at) / noise).sum() };
+        candidates.map(|at| (at, cost(at))).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
     }
 
     /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
@@ -307,6 +321,44 @@ impl EdgeModel {
             [0, 1, 2].map(|i| f64::from(low[i]) + part * (f64::from(high[i]) - f64::from(low[i])));
         let beyond = (-z - TABLE_REACH).max(0.0);
         [share, slope, if beyond > 0.0 { (-z).sqrt() } else { depth }]
+    }
+}
+
+/// A plane's samples summed by distance, so that a step can be tried at every half pixel.
+struct StepScan {
+    /// For each place: count, sum and sum of squares of the samples inside it.
+    below: [(f64, f64, f64); StepScan::BINS + 1],
+}
+
+impl StepScan {
+    const BINS: usize = 64;
+    const PER_PX: f64 = 2.0;
+
+    fn new(samples: &PlaneSamples) -> Self {
+        let mut below = [(0.0, 0.0, 0.0); Self::BINS + 1];
+        for (distance, value) in samples.pairs() {
+            let bin = (distance * Self::PER_PX + Self::BINS as f64 / 2.0).clamp(0.0, Self::BINS as f64 - 1.0) as usize;
+            let sums = &mut below[bin + 1];
+            *sums = (sums.0 + 1.0, sums.1 + value, sums.2 + value * value);
+        }
+        for i in 1..below.len() {
+            let before = below[i - 1];
+            below[i] = (below[i].0 + before.0, below[i].1 + before.1, below[i].2 + before.2);
+        }
+        Self { below }
+    }
+
+    /// Distance of a bin's inner edge from the chord, pixels.
+    fn place(bin: usize) -> f64 {
+        (bin as f64 - Self::BINS as f64 / 2.0) / Self::PER_PX
+    }
+
+    /// Sum of squares about two means, inside and outside of a step.
+    fn misfit(&self, at: f64) -> f64 {
+        let about_mean = |(count, sum, squares): (f64, f64, f64)| squares - sum * sum / f64::max(count, 1.0);
+        let bin = (at * Self::PER_PX + Self::BINS as f64 / 2.0) as usize;
+        let (inside, all) = (self.below[bin.min(Self::BINS)], self.below[Self::BINS]);
+        about_mean(inside) + about_mean((all.0 - inside.0, all.1 - inside.1, all.2 - inside.2))
     }
 }
 
