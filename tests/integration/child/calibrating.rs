@@ -64,6 +64,7 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
     let Some(scene) = SharedScene::find("V1") else { return };
     let marks = scene.marks();
     let mut frames: Vec<u64> = marks.iter().map(|mark| mark.frame).collect();
+    frames.sort_unstable();
     frames.dedup();
     let folder = tempfile::tempdir().unwrap();
     let mut pictures = Vec::new();
