@@ -309,7 +309,7 @@ fn complaint(attack: &Attack, path: &Path) -> Option<String> {
     let patience = Budget { wall: Duration::from_secs(30), ..budget() };
     let (result, cost) = probe_with(path, &patience);
     let told = format!("{result:?}");
-    println!(
+    eprintln!(
         "| {} | {} B | {} | {:.2} s | {:.2} s CPU | {} MiB |",
         attack.name,
         attack.bytes.len(),
@@ -372,5 +372,5 @@ fn the_largest_accepted_picture_is_decoded_within_the_memory_limit() {
     let (heard, cost) = probe(&path);
     let heard = heard.unwrap();
     assert_eq!((heard.size, heard.times_s.len()), (Some((4096, 2304)), 30));
-    println!("4096×2304: {cost:?}");
+    eprintln!("4096×2304: {cost:?}");
 }

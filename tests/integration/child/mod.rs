@@ -45,7 +45,6 @@ fn probe_with(path: &Path, budget: &Budget) -> (Result<Heard, Failure>, Cost) {
 }
 
 /// The name of the problem with which a file is refused; anything else fails the test.
-
 fn refusal(path: &Path) -> String {
     match probe(path).0 {
         Err(Failure::Explained(problem)) => problem.slug,

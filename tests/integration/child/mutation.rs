@@ -125,7 +125,7 @@ fn damaged_recordings_neither_hang_nor_break_the_protocol() {
             });
         }
     });
-    println!(
+    eprintln!(
         "{files} damaged files: {} decoded in part, {} explained, {} MiB at most",
         decoded.into_inner(),
         explained.into_inner(),
