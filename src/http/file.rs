@@ -112,7 +112,7 @@ mod tests {
         let text = disposition("attachment", "a\"; filename=evil.html\r\nX: y/../ä.mp4");
         assert_eq!(
             text,
-            "attachment; filename=\"a__ filename_evil.html__X_ y_.._._.mp4\"; \
+            "attachment; filename=\"a__ filename_evil.html__X_ y_..__.mp4\"; \
              filename*=UTF-8''a%22%3B%20filename%3Devil.html%0D%0AX%3A%20y%2F..%2F%C3%A4.mp4"
         );
     }

@@ -41,7 +41,8 @@ pub fn of_recording(world: &World, times_s: &[f64]) -> Vec<Mark> {
         leafed.iter().map(|f| truth::at(world, times_s[*f]).iter().map(|t| t.visible).collect()).collect();
     let mut marks = Vec::new();
     for tool in 0..world.tools.len() {
-        let plain: Vec<usize> = (0..leafed.len()).filter(|i| seen[*i][tool] > PLAIN).map(|i| leafed[i]).collect();
+        let looks = leafed.iter().zip(&seen);
+        let plain: Vec<usize> = looks.filter(|(_, seen)| seen[tool] > PLAIN).map(|(frame, _)| *frame).collect();
         marks.extend(spread(&plain, FRAMES).into_iter().flat_map(|f| on_tool(world, tool, f, times_s[f])));
     }
     let mut dice = Dice::new(world.seed, "marks");

@@ -52,7 +52,7 @@ impl RoundCone {
         let along = self.b - self.a;
         let length = along.norm();
         let slope = (self.radius_a - self.radius_b) / length;
-        if !(slope.abs() < 1.0) {
+        if slope.is_nan() || slope.abs() >= 1.0 {
             return None; // one sphere holds the other (or both ends coincide: the slope is not a number)
         }
         let (axis, stretch) = (along / length, 1.0 / (1.0 - slope * slope));

@@ -149,6 +149,6 @@ mod tests {
     #[test]
     fn points_on_one_spot_have_no_homography() {
         let points = vec![Point2::new(1.0, 1.0); 9];
-        assert_eq!(homography(&points, &vec![Pixel::new(3.0, 3.0); 9]), None);
+        assert_eq!(homography(&points, &[Pixel::new(3.0, 3.0); 9]), None);
     }
 }

@@ -127,7 +127,7 @@ impl Coverage {
         let mut counts = vec![0; Self::COLUMNS * Self::ROWS];
         let cell = |at: f64, size: u32, cells: usize| {
             let share = (at + 0.5) / f64::from(size); // pixel centres are whole: the picture spans −½ … size − ½
-            (0.0..1.0).contains(&share).then(|| (share * cells as f64) as usize)
+            (0.0..1.0).contains(&share).then_some((share * cells as f64) as usize)
         };
         for corner in corners {
             let place = cell(corner.u(), width, Self::COLUMNS).zip(cell(corner.v(), height, Self::ROWS));

@@ -219,7 +219,7 @@ impl ToolTracker {
         let Some(m) = measured.as_ref().ok().filter(|m| m.is_good()) else { return };
         self.lengths.add(m.length_mm);
         self.keyframes.push(m.estimate);
-        if self.keyframes.len() % 16 == 0 {
+        if self.keyframes.len().is_multiple_of(16) {
             self.fulcrum = fulcrum::estimate(&self.keyframes).filter(is_known).or(self.fulcrum);
         }
         if self.keyframes.len() >= MOST_KEYFRAMES {

@@ -240,7 +240,8 @@ fn noise_and_stripes_hold_no_board() {
     let board = Board::new(4, 3, 21.0).unwrap();
     let noise: Vec<u8> = (0..WIDTH * HEIGHT).map(|_| random.random()).collect();
     assert!(find(&plane(&noise), board).is_err());
-    let stripes: Vec<u8> = (0..WIDTH * HEIGHT).map(|i| if (i % WIDTH) / 12 % 2 == 0 { 20 } else { 220 }).collect();
+    let stripes: Vec<u8> =
+        (0..WIDTH * HEIGHT).map(|i| if ((i % WIDTH) / 12).is_multiple_of(2) { 20 } else { 220 }).collect();
     assert_eq!(find(&plane(&stripes), board), Err(BoardReason::NoBoard));
     assert_eq!(find(&plane(&vec![128; WIDTH * HEIGHT]), board), Err(BoardReason::NoBoard));
 }
