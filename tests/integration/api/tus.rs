@@ -171,23 +171,19 @@ async fn unlocked_offset(upload: &Upload) -> usize {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn two_writers_at_once_are_one_too_many() {
-    let centre = Centre::open().await;
-    let content = recording(1000, 4);
+    let centre = Centre::open_in(Service::start_by(Manual::at(1_800_000_000_000)).await).await;
+    let content = recording(6 * MIB, 4);
     let upload = Upload::begin(&centre.trainee, content.len()).await;
     let (bytes, answer) = upload.open_patch(0);
-    bytes.send(Ok(Bytes::copy_from_slice(&content[..500]))).await.unwrap();
-    soon("the second writer to be refused", async {
-        // Until the first request has reached the handler an empty second one is let in, and changes nothing.
-        while upload.patch(0, &[]).await.status() != StatusCode::LOCKED {
-            tokio::task::yield_now().await;
-        }
-    })
-    .await;
-    problem(upload.patch(0, &content).await, 423, "locked").await;
-    bytes.send(Ok(Bytes::copy_from_slice(&content[500..]))).await.unwrap();
+    bytes.send(Ok(Bytes::copy_from_slice(&content[..5 * MIB]))).await.unwrap();
+    // A checkpoint shows that the first writer is at work; by the clock that stands still it is never silent.
+    soon("a checkpoint", async { while upload.offset().await < 4 * MIB {} }).await;
+    let kept = upload.offset().await;
+    problem(upload.patch(kept, &content[kept..]).await, 423, "locked").await;
+    bytes.send(Ok(Bytes::copy_from_slice(&content[5 * MIB..]))).await.unwrap();
     drop(bytes);
     let answer = answer.await.unwrap().unwrap();
-    assert_eq!(answer.headers()["upload-offset"], "1000");
+    assert_eq!(answer.headers()["upload-offset"], content.len().to_string().as_str());
 }
 
 #[tokio::test(flavor = "multi_thread")]
