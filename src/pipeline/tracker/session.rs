@@ -83,10 +83,11 @@ impl Run {
         self.axes.push(axis);
     }
 
-    /// Smooths the run and writes both paths; predicted frames at its end have no later measurement and stay out of
-    /// the smoothed path's gaps only as far as the filter bridged them.
+    /// Smooths the run and writes both paths. Predicted frames after the last measurement have nothing behind them to
+    /// hold them: a live watcher sees them, the smoothed path leaves them out.
     fn close(&mut self, paths: &mut ToolPaths, tool: usize, camera: &Camera, fulcrum: Option<&Fulcrum>) {
         let mut axis = self.axes.iter().flatten().next().copied();
+        let last_seen = self.axes.iter().rposition(Option::is_some).and_then(|i| self.instants.get(i));
         for ((step, smoothed), (instant, seen)) in
             self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.axes))
         {
@@ -94,7 +95,9 @@ impl Run {
             let state = if seen.is_some() { SampleState::Observed } else { SampleState::Predicted };
             let sample = |s: &State| state_sample(s, axis, tool, *instant, state, camera, fulcrum);
             paths.filtered.push(sample(&step.updated));
-            paths.smoothed.push(sample(&smoothed));
+            if last_seen.is_some_and(|last| instant.0 <= last.0) {
+                paths.smoothed.push(sample(&smoothed));
+            }
         }
         *self = Self::default();
     }
