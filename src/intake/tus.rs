@@ -1,6 +1,6 @@
 //! What the headers of tus 1.0.0 say: <https://tus.io/protocols/resumable-upload>.
 //!
-//! Only text in and values out; who writes which byte where is [`super::receive`].
+//! Only text in and values out; who writes which byte where is [`super`].
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

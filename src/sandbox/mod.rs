@@ -3,7 +3,7 @@
 //! FFmpeg decodes what strangers send, so it runs where its faults stay: in a child with an empty environment, no file
 //! but its open inputs, no network, bounded memory, time and output. The child re-executes this program, takes a
 //! request and descriptors over a socket, confines itself ([`admission`]) and only then looks at either; the parent
-//! ([`run`](parent::run)) pumps, watches the clock and counts, and names how it ended ([`Outcome`]).
+//! ([`run`]) pumps, watches the clock and counts, and names how it ended ([`Outcome`]).
 //!
 //! ```text
 //! parent                                child

@@ -1,5 +1,5 @@
 //! Who sees what, as conditions of SQL. In every statement that uses them `$1` is the scope's role and `$2` its subject;
-//! [`asked_by`] binds both.
+//! `asked_by` binds both.
 
 use sqlx::Sqlite;
 use sqlx::query::{Query, QueryAs, QueryScalar};

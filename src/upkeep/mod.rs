@@ -5,9 +5,9 @@
 //!
 //! | function | when |
 //! |---|---|
-//! | [`recover`] | once, at every start, before anything else uses the folder |
+//! | [`recover()`] | once, at every start, before anything else uses the folder |
 //! | [`keep`] | for as long as the service runs |
-//! | [`check`] | when somebody asks: `trocar admin check` |
+//! | [`check()`] | when somebody asks: `trocar admin check` |
 //! | [`back_up`] | when somebody asks: `trocar admin backup` |
 
 use std::path::PathBuf;

@@ -1,6 +1,6 @@
 //! From a video of a board to a few sharp views that differ, as a person would take photos.
 //!
-//! In: the luma planes of a recording, one after the other. Out: views for [`super::calibrate`]. Method: of every few
+//! In: the luma planes of a recording, one after the other. Out: views for [`super::calibrate()`]. Method: of every few
 //! frames only the sharpest is searched for the board (a moving board blurs most frames); a view is kept if its corners
 //! lie elsewhere than in every view kept before. Neighbouring frames say the same thing a thousand times, and would make
 //! the standard deviations look smaller than they are.

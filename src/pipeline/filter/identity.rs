@@ -1,8 +1,8 @@
 //! One tool's thread through time: which measurements belong to it, when it is lost, and when another place is believed.
 //!
 //! A measurement outside the gate is refused, but not for ever: refused measurements that agree with each other for
-//! [`MotionSettings::reacquire_s`] start the thread anew there. A tool unseen for longer than
-//! [`MotionSettings::longest_prediction_s`] is lost until it is seen again.
+//! [`ThreadSettings::reacquire_s`] start the thread anew there. A tool unseen for longer than
+//! [`ThreadSettings::longest_prediction_s`] is lost until it is seen again.
 
 use nalgebra::{Matrix3, Point3};
 
