@@ -1,0 +1,243 @@
+//! The command on photos that others took, against answers that others know; and on input that cannot be used.
+
+use image::{GrayImage, RgbImage};
+use nalgebra::{Matrix3, Vector2, Vector3};
+use tempfile::TempDir;
+
+use super::*;
+use crate::domain::files::camera::CameraFile;
+use crate::pipeline::camera::Camera;
+use crate::pipeline::space::Pixel;
+
+fn shared(part: &str) -> Option<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let places = [std::env::var_os("TROCAR_SHARED").map(PathBuf::from), Some(root.join("../shared"))];
+    let places = places.into_iter().flatten().chain([root.join("../../shared")]);
+    let found = places.map(|p| p.join(part)).find(|p| p.exists());
+    if found.is_none() {
+        eprintln!("SKIPPED: {part} is not beside this checkout (set TROCAR_SHARED)");
+    }
+    found
+}
+
+fn photos(folder: &Path) -> Vec<PathBuf> {
+    let is_photo = |p: &PathBuf| p.extension().is_some_and(|e| e == "jpg" || e == "png");
+    let mut found: Vec<_> = folder.read_dir().unwrap().map(|e| e.unwrap().path()).filter(is_photo).collect();
+    found.sort();
+    found
+}
+
+fn calibrated(columns: usize, rows: usize, square_mm: f64, inputs: Vec<PathBuf>) -> Result<CameraFile, Failure> {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("camera.json");
+    run(Args { board: BoardSize { columns, rows }, square_mm, out: out.clone(), quiet: true, inputs })?;
+    Ok(CameraFile::parse(&std::fs::read_to_string(out).unwrap()).unwrap())
+}
+
+fn left_out(file: &CameraFile) -> Vec<&str> {
+    let photos = file.more["photos"].as_array().unwrap().iter();
+    photos.filter(|p| p["used"] == false).map(|p| p["file"].as_str().unwrap()).collect()
+}
+
+fn rms_px(file: &CameraFile) -> f64 {
+    file.more["rms_px"].as_f64().unwrap()
+}
+
+/// Largest distance, px, between the directions that two cameras see at those pixels, once one common shift and scale is
+/// taken off: principal point against the boards' tilt, and focal length against their distance, are what photos of
+/// boards hardly tell; the rest is distortion.
+fn distortion_differs_px(a: &Camera, b: &Camera, at: &[Pixel]) -> f64 {
+    let look = |camera: &Camera| at.iter().map(|p| camera.normalised_of(*p).unwrap().0.coords).collect::<Vec<_>>();
+    let (from, to) = (look(a), look(b));
+    let (mut square, mut slope) = (Matrix3::zeros(), Vector3::zeros());
+    for (from, to) in from.iter().zip(&to) {
+        for (row, target) in [(Vector3::new(from.x, 1.0, 0.0), to.x), (Vector3::new(from.y, 0.0, 1.0), to.y)] {
+            square += row * row.transpose();
+            slope += row * target;
+        }
+    }
+    let fit = square.try_inverse().unwrap() * slope;
+    let miss = |(from, to): (&Vector2<f64>, &Vector2<f64>)| (from * fit.x + fit.yz() - to).norm() * b.fx;
+    from.iter().zip(&to).map(miss).fold(0.0, f64::max)
+}
+
+/// Pixels on a grid over the area that corners cover.
+fn covered(camera: &Camera, corners: &[Pixel]) -> Vec<Pixel> {
+    let hull = hull(corners);
+    let side = |a: &Vector2<f64>, b: &Vector2<f64>, p: &Vector2<f64>| (b - a).perp(&(p - a));
+    let inside = |p: &Vector2<f64>| (0..hull.len()).all(|i| side(&hull[i], &hull[(i + 1) % hull.len()], p) >= 0.0);
+    let at = |i: u32, of: u32, size: u32| f64::from(i) / f64::from(of) * f64::from(size - 1);
+    let grid = (0..=96).flat_map(|i| (0..=60).map(move |j| (i, j)));
+    let points = grid.map(|(i, j)| Vector2::new(at(i, 96, camera.width), at(j, 60, camera.height)));
+    points.filter(inside).map(|p| Pixel::new(p.x, p.y)).collect()
+}
+
+/// The convex hull, by monotone chains.
+fn hull(corners: &[Pixel]) -> Vec<Vector2<f64>> {
+    let mut points: Vec<_> = corners.iter().map(|p| p.0.coords).collect();
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let chain = |points: &mut dyn Iterator<Item = &Vector2<f64>>| {
+        let mut chain: Vec<Vector2<f64>> = Vec::new();
+        for p in points {
+            while let [.., a, b] = chain[..] {
+                if (b - a).perp(&(p - b)) > 0.0 {
+                    break;
+                }
+                chain.pop();
+            }
+            chain.push(*p);
+        }
+        chain.pop();
+        chain
+    };
+    let (lower, upper) = (chain(&mut points.iter()), chain(&mut points.iter().rev()));
+    [lower, upper].concat()
+}
+
+/// The middle of a picture; its farthest corners are in no photo of the rendered scenes.
+fn middle(camera: &Camera) -> Vec<Pixel> {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    let whole =
+        covered(camera, &[(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(|(u, v)| Pixel::new(u, v)));
+    let from_middle = |p: &Pixel| (p.u() - width / 2.0).hypot(p.v() - height / 2.0);
+    whole.into_iter().filter(|p| from_middle(p) < 0.4 * width.hypot(height)).collect()
+}
+
+#[test]
+fn all_opencv_photos_are_used_and_agree_with_the_known_camera() {
+    let Some(folder) = shared("data/checkerboard-opencv-left") else { return };
+    let file = calibrated(9, 6, 25.0, photos(&folder)).unwrap();
+    assert_eq!(left_out(&file), [""; 0]);
+    assert!(rms_px(&file) <= 1.05 * 0.195, "{}", rms_px(&file));
+    let corners = std::fs::read_to_string(folder.join("corners_left_opencv_win5.csv")).unwrap();
+    let corners: Vec<_> = corners.lines().skip(1).map(|line| pixel_of(line.split(',').skip(3))).collect();
+    let known = Camera {
+        width: 640,
+        height: 480,
+        fx: 532.83,
+        fy: 532.95,
+        cx: 342.49,
+        cy: 233.86,
+        k1: -0.2809,
+        k2: 0.0252,
+        p1: 0.0012,
+        p2: -0.0001,
+        k3: 0.1634,
+    };
+    let off = distortion_differs_px(&file.camera(), &known, &covered(&known, &corners));
+    assert!(off < 0.5, "{off}");
+}
+
+#[test]
+fn all_laparoscope_photos_are_used_and_agree_with_the_known_camera() {
+    let Some(folder) = shared("data/checkerboard-laparoscope-left") else { return };
+    let file = calibrated(14, 10, 3.0, photos(&folder)).unwrap();
+    assert_eq!(left_out(&file), [""; 0]);
+    assert!(rms_px(&file) <= 1.05 * 0.579, "{}", rms_px(&file));
+    let points =
+        photos(&folder).into_iter().map(|p| std::fs::read_to_string(format!("{}.points.txt", p.display())).unwrap());
+    let corners: Vec<_> =
+        points.flat_map(|text| text.lines().map(|l| pixel_of(l.split(' '))).collect::<Vec<_>>()).collect();
+    let known = Camera {
+        width: 1920,
+        height: 1080,
+        fx: 2007.4,
+        fy: 2013.9,
+        cx: 945.5,
+        cy: 619.1,
+        k1: -0.2369,
+        k2: -0.2482,
+        p1: 0.0030,
+        p2: -0.0014,
+        k3: 1.371,
+    };
+    let off = distortion_differs_px(&file.camera(), &known, &covered(&known, &corners));
+    assert!(off < 0.5, "{off}");
+}
+
+fn pixel_of<'a>(mut numbers: impl Iterator<Item = &'a str>) -> Pixel {
+    let mut next = || numbers.next().unwrap().trim().parse().unwrap();
+    Pixel::new(next(), next())
+}
+
+#[test]
+fn bent_boards_of_rendered_scenes_are_left_out_and_the_camera_is_the_true_one() {
+    for scene in ["V", "W"] {
+        let Some(folder) = shared(&format!("scenes/calib/{scene}")) else { return };
+        let truth: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(folder.join("truth.json")).unwrap()).unwrap();
+        let file = calibrated(9, 6, 21.0, photos(&folder)).unwrap();
+        assert_eq!(serde_json::json!(left_out(&file)), truth["bent_files"]);
+        assert!(rms_px(&file) < 0.06, "{scene}: {}", rms_px(&file));
+        let true_camera = CameraFile::parse(&truth["camera"].to_string()).unwrap().camera();
+        let off = distortion_differs_px(&file.camera(), &true_camera, &middle(&true_camera));
+        assert!(off < 0.3, "{scene}: {off}");
+    }
+}
+
+#[test]
+fn a_wrongly_counted_board_is_told_what_the_photos_show() {
+    let Some(folder) = shared("data/checkerboard-opencv-left") else { return };
+    let inputs = photos(&folder).into_iter().take(4).collect();
+    let failure = calibrated(8, 6, 25.0, inputs).unwrap_err();
+    assert_eq!(failure.status(), 2);
+    assert!(failure.to_string().contains("the photos show a board of 9x6"), "{failure}");
+}
+
+/// Writes files and returns what the command says of them.
+fn refusal(files: &[(&str, &[u8])]) -> String {
+    let folder = TempDir::new().unwrap();
+    let write = |(name, bytes): &(&str, &[u8])| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let failure = calibrated(9, 6, 21.0, files.iter().map(write).collect()).unwrap_err();
+    assert_eq!(failure.status(), 2, "{failure}");
+    let text = failure.to_string();
+    assert!(!text.contains('\n'), "{text}");
+    text
+}
+
+fn png(width: u32, height: u32) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    GrayImage::new(width, height).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn what_cannot_be_used_is_refused_in_one_line_that_says_what_to_do() {
+    let (small, large) = (png(320, 240), png(400, 300));
+    let sizes = refusal(&[("a.png", &small), ("b.png", &large), ("c.png", &small)]);
+    assert!(sizes.contains("b.png is 400×300") && sizes.contains("a.png is 320×240"), "{sizes}");
+    let text = refusal(&[("a.png", &small), ("notes.txt", b"dear diary"), ("c.png", &small)]);
+    assert!(text.contains("notes.txt") && text.contains("JPEG and PNG"), "{text}");
+    let one = refusal(&[("a.png", &small)]);
+    assert!(one.contains("found in 0 of 1 photos, at least 3"), "{one}");
+    let neither = refusal(&[("notes.txt", b"dear diary")]);
+    assert!(neither.contains("taken as a video"), "{neither}");
+}
+
+#[test]
+fn a_huge_photo_is_refused_with_its_size() {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    RgbImage::new(5000, 10).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    let huge = bytes.into_inner();
+    let text = refusal(&[("a.png", &huge), ("b.png", &huge), ("c.png", &huge)]);
+    assert!(text.contains("5000×10") && text.contains("limit"), "{text}");
+}
+
+#[test]
+fn a_missing_photo_is_named() {
+    let failure = calibrated(9, 6, 21.0, vec!["/nowhere/a.jpg".into()]).unwrap_err();
+    assert!(failure.status() == 2 && failure.to_string().contains("/nowhere/a.jpg"), "{failure}");
+}
+
+#[test]
+fn impossible_boards_are_refused() {
+    for (columns, rows, square_mm) in [(1, 6, 21.0), (9, 6, 0.0), (9, 6, f64::NAN)] {
+        assert_eq!(calibrated(columns, rows, square_mm, Vec::new()).unwrap_err().status(), 2);
+    }
+    assert!("9by6".parse::<BoardSize>().is_err());
+    assert_eq!("9x6".parse(), Ok(BoardSize { columns: 9, rows: 6 }));
+}
