@@ -191,7 +191,8 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError>
     video.set_colorspace(color::Space::BT709);
     video.set_color_range(color::Range::MPEG);
     video.set_gop((2.0 * settings.fps).round().max(1.0) as u32);
-    video.set_flags(codec::Flags::GLOBAL_HEADER | codec::Flags::BITEXACT);
+    // Closed: a browser that seeks to a key frame must not meet pictures that need the group before.
+    video.set_flags(codec::Flags::GLOBAL_HEADER | codec::Flags::BITEXACT | codec::Flags::CLOSED_GOP);
     let mut options = Dictionary::new();
     options.set("preset", "veryfast");
     options.set("crf", &settings.crf.to_string());
