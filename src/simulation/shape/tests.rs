@@ -77,7 +77,9 @@ proptest! {
     fn a_tubes_silhouette_is_where_the_tangent_planes_say(tip in somewhere(), axis in direction(), behind in 2.0..24.0) {
         let tube = Tube::new(tip, axis, (4.0, 3.94), 26.0, 200.0);
         let on_axis: Point3<f64> = tip - axis * behind;
-        prop_assume!(on_axis.z > 60.0 && axis.z.abs() < 0.95);
+        // Seen along its own axis a tube shows its face and has no borders.
+        let turned_away = axis.cross(&on_axis.coords.normalize()).norm();
+        prop_assume!(on_axis.z > 60.0 && turned_away > 0.1);
         for (side, border) in tube.borders().into_iter().enumerate() {
             // The point of the surface that the plane touches, and rays a hair inside and outside of it.
             let touch = on_axis - border * tube.radius;
