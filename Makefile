@@ -42,6 +42,7 @@ test-packages: packages
 
 .PHONY: test
 test: test-packages ## everything that decides whether a change may land
+	cargo fetch --locked # all platforms' packages: the licence check reads them without the network
 	cargo fmt --check
 	cargo clippy --locked --all-targets -- -D warnings
 	cargo test --locked
