@@ -196,9 +196,19 @@ async fn a_sender_who_comes_back_takes_over_from_their_silent_connection() {
     bytes.send(Ok(Bytes::copy_from_slice(&content[..5 * MIB]))).await.unwrap();
     // While bytes come, a question changes nothing.
     soon("a checkpoint", async { while upload.offset().await < 4 * MIB {} }).await;
-    clock.advance(Duration::from_secs(3));
-    let kept = upload.offset().await;
-    let rest = upload.patch(kept, &content[kept..]).await;
+    // Bytes under way when the clock moves end the silence: a sender that is told "locked" asks again.
+    let rest = soon("the takeover", async {
+        loop {
+            clock.advance(Duration::from_secs(3));
+            let kept = upload.offset().await;
+            let rest = upload.patch(kept, &content[kept..]).await;
+            if rest.status() != StatusCode::LOCKED {
+                break rest;
+            }
+        }
+    })
+    .await;
+    assert_eq!(rest.status(), StatusCode::NO_CONTENT);
     assert_eq!(rest.headers()["upload-offset"], content.len().to_string().as_str());
     let left = silent.await.unwrap().unwrap();
     problem(left, 409, "conflict").await;
