@@ -5,6 +5,7 @@
 mod api;
 mod architecture;
 mod child;
+mod commands;
 mod dependencies;
 mod faults;
 mod process;

@@ -1,0 +1,128 @@
+//! The command line as a person meets it: what it prints where, and its exit status.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::LazyLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A short simulated scene, made by the program itself: clip.mp4, camera.json, annotations.json, truth.json.
+static SCENE: LazyLock<TempDir> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let order = "simulate --quiet --scene rest --seed 3 --seconds 1 --boards 0 --out .";
+    assert!(trocar(folder.path(), order).status.success());
+    folder
+});
+
+/// Runs the program in a folder; the command line is split at blanks.
+fn trocar(folder: &Path, line: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_trocar")).args(line.split(' ')).current_dir(folder).output().unwrap()
+}
+
+/// A folder with a copy of the scene.
+fn scene() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["clip.mp4", "camera.json", "annotations.json", "truth.json"] {
+        fs::copy(SCENE.path().join(name), folder.path().join(name)).unwrap();
+    }
+    folder
+}
+
+/// Changes one of the scene's JSON files.
+fn change(folder: &Path, name: &str, change: impl Fn(&mut Value)) {
+    let mut value: Value = serde_json::from_slice(&fs::read(folder.join(name)).unwrap()).unwrap();
+    change(&mut value);
+    fs::write(folder.join(name), value.to_string()).unwrap();
+}
+
+/// What the program says of input that it cannot use: one line on stderr, nothing on stdout, status 2.
+fn refusal(folder: &Path, line: &str) -> String {
+    let output = trocar(folder, line);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+    assert_eq!(said.trim_end().lines().count(), 1, "{line}: {said}");
+    assert!(output.stdout.is_empty(), "{line}");
+    said
+}
+
+const TRACK: &str = "track --quiet --camera camera.json --annotations annotations.json clip.mp4";
+
+#[test]
+fn a_recording_becomes_a_path_that_can_be_judged_and_scored() {
+    let folder = scene();
+    let track = trocar(folder.path(), &format!("{TRACK} --out track.csv --timings timings.json"));
+    assert!(track.status.success() && track.stdout.is_empty() && track.stderr.is_empty(), "{track:?}");
+    let timings: Value = serde_json::from_slice(&fs::read(folder.path().join("timings.json")).unwrap()).unwrap();
+    assert_eq!(timings["frames"], 25);
+    let evaluated = trocar(folder.path(), "evaluate --json track.csv truth.json");
+    let figures: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
+    assert_eq!(figures["all"]["levels"][0]["coverage"], 1.0, "{figures:#}");
+    let scored = trocar(folder.path(), "score --task resting track.csv");
+    assert!(scored.status.success() && !scored.stdout.is_empty(), "{scored:?}");
+}
+
+#[test]
+fn without_a_file_to_write_to_the_path_goes_to_stdout_and_nothing_else_does() {
+    let output = trocar(SCENE.path(), TRACK);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.starts_with("frame,time_s,tool,"), "{text:.80}");
+    let loud = trocar(SCENE.path(), &TRACK.replace("--quiet ", ""));
+    assert_eq!(String::from_utf8(loud.stdout).unwrap(), text);
+    assert!(!loud.stderr.is_empty());
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let folder = scene();
+    for name in ["camera.json", "annotations.json", "clip.mp4"] {
+        let said = refusal(folder.path(), &TRACK.replace(name, "absent.file"));
+        assert!(said.contains("absent.file"), "{said}");
+    }
+}
+
+#[test]
+fn a_camera_of_another_picture_size_is_refused_with_both_sizes() {
+    let folder = scene();
+    change(folder.path(), "camera.json", |camera| camera["width"] = 1111.into());
+    let said = refusal(folder.path(), TRACK);
+    assert!(said.contains("1111") && said.contains("1280"), "{said}");
+}
+
+#[test]
+fn a_mark_outside_the_picture_or_behind_the_last_frame_is_refused() {
+    let folder = scene();
+    change(folder.path(), "annotations.json", |marks| marks["labels"][0]["x"] = 5000.into());
+    let said = refusal(folder.path(), TRACK);
+    assert!(said.contains("annotations.json") && said.contains("5000"), "{said}");
+    let folder = scene();
+    change(folder.path(), "annotations.json", |marks| marks["labels"][0]["frame"] = 400.into());
+    let said = refusal(folder.path(), TRACK);
+    assert!(said.contains("400") && said.contains("25 frames"), "{said}");
+}
+
+#[test]
+fn what_is_no_recording_is_refused() {
+    let folder = scene();
+    fs::write(folder.path().join("clip.mp4"), "Dear diary, this is no video.\n".repeat(100)).unwrap();
+    let said = refusal(folder.path(), TRACK);
+    assert!(said.contains("clip.mp4"), "{said}");
+}
+
+#[test]
+fn paths_and_truths_that_cannot_be_read_are_refused() {
+    let folder = scene();
+    let said = refusal(folder.path(), "evaluate truth.json clip.mp4");
+    assert!(said.contains("truth.json"), "{said}");
+    assert!(refusal(folder.path(), "evaluate truth.json").contains("track.csv"));
+    fs::write(folder.path().join("empty.csv"), "").unwrap();
+    assert!(refusal(folder.path(), "score --task any empty.csv").contains("empty.csv"));
+}
+
+#[test]
+fn wrong_usage_has_the_status_of_wrong_usage() {
+    for line in ["", "dance", "track", "simulate --scene nowhere --out scene", "calibrate --board 9by6 a.jpg"] {
+        assert_eq!(trocar(SCENE.path(), line).status.code(), Some(2), "{line}");
+    }
+}
