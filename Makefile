@@ -7,6 +7,7 @@ SHELL := /bin/bash
 BUILD_PACKAGES := build-essential pkg-config clang libclang-dev libavcodec-dev libavformat-dev libavutil-dev \
                   libswscale-dev libswresample-dev
 TEST_PACKAGES  := ffmpeg chromium nodejs curl jq
+TARGET := $(or $(CARGO_TARGET_DIR),target)
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 # Installs what is missing and nothing else; silent when all is there.
@@ -28,8 +29,7 @@ LISTEN ?= 127.0.0.1:8080
 
 .PHONY: run
 run: packages ## build, start the service with its demonstration centre, print how to sign in
-	cargo build --release --locked
-	exec target/release/trocar serve --data $(DATA) --listen $(LISTEN) --demo
+	exec cargo run --release --locked -- serve --data $(DATA) --listen $(LISTEN) --demo
 
 .PHONY: packages
 packages: ## install the system packages that a build needs
@@ -52,7 +52,7 @@ test: test-packages ## everything that decides whether a change may land
 .PHONY: browser-test
 browser-test: test-packages ## a real Chromium signs in, uploads, waits for the score and plays the overlay
 	cargo build --locked
-	tests/browser/run
+	tests/browser/run $(abspath $(TARGET)/debug/trocar)
 
 .PHONY: deny
 deny: packages ## licences, sources and banned crates with cargo-deny (installs it)
@@ -62,7 +62,7 @@ deny: packages ## licences, sources and banned crates with cargo-deny (installs 
 # ── nightly: too slow for every change ──────────────────────────────────────────────────────────────────────────────
 
 SHARED ?= ../shared
-RELEASE := target/release/trocar
+RELEASE := $(TARGET)/release/trocar
 
 .PHONY: release
 release: packages
@@ -71,7 +71,7 @@ release: packages
 .PHONY: figures
 figures: release test-packages ## accuracy and cost on every scene, beside the OpenCV peer; writes the README's table
 	@$(call install,python3-venv)
-	benches/figures.py $(RELEASE) $(SHARED) target/figures --readme README.md
+	benches/figures.py $(RELEASE) $(SHARED) $(TARGET)/figures --readme README.md
 
 .PHONY: foreign-clients
 foreign-clients: release test-packages ## 500 MB by tus-js-client and tus-py-client, with cuts; memory of the server
