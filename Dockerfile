@@ -19,7 +19,7 @@ FROM debian:bookworm-slim
 RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends \
     libavcodec59 libavformat59 libavutil57 libswscale6 curl \
     && rm -rf /var/lib/apt/lists/* \
-    && useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin trocar \
+    && useradd --uid 10001 --no-create-home --home-dir /data --shell /usr/sbin/nologin trocar \
     && install -d -o trocar -g trocar -m 0700 /data
 COPY --from=build /source/target/release/trocar /usr/local/bin/trocar
 USER trocar

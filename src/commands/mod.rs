@@ -68,6 +68,12 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     }
 }
 
+/// Whatever the service writes is personal data: files that this process makes are its owner's alone, SQLite's too, even in
+/// a folder that others may enter.
+fn keep_to_ourselves() {
+    rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
+}
+
 /// Why a command did not end well, in one line that says what, where and what to do.
 #[derive(Debug)]
 pub enum Failure {

@@ -17,8 +17,8 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tracing_subscriber::EnvFilter;
 
-use super::Failure;
 use super::demonstration::{self, Builder};
+use super::{Failure, keep_to_ourselves};
 use crate::analysis::{AnalysisSettings, Workshop};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
@@ -75,6 +75,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
     let mut settings = Settings::load(flags).map_err(Failure::input)?;
     settings.workers = workers(settings.workers);
+    keep_to_ourselves();
     // A connection is a descriptor, and the usual soft limit is below the connections that the settings allow.
     if let Err(error) = rlimit::increase_nofile_limit(DESCRIPTORS) {
         tracing::warn!(%error, "the limit of open files stays as it is");

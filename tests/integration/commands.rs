@@ -1,12 +1,15 @@
 //! The command line as a person meets it: what it prints where, and its exit status.
 
-use std::fs;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::LazyLock;
 
 use serde_json::Value;
 use tempfile::TempDir;
+
+use crate::process::Process;
 
 /// A short simulated scene, made by the program itself: clip.mp4, camera.json, annotations.json, truth.json.
 static SCENE: LazyLock<TempDir> = LazyLock::new(|| {
@@ -125,4 +128,18 @@ fn wrong_usage_has_the_status_of_wrong_usage() {
     for line in ["", "dance", "track", "simulate --scene nowhere --out scene", "calibrate --board 9by6 a.jpg"] {
         assert_eq!(trocar(SCENE.path(), line).status.code(), Some(2), "{line}");
     }
+}
+
+#[test]
+fn what_the_service_writes_is_its_owners_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::set_permissions(folder.path(), Permissions::from_mode(0o755)).unwrap();
+    let _service = Process::start(folder.path());
+    let mut seen = 0;
+    for entry in fs::read_dir(folder.path()).unwrap().map(Result::unwrap) {
+        let mode = entry.metadata().unwrap().permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{} is {mode:o}", entry.path().display());
+        seen += 1;
+    }
+    assert!(seen >= 4, "database, ballast, blobs, uploads");
 }

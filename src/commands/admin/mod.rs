@@ -14,7 +14,7 @@ use std::sync::Arc;
 use anyhow::{Context, anyhow};
 use clap::Subcommand;
 
-use super::Failure;
+use super::{Failure, keep_to_ourselves};
 use crate::settings::{Flags, Settings};
 use crate::store::{Store, StoreError};
 use crate::time::System;
@@ -57,6 +57,7 @@ struct Centre {
 pub fn run(args: Args) -> Result<(), Failure> {
     let flags = Flags { data: args.data, settings: args.settings, ..Flags::default() };
     let settings = Settings::load(flags).map_err(Failure::input)?;
+    keep_to_ourselves();
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     runtime.block_on(async {
         let centre = open(&settings).await?;
