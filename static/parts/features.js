@@ -23,6 +23,7 @@ export function Features({ features, tools }) {
   const rows = featureRows(features, space);
   const shared = rows.some(row => row.byTool.has(null));
   const columns = [...tools, ...(shared ? [null] : [])];
+  const general = generalReasons(rows);
   const spaces = ['3d', 'image'].filter(name => features.some(feature => feature.space === name));
   return html`
     ${spaces.length > 1 && html`
@@ -30,6 +31,7 @@ export function Features({ features, tools }) {
         ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
           onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
       </div>`}
+    ${general.map(why => html`<p key=${why} class="small muted chooser">${why}</p>`)}
     <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
       <table class="table dense">
         <thead>
@@ -42,7 +44,9 @@ export function Features({ features, tools }) {
         <tbody>
           ${rows.map(row => html`
               <tr key=${row.name}>
-                <th scope="row">${row.title}${whyNot(row).map(why => html`<small key=${why}>${why}</small>`)}</th>
+                <th scope="row">${row.title}${whyNot(row)
+                  .filter(why => !general.includes(why))
+                  .map(why => html`<small key=${why}>${why}</small>`)}</th>
                 ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
                   feature=${row.byTool.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
@@ -57,6 +61,13 @@ function whyNot(row) {
   return [...row.byTool.values()]
     .filter(isMissing)
     .map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
+}
+
+/** A reason of most rows, as that a tool was never seen, is said once above the table. */
+function generalReasons(rows) {
+  const counts = new Map();
+  for (const why of rows.flatMap(whyNot)) counts.set(why, (counts.get(why) ?? 0) + 1);
+  return [...counts].filter(([, count]) => count > rows.length / 2).map(([why]) => why);
 }
 
 const isMissing = feature => feature.value === null || feature.value === undefined;

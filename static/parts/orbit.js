@@ -3,6 +3,7 @@
 export const VIEWS = { camera: [0, Math.PI / 2], front: [0, 0.35], side: [Math.PI / 2, 0.35] };
 const START = [0.6, 0.5];
 const DISTANCE = 3.2;
+const MARGIN = 24; // Pixels left free on each side.
 
 export class Orbit {
   constructor() {
@@ -31,8 +32,15 @@ export class Orbit {
   projection(bounds, width, height) {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
     const [x, y, z] = bounds.ends.map(([low, high]) => (high - low) / 2);
-    const across = Math.hypot(x, y); // Turning about the upright sweeps this circle: it must fit, and no more than it.
-    const size = 0.42 * this.zoom * Math.min(width / across, height / Math.max(z, across * 0.8));
+    // Turning about the upright sweeps a circle: a cylinder that fits at this pitch, with room for labels, fits at any yaw.
+    const across = Math.hypot(x, y);
+    const upwards = across * Math.abs(sp) + z * cp;
+    const grown = towardsUs => DISTANCE / (DISTANCE - towardsUs / bounds.radius); // By perspective.
+    const fit = Math.min(
+      (width / 2 - MARGIN) / (across * grown(z * Math.abs(sp))),
+      (height / 2 - MARGIN) / (upwards * grown(Math.max(0, across * cp - z * Math.abs(sp)))),
+    );
+    const size = this.zoom * Math.max(fit, 0.1);
     return (px, py, pz) => {
       const [right, near, up] = [px - bounds.centre[0], py - bounds.centre[1], bounds.centre[2] - pz];
       const aside = right * cy - near * sy;

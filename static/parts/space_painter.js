@@ -91,7 +91,9 @@ function drawFloor(pen, { ends: [x, y, z] }, place) {
 function label(pen, words, [x, y], middle) {
   const room = pen.measureText(words).width;
   const left = x < middle[0] ? x - room - 8 : x + 8;
-  pen.fillText(words, Math.max(4, left), y + 14);
+  const scale = pen.getTransform().a; // Device pixels of one of ours.
+  const [width, height] = [pen.canvas.width / scale, pen.canvas.height / scale];
+  pen.fillText(words, Math.min(Math.max(4, left), width - room - 4), Math.min(y + 14, height - 4));
 }
 
 /** Segments are gathered by shade and painted shade by shade: a stroke per segment would be too slow. */

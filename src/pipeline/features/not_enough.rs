@@ -35,6 +35,8 @@ pub enum NotEnough {
         /// How many tools the trajectory has.
         found: usize,
     },
+    /// A comparison with another tool, of which the same could not be measured.
+    OtherTool,
     /// A position or time that is not a usable number, or rows that are not in time order.
     UnusableSamples,
     /// A setting that nothing can be measured with.
@@ -53,6 +55,7 @@ impl NotEnough {
             NotEnough::NoMovement => "no_movement",
             NotEnough::MovementsTooLong { .. } => "movements_too_long",
             NotEnough::NotTwoTools { .. } => "not_two_tools",
+            NotEnough::OtherTool => "other_tool",
             NotEnough::UnusableSamples => "unusable_samples",
             NotEnough::UnusableSetting(_) => "unusable_setting",
             NotEnough::OutOfRange => "out_of_range",
@@ -78,6 +81,7 @@ impl fmt::Display for NotEnough {
                 100.0 * needed
             ),
             NotEnough::NotTwoTools { found } => write!(f, "compares two tools; the trajectory has {found}"),
+            NotEnough::OtherTool => f.write_str("the other tool's path could not be measured"),
             NotEnough::UnusableSamples => f.write_str("the samples are not finite numbers in time order"),
             NotEnough::UnusableSetting(name) => write!(f, "the setting {name} cannot be used"),
             NotEnough::OutOfRange => f.write_str("the path is not one that a hand can make"),

@@ -105,7 +105,8 @@ fn together_share(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<
 }
 
 fn handedness(own: &Motion, other: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let (own_mm, other_mm) = (path_length(own, settings)?, path_length(other, settings)?);
+    let own_mm = path_length(own, settings)?;
+    let other_mm = path_length(other, settings).map_err(|_| NotEnough::OtherTool)?;
     let sum = own_mm + other_mm;
     if sum < settings.smoothness_step_mm { Err(NotEnough::NoMovement) } else { Ok(own_mm / sum) }
 }
