@@ -32,6 +32,8 @@ pub struct Bench<'a> {
     pub spec: &'a ToolSpec,
     /// Length of its band and how well that is known, mm: measured by a person, or learned from this recording.
     pub length: Option<(f64, f64)>,
+    /// Where it enters the box, once that is known, camera frame, mm.
+    pub fulcrum: Option<Point3<f64>>,
     /// Other tools, that may stand before it.
     pub obstacles: &'a [Outline],
     /// How its edges look.
@@ -87,6 +89,10 @@ impl FoundEdges {
 /// Standard deviation of a border point or end that the colour table gave, pixels.
 const COARSE_SIGMA_PX: f64 = 0.7;
 
+/// Where the pixels explain a tube only in part, false edges may be among those that were believed: three times the
+/// standard deviation.
+const DOUBT: f64 = 9.0;
+
 /// Looks first wide, then close: the coarse lines may be two pixels off, the first fit is not.
 const LOOKS: [ProbeLayout; 3] = [
     ProbeLayout { chord_px: 8.0, reach_px: 9.0 },
@@ -118,7 +124,8 @@ impl Bench<'_> {
             return Ok(self.by_width(tube, &coarse));
         }
         let by_taper = tangent_planes::locate(lines, distal, proximal, radius);
-        let mut starts = self.by_length(&coarse, [distal, proximal]);
+        let mut starts: Vec<Tube> = self.by_fulcrum(&coarse, [distal, proximal]).into_iter().collect();
+        starts.extend(self.by_length(&coarse, [distal, proximal]));
         if starts.is_empty() {
             starts.extend(by_taper);
         }
@@ -147,6 +154,25 @@ impl Bench<'_> {
             }
         }
         outcome
+    }
+
+    /// The tube whose axis comes from the known fulcrum, through whichever end is in sight: needs neither taper nor both
+    /// ends, and has only one lean.
+    fn by_fulcrum(&self, coarse: &CoarseBand, [distal, proximal]: [Normalised; 2]) -> Option<Tube> {
+        let (fulcrum, (length_mm, _), radius) = (self.fulcrum?, self.length?, 0.5 * self.spec.diameter_mm);
+        let depth = 2.0 * radius * self.camera.fx / coarse.width_px + radius;
+        let (at_distal, at_proximal) = (Point3::from(distal.ray() * depth), Point3::from(proximal.ray() * depth));
+        let in_sight = |point: Point3<f64>| {
+            self.camera.project(CameraPoint(point)).is_some_and(|pixel| self.is_visible(point, pixel))
+        };
+        let from_hand = |point: Point3<f64>| (point - fulcrum).try_normalize(1e-9);
+        let (tip, axis) = if in_sight(at_distal) || !in_sight(at_proximal) {
+            (at_distal, from_hand(at_distal)?)
+        } else {
+            let axis = from_hand(at_proximal)?;
+            (at_proximal + axis * length_mm, axis)
+        };
+        Some(Tube { tip, axis, radius })
     }
 
     /// The coarse borders and ends in one fit, where the band's length is known: the lean that the borders' slight taper
@@ -221,6 +247,9 @@ impl Bench<'_> {
             measurement = Ok(Measurement { estimate, length_mm, seen_share, ends_seen });
         }
         let mut measurement: Measurement = measurement?;
+        if !measurement.is_good() {
+            measurement.estimate.covariance *= DOUBT;
+        }
         if self.length.is_none() {
             measurement.length_mm += self.length_error(&tube, length_mm).unwrap_or(0.0);
         }

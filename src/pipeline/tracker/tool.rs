@@ -190,6 +190,7 @@ impl ToolTracker {
             class: self.class,
             spec: &self.spec,
             length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.learned()),
+            fulcrum: self.fulcrum.map(|f| f.at),
             obstacles: scene.obstacles,
             edges: &mut self.edges,
             method: scene.settings.pose,
