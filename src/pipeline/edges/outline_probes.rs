@@ -51,6 +51,8 @@ pub struct ProbeLayout {
     pub chord_px: f64,
     /// How far from the predicted outline to look, pixels.
     pub reach_px: f64,
+    /// How the tube moves in the picture, pixels/s.
+    pub motion_px_s: Vector2<f64>,
 }
 
 /// Share of the half circle that is probed: nearer to the borders the rim turns along the line of sight.
@@ -126,6 +128,7 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, radius_px: Option<f6
         middle,
         outward,
         half_length_px: 0.5 * length,
+        motion_px_s: layout.motion_px_s.dot(&outward),
         inwards_px: layout.reach_px.min(0.45 * depth),
         outwards_px: layout.reach_px,
         radius_px: radius_px.unwrap_or(0.5 * depth).max(2.0),

@@ -9,10 +9,15 @@ use super::scan_lines::CoarseBand;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::space::Pixel;
 
-/// Is the shaft beyond the first of the band's two ends?
-pub fn is_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> bool {
+/// Least contrast between both ends that tells a shaft: below it, what lies beyond them is alike.
+const LEAST_CONTRAST: f64 = 0.15;
+
+/// Is the shaft beyond the first of the band's two ends? `None` where it is as dark beyond one as beyond the other.
+pub fn is_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> Option<bool> {
     let [back, front] = band.ends;
-    light_beyond(frame, band, back, -band.axis) < light_beyond(frame, band, front, band.axis)
+    let lights = [light_beyond(frame, band, back, -band.axis), light_beyond(frame, band, front, band.axis)];
+    let contrast = (lights[0] - lights[1]).abs() / (lights[0] + lights[1]).max(1.0);
+    (contrast >= LEAST_CONTRAST).then_some(lights[0] < lights[1])
 }
 
 /// Mean distance from black over a strip beyond an end, as wide as the band's core; dark where nothing is in the frame,

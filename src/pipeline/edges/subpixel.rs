@@ -31,6 +31,8 @@ pub struct Probe {
     pub inwards_px: f64,
     /// How far to look outwards, pixels.
     pub outwards_px: f64,
+    /// Speed across the chord, along the normal, pixels/s.
+    pub motion_px_s: f64,
     /// Radius of the tube in the picture, pixels; scale of the shading.
     pub radius_px: f64,
 }
@@ -61,6 +63,9 @@ pub struct EdgeModel {
     encoding: ColourEncoding,
     /// What the recording's maker decides and no file says; learned.
     habits: Habits,
+    /// How long the shutter is open, s; learned from how much moving edges are smeared.
+    pub exposure_s: f64,
+    exposure_evidence: (f64, f64),
     frames: u32,
     habit_evidence: (Matrix3<f64>, Vector3<f64>),
 }
@@ -80,6 +85,10 @@ struct BlurEvidence {
     probes: f64,
     noisier: f64,
 }
+
+/// Usual exposure, and how short and long one can be, s.
+const USUAL_EXPOSURE_S: f64 = 0.008;
+const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
 
 const STEPS_PER_SIGMA: f64 = 32.0;
 const TABLE_REACH: f64 = 8.0;
@@ -105,6 +114,8 @@ impl EdgeModel {
             codes_from_rgb: encoding.codes_from_rgb(),
             encoding,
             habits: Vector3::from(USUAL_HABITS),
+            exposure_s: USUAL_EXPOSURE_S,
+            exposure_evidence: (0.0, 0.0),
             frames: 0,
             habit_evidence: Default::default(),
         }
@@ -112,6 +123,7 @@ impl EdgeModel {
 
     /// Moves onto the edge near a probe; `is_tape` tells whether codes are the tape's colour.
     pub fn locate(&mut self, frame: &Frame<'_>, probe: &Probe, is_tape: impl Fn([u8; 3]) -> bool) -> Option<Edge> {
+        let blur = self.blur_of(probe);
         let mut samples = [PlaneSamples::default(); 3];
         gather(&frame.y, (0, 0), probe, &mut [&mut samples[0]]);
         let [_, blue, red] = &mut samples;
@@ -129,13 +141,18 @@ impl EdgeModel {
             let mut gradient = 0.0;
             information = 0.0;
             for plane in 0..3 {
-                fits[plane] =
-                    self.fit_plane(plane, &samples[plane], offset, probe.radius_px, self.habits[0] * spill[plane])?;
+                fits[plane] = self.fit_plane(
+                    blur[plane],
+                    &samples[plane],
+                    offset,
+                    probe.radius_px,
+                    self.habits[0] * spill[plane],
+                )?;
                 let noise = self.noise[plane].max(fits[plane].variance());
                 gradient += fits[plane].step * fits[plane].gradient / noise;
                 information += fits[plane].step.powi(2) * fits[plane].information / noise;
             }
-            spill = self.spill_of(&fits);
+            spill = self.spill_of(&fits, blur[0]);
             if pass == 0 {
                 continue; // the first pass only finds the heights of the steps
             }
@@ -159,7 +176,7 @@ impl EdgeModel {
         if is_tape(fits.map(|f| f.outside.round().clamp(0.0, 255.0) as u8)) {
             return None; // tape on both sides: a highlight or a crease
         }
-        self.learn(&fits);
+        self.learn(&fits, &blur, probe.motion_px_s);
         self.learn_habits(&fits, spill, probe.outward);
         Some(Edge { offset_px: offset, sigma_px: (1.0 / information).sqrt() })
     }
@@ -175,10 +192,23 @@ impl EdgeModel {
         candidates.map(|at| (at, cost(at))).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
     }
 
+    /// Blur of the three planes across a probe: the lens's, and the motion's during the exposure.
+    fn blur_of(&self, probe: &Probe) -> [f64; 3] {
+        let moved = probe.motion_px_s * self.exposure_s;
+        self.blur_px.map(|lens| (lens * lens + moved * moved / 12.0).sqrt()) // a uniform smear of length a: variance a²/12
+    }
+
     /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
     pub fn settle(&mut self) {
         self.frames += 1;
         self.settle_habits();
+        let (gradient, information) = std::mem::take(&mut self.exposure_evidence);
+        if information > 0.0 {
+            let (least, longest) = EXPOSURES_S;
+            let step = gradient / (information + 1.0 / USUAL_EXPOSURE_S.powi(2));
+            let step = step.clamp(-USUAL_EXPOSURE_S, USUAL_EXPOSURE_S) * self.pace().max(0.05);
+            self.exposure_s = (self.exposure_s + step).clamp(least, longest);
+        }
         let pace = self.pace();
         for plane in 0..3 {
             let seen = std::mem::take(&mut self.evidence[plane]);
@@ -194,11 +224,11 @@ impl EdgeModel {
     }
 
     /// The light's surplus along an edge between the colours that the planes show on both sides: codes times pixels.
-    fn spill_of(&self, fits: &[PlaneFit; 3]) -> Vector3<f64> {
+    fn spill_of(&self, fits: &[PlaneFit; 3], blur_px: f64) -> Vector3<f64> {
         let outside = fits.map(|f| f.outside);
         let inside = fits.map(|f| f.outside + f.step);
         let surplus = self.spill.between(self.encoding.rgb_of_codes(inside), self.encoding.rgb_of_codes(outside));
-        self.codes_from_rgb * surplus * self.blur_px[0]
+        self.codes_from_rgb * surplus * blur_px
     }
 
     /// What the three planes disagree on tells how the recording was made: each habit moves the edge in each plane by
@@ -240,13 +270,20 @@ impl EdgeModel {
         }
     }
 
-    fn learn(&mut self, fits: &[PlaneFit; 3]) {
+    fn learn(&mut self, fits: &[PlaneFit; 3], blur: &[f64; 3], motion_px_s: f64) {
+        let by_exposure = motion_px_s * motion_px_s * self.exposure_s / 12.0;
         for (plane, fit) in fits.iter().enumerate() {
             let seen = &mut self.evidence[plane];
             let variance = fit.variance();
             if variance < 6.0 * self.noise[plane] {
-                seen.gradient += fit.blur_gradient / self.noise[plane];
-                seen.information += fit.blur_information / self.noise[plane];
+                let (gradient, information) =
+                    (fit.blur_gradient / self.noise[plane], fit.blur_information / self.noise[plane]);
+                // Lens and motion blur add in squares; each learns by its own share of the whole.
+                let (lens, motion) = (self.blur_px[plane] / blur[plane], by_exposure / blur[plane]);
+                seen.gradient += gradient * lens;
+                seen.information += information * lens * lens;
+                self.exposure_evidence.0 += gradient * motion;
+                self.exposure_evidence.1 += information * motion * motion;
             }
             seen.probes += 1.0;
             seen.noisier += f64::from(u8::from(variance > self.noise[plane]));
@@ -257,13 +294,12 @@ impl EdgeModel {
     /// the edge, shifting the plane and spilling light are all such bumps.
     fn fit_plane(
         &self,
-        plane: usize,
+        blur: f64,
         samples: &PlaneSamples,
         offset: f64,
         radius_px: f64,
         spill: f64,
     ) -> Option<PlaneFit> {
-        let blur = self.blur_px[plane];
         let shade_scale = (2.0 * blur / radius_px).sqrt();
         let mut normal = Matrix3::zeros();
         let mut right = Vector3::zeros();
@@ -471,4 +507,80 @@ fn inside_share(z: f64) -> f64 {
     let width = z / f64::from(steps);
     let half: f64 = (0..steps).map(|k| density((f64::from(k) + 0.5) * width) * width).sum();
     0.5 - half
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{Matrix, Range};
+
+    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
+    const SIZE: usize = 64;
+    const TAPE: [f64; 3] = [150.0, 70.0, 190.0];
+
+    /// A straight border at `edge` pixels along `normal` from the middle, tape on the near side; codes blurred by
+    /// `blur` (plane by plane), 4:4:4.
+    fn frame_of(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blur: f64) -> [Vec<u8>; 3] {
+        [0, 1, 2].map(|plane| {
+            (0..SIZE * SIZE)
+                .map(|i| {
+                    let at = Vector2::new((i % SIZE) as f64, (i / SIZE) as f64) - Vector2::repeat(SIZE as f64 / 2.0);
+                    let share = inside_share((at.dot(&normal) - edge) / blur);
+                    (outside[plane] + share * (TAPE[plane] - outside[plane])).round() as u8
+                })
+                .collect()
+        })
+    }
+
+    fn located(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blur: f64) -> Option<Edge> {
+        let planes = frame_of(normal, edge, outside, blur);
+        let plane = |i: usize| Plane { data: &planes[i], stride: SIZE, width: SIZE, height: SIZE };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y: plane(0),
+            u: plane(1),
+            v: plane(2),
+            shift_x: 0,
+            shift_y: 0,
+            encoding: ENCODING,
+        };
+        let mut model = EdgeModel::new(TAPE, ENCODING);
+        model.blur_px = [blur; 3];
+        model.habits = Vector3::zeros(); // these codes were blurred, not their light
+        let middle = Pixel::new(SIZE as f64 / 2.0, SIZE as f64 / 2.0);
+        let probe = Probe {
+            middle,
+            outward: normal,
+            half_length_px: 3.0,
+            inwards_px: 5.0,
+            outwards_px: 5.0,
+            motion_px_s: 0.0,
+            radius_px: 12.0,
+        };
+        model.locate(&frame, &probe, |codes| codes[2] > 170)
+    }
+
+    #[test]
+    fn a_border_is_found_to_a_fiftieth_of_a_pixel_at_any_angle_and_place() {
+        for angle in [0.0, 0.4, 0.785, 1.3, 2.5, -2.0] {
+            let normal = Vector2::new(f64::cos(angle), f64::sin(angle));
+            for edge in [-1.7, -0.4, 0.0, 0.3, 1.9] {
+                let found = located(normal, edge, [90.0, 140.0, 110.0], 0.8).unwrap();
+                assert!((found.offset_px - edge).abs() < 0.02, "angle {angle}, edge {edge}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_luma_is_no_hindrance_while_colours_differ() {
+        let found = located(Vector2::new(0.6, 0.8), 0.7, [150.0, 150.0, 90.0], 1.0).unwrap();
+        assert!((found.offset_px - 0.7).abs() < 0.02, "{found:?}");
+    }
+
+    #[test]
+    fn tape_on_both_sides_and_tape_outside_are_no_borders() {
+        assert_eq!(located(Vector2::x(), 0.0, [110.0, 80.0, 180.0], 0.8), None, "a crease");
+        assert_eq!(located(Vector2::x(), 30.0, [90.0, 140.0, 110.0], 0.8), None, "nothing in the window");
+    }
 }

@@ -199,8 +199,8 @@ mod tests {
     #[test]
     fn a_gap_is_bridged_up_to_its_limit_and_not_beyond() {
         let mut thread = settled();
-        let bridged = (1..=10).filter(|k| thread.advance(0.36 + f64::from(*k) * 0.04, None, &SETTINGS).step.is_some());
-        assert_eq!(bridged.count(), 5);
+        let bridged = (1..=10).filter(|k| thread.advance(0.36 + f64::from(*k) * 0.03, None, &SETTINGS).step.is_some());
+        assert_eq!(bridged.count(), 6);
         assert!(thread.advance(0.80, at(90.0), &SETTINGS).begins);
     }
 }

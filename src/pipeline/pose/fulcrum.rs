@@ -128,3 +128,78 @@ impl Constraint {
         self.by_pose * pose.covariance * self.by_pose.transpose() + Matrix2::identity() * (PLAY_MM * PLAY_MM)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::tube::Tube;
+    use nalgebra::Matrix5;
+    use rand::rngs::SmallRng;
+    use rand::{Rng, RngExt, SeedableRng};
+
+    const TRUE: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
+
+    fn gaussian(random: &mut impl Rng) -> f64 {
+        (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
+    }
+
+    /// Poses as one camera sees them: the direction in the picture sharp, the lean towards the camera not.
+    fn poses(lean_sigma: f64) -> Vec<TubeEstimate> {
+        let mut random = SmallRng::seed_from_u64(7);
+        (0..150)
+            .map(|k| {
+                let t = f64::from(k) * 0.1;
+                let tip =
+                    Point3::new(-20.0 + 30.0 * (t * 0.7).sin(), -5.0 + 25.0 * t.cos(), 190.0 + 12.0 * (t * 1.3).sin());
+                let exact = Tube { tip, axis: (tip - TRUE).normalize(), radius: 2.5 };
+                let [first, second] = across(exact.axis);
+                let sight = tip.coords.normalize();
+                let (sharp, lean) = (0.002, lean_sigma);
+                // The direction of `across` that turns the tube towards the camera.
+                let towards = Vector2::new(first.dot(&sight), second.dot(&sight)).normalize();
+                let aside = Vector2::new(-towards.y, towards.x);
+                let turn = towards * (gaussian(&mut random) * lean) + aside * (gaussian(&mut random) * sharp);
+                let mut covariance = Matrix5::identity() * 1e-4;
+                let spread =
+                    towards * towards.transpose() * (lean * lean) + aside * aside.transpose() * (sharp * sharp);
+                covariance.fixed_view_mut::<2, 2>(3, 3).copy_from(&spread);
+                let tube = turned(&exact, &Vector5::new(0.0, 0.0, 0.0, turn.x, turn.y));
+                TubeEstimate { tube, covariance, residual_px: 0.1, support: 50.0 }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn exact_axes_meet_in_the_fulcrum() {
+        let poses = poses(1e-9);
+        let plain = nearest_point(poses.iter().map(|p| (p.tube.tip, p.tube.axis))).unwrap();
+        assert!((plain - TRUE).norm() < 2.0);
+        assert!((estimate(&poses).unwrap().at - TRUE).norm() < 2.0);
+    }
+
+    #[test]
+    fn lean_noise_drags_the_plain_estimate_and_not_the_weighed_one() {
+        let poses = poses(0.08);
+        let plain = nearest_point(poses.iter().map(|p| (p.tube.tip, p.tube.axis))).unwrap();
+        let weighed = estimate(&poses).unwrap();
+        assert!((plain - TRUE).norm() > 15.0, "plain: {plain}");
+        assert!((weighed.at - TRUE).norm() < 5.0, "weighed: {}", weighed.at);
+        assert!((weighed.at - TRUE).norm() < 4.0 * weighed.covariance.trace().sqrt());
+    }
+
+    #[test]
+    fn a_known_fulcrum_rights_the_lean() {
+        let fulcrum = Fulcrum { at: TRUE, covariance: Matrix3::identity() * 0.25 };
+        for pose in poses(0.08) {
+            let axis = (pose.tube.tip - TRUE).normalize();
+            let steadied = steady(&pose, &fulcrum).unwrap();
+            assert!(steadied.tube.axis.angle(&axis) < 0.012, "{} rad off", steadied.tube.axis.angle(&axis));
+            assert!(steadied.covariance.trace() <= pose.covariance.trace() + 1e-12);
+        }
+    }
+
+    #[test]
+    fn too_few_poses_are_not_enough() {
+        assert_eq!(estimate(&poses(0.02)[..5]), None);
+    }
+}

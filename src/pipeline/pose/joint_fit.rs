@@ -206,3 +206,117 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     let middle = sorted.len() / 2;
     *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Point3, Vector3};
+    use rand::rngs::SmallRng;
+    use rand::{Rng, RngExt, SeedableRng};
+
+    const LENGTH_MM: f64 = 26.0;
+
+    fn camera() -> Camera {
+        Camera {
+            width: 1280,
+            height: 720,
+            fx: 938.0,
+            fy: 936.0,
+            cx: 633.5,
+            cy: 366.2,
+            k1: -0.298,
+            k2: 0.103,
+            p1: -0.0006,
+            p2: 0.0009,
+            k3: -0.012,
+        }
+    }
+
+    fn tube() -> Tube {
+        Tube { tip: Point3::new(-30.0, -8.0, 190.0), axis: Vector3::new(0.40, -0.62, 0.675).normalize(), radius: 2.5 }
+    }
+
+    fn gaussian(random: &mut impl Rng) -> f64 {
+        (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
+    }
+
+    /// Edges along the tube's true outline, each moved by noise, and each part by an offset of its own.
+    fn edges(random: &mut impl Rng, sigma_px: f64, bias_px: f64) -> Vec<MeasuredEdge> {
+        let (camera, outline) = (camera(), tube().outline().unwrap());
+        let offsets = [0; 4].map(|_| bias_px * gaussian(random));
+        let borders = (0..2).flat_map(|side| (1..25).map(move |k| Place::Border { side, back_mm: f64::from(k) }));
+        let rims = [0.0, LENGTH_MM]
+            .into_iter()
+            .flat_map(|back_mm| (-2..=2).map(move |k| Place::Rim { back_mm, across: 0.3 * f64::from(k) }));
+        let pixel = |p| camera.project(CameraPoint(p)).unwrap().0;
+        borders
+            .chain(rims)
+            .map(|place| {
+                let at = pixel(place.on(&outline));
+                let along = match place {
+                    Place::Border { side, back_mm } => pixel(outline.border(side, back_mm + 0.5)) - at,
+                    Place::Rim { back_mm, across } => pixel(outline.rim(back_mm, across + 0.05)) - at,
+                };
+                let inwards = pixel(tube().tip - tube().axis * (0.5 * LENGTH_MM)) - at;
+                let normal = Vector2::new(-along.y, along.x).normalize();
+                let outward = if normal.dot(&inwards) > 0.0 { -normal } else { normal };
+                let moved = at + outward * (offsets[place.part()] + sigma_px * gaussian(random));
+                MeasuredEdge::new(place, Pixel(moved), outward, sigma_px.max(1e-6), &camera).unwrap()
+            })
+            .collect()
+    }
+
+    fn rough_start() -> Tube {
+        turned(&tube(), &Vector5::new(1.0, -1.0, 6.0, 0.05, -0.08))
+    }
+
+    #[test]
+    fn clean_edges_give_the_tube_back_from_a_rough_start() {
+        let clean = edges(&mut SmallRng::seed_from_u64(1), 0.0, 0.0);
+        let fitted = fit(&clean, &rough_start(), &camera(), Trust::Majority, 0.0).unwrap();
+        assert!((fitted.tube.tip - tube().tip).norm() < 1e-3, "{}", (fitted.tube.tip - tube().tip).norm());
+        assert!((fitted.tube.axis - tube().axis).norm() < 1e-4);
+    }
+
+    #[test]
+    fn a_fifth_of_the_edges_may_lie() {
+        let mut spoiled = edges(&mut SmallRng::seed_from_u64(2), 0.05, 0.0);
+        for edge in spoiled.iter_mut().step_by(5) {
+            *edge = MeasuredEdge::new(
+                edge.place,
+                Pixel(edge.at.0 + edge.outward * 2.5),
+                edge.outward,
+                edge.sigma_px,
+                &camera(),
+            )
+            .unwrap();
+        }
+        let fitted = fit(&spoiled, &rough_start(), &camera(), Trust::Majority, 0.0).unwrap();
+        assert!((fitted.tube.tip - tube().tip).norm() < 0.5, "{}", (fitted.tube.tip - tube().tip).norm());
+    }
+
+    /// The claim "this is the covariance", validated by sampling.
+    #[test]
+    fn ninety_five_of_a_hundred_tips_lie_inside_their_95_percent_region() {
+        const TRIALS: usize = 300;
+        const CHI_SQUARED_95: f64 = 7.815; // three degrees of freedom
+        let mut random = SmallRng::seed_from_u64(3);
+        let inside = (0..TRIALS)
+            .filter(|_| {
+                let sampled = edges(&mut random, 0.15, EDGE_BIAS_PX);
+                let fitted = fit(&sampled, &rough_start(), &camera(), Trust::Majority, 0.0).unwrap();
+                let miss = fitted.tube.tip - tube().tip;
+                miss.dot(&(fitted.tip_covariance().try_inverse().unwrap() * miss)) < CHI_SQUARED_95
+            })
+            .count();
+        let share = inside as f64 / TRIALS as f64;
+        assert!((0.90..=0.99).contains(&share), "{share} inside");
+    }
+
+    #[test]
+    fn one_border_alone_is_not_enough() {
+        let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, 0.0);
+        one.retain(|e| e.place.part() != 1);
+        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, 0.0), None);
+    }
+}

@@ -15,7 +15,7 @@ use crate::pipeline::pose::{TubeEstimate, band_length, pinhole_width, tangent_pl
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
-use crate::pipeline::tracker::{PoseMethod, ToolSpec};
+use crate::pipeline::tracker::{PoseMethod, ToolSpec, View};
 use crate::pipeline::tube::{Outline, Tube};
 
 /// What a measurement needs besides the region.
@@ -32,6 +32,8 @@ pub struct Bench<'a> {
     pub spec: &'a ToolSpec,
     /// Length of its band and how well that is known, mm: measured by a person, or learned from this recording.
     pub length: Option<(f64, f64)>,
+    /// How it is expected to move in the picture, pixels/s.
+    pub motion_px_s: Vector2<f64>,
     /// Where it enters the box, once that is known, camera frame, mm.
     pub fulcrum: Option<Point3<f64>>,
     /// Other tools, that may stand before it.
@@ -40,6 +42,8 @@ pub struct Bench<'a> {
     pub edges: &'a mut EdgeModel,
     /// Pose method.
     pub method: PoseMethod,
+    /// Camera's place, where known.
+    pub view: Option<View>,
 }
 
 /// A band measured.
@@ -94,11 +98,18 @@ const COARSE_SIGMA_PX: f64 = 0.7;
 const DOUBT: f64 = 9.0;
 
 /// Looks first wide, then close: the coarse lines may be two pixels off, the first fit is not.
-const LOOKS: [ProbeLayout; 3] = [
-    ProbeLayout { chord_px: 8.0, reach_px: 9.0 },
-    ProbeLayout { chord_px: 6.0, reach_px: 5.0 },
-    ProbeLayout { chord_px: 6.0, reach_px: 3.2 },
+const LOOKS: [Look; 3] = [
+    Look { chord_px: 8.0, reach_px: 9.0 },
+    Look { chord_px: 6.0, reach_px: 5.0 },
+    Look { chord_px: 6.0, reach_px: 3.2 },
 ];
+
+/// One round of probing, for a tube at rest.
+#[derive(Clone, Copy)]
+struct Look {
+    chord_px: f64,
+    reach_px: f64,
+}
 
 /// Share of the band's length next to each end that border probes leave out, in radii: there the rim bends away.
 const END_MARGIN: f64 = 0.35;
@@ -114,7 +125,9 @@ impl Bench<'_> {
         let coarse = scan_lines::scan(self.frame, self.table, self.class, region).ok_or(Reason::BordersNotFound)?;
         let lines = self.border_lines(&coarse).ok_or(Reason::BordersNotFound)?;
         let [back, front] = coarse.ends;
-        let hand_at_back = hand_first(back, front).unwrap_or_else(|| shaft::is_beyond_first(self.frame, &coarse));
+        let hand_at_back = hand_first(back, front)
+            .or_else(|| shaft::is_beyond_first(self.frame, &coarse))
+            .unwrap_or_else(|| self.hand_first_by_view(back, front));
         let (distal, proximal) = if hand_at_back { (front, back) } else { (back, front) };
         let sight = |pixel| self.camera.normalised_of(pixel).ok_or(Reason::ImpossiblePose);
         let (distal, proximal) = (sight(distal)?, sight(proximal)?);
@@ -131,6 +144,15 @@ impl Bench<'_> {
         }
         let seen_mm = by_taper.and_then(|tube| tangent_planes::back_of(&tube, proximal));
         self.best_of(&starts, seen_mm)
+    }
+
+    /// The camera's place says where hands come from: below the picture, or beside it.
+    fn hand_first_by_view(&self, first: Pixel, second: Pixel) -> bool {
+        let centre = Pixel::new(0.5 * self.frame.width() as f64, 0.5 * self.frame.height() as f64);
+        match self.view {
+            Some(View::Top) => first.v() > second.v(),
+            _ => (first.0 - centre.0).norm() > (second.0 - centre.0).norm(),
+        }
     }
 
     /// Refines each start until one explains the pixels well; else the best of them, if it is possible at all.
@@ -231,10 +253,10 @@ impl Bench<'_> {
     }
 
     /// Moves a rough tube onto the edges that the pixels show.
-    fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[ProbeLayout]) -> Result<Measurement, Reason> {
+    fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[Look]) -> Result<Measurement, Reason> {
         let mut measurement = Err(Reason::BordersNotFound);
-        for layout in looks {
-            let found = self.edges_along(&tube, length_mm, *layout)?;
+        for look in looks {
+            let found = self.edges_along(&tube, length_mm, *look)?;
             if found.edges.iter().all(|e| e.place.part() < 2) {
                 return Err(Reason::TipHidden);
             }
@@ -259,7 +281,7 @@ impl Bench<'_> {
     /// By how much the band is longer than thought, from the edge at its other end, mm.
     fn length_error(&mut self, tube: &Tube, length_mm: f64) -> Option<f64> {
         let mut probes = Vec::new();
-        rim_probes(&tube.outline()?, self.camera, length_mm, 0.5 * length_mm, LOOKS[1], &mut probes);
+        rim_probes(&tube.outline()?, self.camera, length_mm, 0.5 * length_mm, self.layout(LOOKS[1]), &mut probes);
         let mut offsets: Vec<f64> =
             probes.iter().filter_map(|(_, probe)| self.locate(probe)).map(|e| e.offset_px).collect();
         offsets.sort_by(f64::total_cmp);
@@ -273,14 +295,21 @@ impl Bench<'_> {
         pair.map_or(1.0, |(near, far)| (near - far).norm()).max(0.05)
     }
 
+    /// A look, widened by twice what the motion smears.
+    fn layout(&self, look: Look) -> ProbeLayout {
+        let smear_px = self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt();
+        ProbeLayout { chord_px: look.chord_px, reach_px: look.reach_px + 2.0 * smear_px, motion_px_s: self.motion_px_s }
+    }
+
     fn locate(&mut self, probe: &Probe) -> Option<Edge> {
         let (table, class) = (self.table, self.class);
         self.edges.locate(self.frame, probe, |codes| table.class_of(codes) == class)
     }
 
     /// The edges along a tube's outline, and what of it could be seen.
-    fn edges_along(&mut self, tube: &Tube, length_mm: f64, layout: ProbeLayout) -> Result<FoundEdges, Reason> {
+    fn edges_along(&mut self, tube: &Tube, length_mm: f64, look: Look) -> Result<FoundEdges, Reason> {
         let outline = tube.outline().ok_or(Reason::ImpossiblePose)?;
+        let layout = self.layout(look);
         let margin = END_MARGIN * tube.radius;
         let mut probes: Vec<(Place, Probe)> = Vec::new();
         border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);

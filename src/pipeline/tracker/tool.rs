@@ -40,6 +40,7 @@ pub struct ToolTracker {
     fulcrum: Option<Fulcrum>,
     keyframes: Vec<TubeEstimate>,
     lengths: BandLengths,
+    motion_px_s: Vector2<f64>,
     pub(super) records: Vec<Record>,
 }
 
@@ -111,6 +112,7 @@ impl ToolTracker {
             fulcrum: None,
             keyframes: Vec::new(),
             lengths: BandLengths::default(),
+            motion_px_s: Vector2::zeros(),
             records: Vec::new(),
         }
     }
@@ -120,6 +122,7 @@ impl ToolTracker {
         let thread = scene.settings.motion.thread();
         let frame = scene.frame;
         let expected = self.expected_tube(frame.time_s, &thread);
+        self.motion_px_s = self.expected_motion(frame.time_s, &thread, &scene.settings.camera).unwrap_or_default();
         let followed = expected
             .and_then(|(tube, length)| self.bench(scene).follow(&tube, length))
             .filter(|m| self.thread.would_believe(frame.time_s, &m.estimate, &thread));
@@ -190,10 +193,12 @@ impl ToolTracker {
             class: self.class,
             spec: &self.spec,
             length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.learned()),
+            motion_px_s: self.motion_px_s,
             fulcrum: self.fulcrum.map(|f| f.at),
             obstacles: scene.obstacles,
             edges: &mut self.edges,
             method: scene.settings.pose,
+            view: scene.settings.view,
         }
     }
 
@@ -201,6 +206,14 @@ impl ToolTracker {
         let state = self.thread.expected(time_s, thread)?;
         let (last, length) = self.last?;
         Some((Tube { tip: state.tip(), ..last }, length))
+    }
+
+    /// How the tip is expected to move in the picture, pixels/s.
+    fn expected_motion(&self, time_s: f64, thread: &ThreadSettings, camera: &Camera) -> Option<Vector2<f64>> {
+        const STEP_S: f64 = 1e-3;
+        let state = self.thread.expected(time_s, thread)?;
+        let pixel = |point| camera.project(CameraPoint(point));
+        Some((pixel(state.tip() + state.velocity() * STEP_S)?.0 - pixel(state.tip())?.0) / STEP_S)
     }
 
     /// The direction in the picture, from the tip to the hand, where it is known: towards the fulcrum, or as it was last.
