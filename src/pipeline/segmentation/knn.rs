@@ -20,6 +20,9 @@ const SPREADS_TO_UNKNOWN: f64 = 3.0;
 /// Least spread of a label, as a share of the full code range: noise and compression of any camera.
 const LEAST_SPREAD: f64 = 0.012;
 
+/// Light under which an unknown colour is looked at again: brightness of the codes times these.
+const OTHER_LIGHT: [f64; 6] = [0.85, 1.18, 0.72, 1.38, 0.6, 1.6];
+
 /// Exact classifier over gamma-coded `[Y', Pb, Pr]`.
 pub struct Knn {
     tree: ImmutableKdTree<f32, 3>,
@@ -53,16 +56,38 @@ impl Knn {
     }
 
     /// The class of a colour: 0 for none of the tools, else the tool's class.
+    ///
+    /// The same tape nearer to the lamp or in shadow is the same colour, brighter or darker: a colour that is nobody's as it
+    /// is, is asked about again under other light.
     pub fn class_of(&self, colour: [f64; 3]) -> u8 {
-        if colour.iter().zip(&self.reach).any(|(c, (low, high))| c < low || c > high) {
+        let lit = |light: f64| colour.map(|c| c * light);
+        let mut lights = std::iter::once(1.0).chain(OTHER_LIGHT);
+        if !lights.any(|light| self.is_near_a_tool(lit(light))) {
             return 0; // farther than any limit from every sample of every tool: the tree need not be asked
         }
+        let as_it_is = self.known_class_of(colour);
+        let other_light = || OTHER_LIGHT.iter().find_map(|light| self.known_tool_of(lit(*light)));
+        as_it_is.or_else(other_light).unwrap_or(0)
+    }
+
+    /// The tool whose colour this is under the light as it is.
+    fn known_tool_of(&self, colour: [f64; 3]) -> Option<u8> {
+        self.is_near_a_tool(colour).then(|| self.known_class_of(colour))?.filter(|class| *class != 0)
+    }
+
+    /// Does a colour lie in the box around all tools' samples, widened by their limits?
+    fn is_near_a_tool(&self, colour: [f64; 3]) -> bool {
+        colour.iter().zip(&self.reach).all(|(c, (low, high))| (*low..=*high).contains(c))
+    }
+
+    /// The class of a colour under the light as it is; `None` where it is nobody's.
+    fn known_class_of(&self, colour: [f64; 3]) -> Option<u8> {
         let nearest = self.tree.query(&metric_of(colour)).nearest_n::<SquaredEuclidean<f32>>(K).execute();
         let votes: Vec<u8> = nearest.iter().map(|n| self.label_of_sample[n.item as usize]).collect();
-        let Some(winner) = majority(&votes) else { return 0 };
+        let winner = majority(&votes)?;
         let distance = nearest.iter().zip(&votes).find(|(_, v)| **v == winner).map_or(f32::MAX, |(n, _)| n.distance);
         let limit = self.limit_of_label[usize::from(winner)];
-        if distance <= limit * limit { winner } else { 0 }
+        (winner == 0 || distance <= limit * limit).then_some(winner)
     }
 }
 

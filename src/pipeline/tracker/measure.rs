@@ -36,6 +36,8 @@ pub struct Bench<'a> {
     pub motion_px_s: Vector2<f64>,
     /// Where it enters the box, once that is known, camera frame, mm.
     pub fulcrum: Option<Point3<f64>>,
+    /// Depth at which it was last seen, mm.
+    pub last_depth_mm: Option<f64>,
     /// Other tools, that may stand before it.
     pub obstacles: &'a [Outline],
     /// How its edges look.
@@ -137,7 +139,10 @@ impl Bench<'_> {
             return Ok(self.by_width(tube, &coarse));
         }
         let by_taper = tangent_planes::locate(lines, distal, proximal, radius);
-        let mut starts: Vec<Tube> = self.by_fulcrum(&coarse, [distal, proximal]).into_iter().collect();
+        let by_width = 2.0 * radius * self.camera.fx / coarse.width_px + radius;
+        let depths = [Some(by_width), self.last_depth_mm];
+        let mut starts: Vec<Tube> =
+            depths.iter().flatten().filter_map(|depth| self.by_fulcrum([distal, proximal], *depth)).collect();
         starts.extend(self.by_length(&coarse, [distal, proximal]));
         if starts.is_empty() {
             starts.extend(by_taper);
@@ -180,9 +185,8 @@ impl Bench<'_> {
 
     /// The tube whose axis comes from the known fulcrum, through whichever end is in sight: needs neither taper nor both
     /// ends, and has only one lean.
-    fn by_fulcrum(&self, coarse: &CoarseBand, [distal, proximal]: [Normalised; 2]) -> Option<Tube> {
+    fn by_fulcrum(&self, [distal, proximal]: [Normalised; 2], depth: f64) -> Option<Tube> {
         let (fulcrum, (length_mm, _), radius) = (self.fulcrum?, self.length?, 0.5 * self.spec.diameter_mm);
-        let depth = 2.0 * radius * self.camera.fx / coarse.width_px + radius;
         let (at_distal, at_proximal) = (Point3::from(distal.ray() * depth), Point3::from(proximal.ray() * depth));
         let in_sight = |point: Point3<f64>| {
             self.camera.project(CameraPoint(point)).is_some_and(|pixel| self.is_visible(point, pixel))

@@ -83,19 +83,18 @@ impl Run {
         self.axes.push(axis);
     }
 
-    /// Smooths the run and writes both paths. Predicted frames after the last measurement have nothing behind them to
-    /// hold them: a live watcher sees them, the smoothed path leaves them out.
+    /// Smooths the run and writes both paths. Predictions after the last measurement bridge nothing: hindsight knows that
+    /// the tool was gone, so the smoothed path ends where it was last seen.
     fn close(&mut self, paths: &mut ToolPaths, tool: usize, camera: &Camera, fulcrum: Option<&Fulcrum>) {
         let mut axis = self.axes.iter().flatten().next().copied();
-        let last_seen = self.axes.iter().rposition(Option::is_some).and_then(|i| self.instants.get(i));
-        for ((step, smoothed), (instant, seen)) in
-            self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.axes))
-        {
+        let last_seen = self.axes.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
+        let steps = self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.axes));
+        for (place, ((step, smoothed), (instant, seen))) in steps.enumerate() {
             axis = seen.or(axis);
             let state = if seen.is_some() { SampleState::Observed } else { SampleState::Predicted };
             let sample = |s: &State| state_sample(s, axis, tool, *instant, state, camera, fulcrum);
             paths.filtered.push(sample(&step.updated));
-            if last_seen.is_some_and(|last| instant.0 <= last.0) {
+            if place < last_seen {
                 paths.smoothed.push(sample(&smoothed));
             }
         }

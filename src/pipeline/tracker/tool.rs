@@ -195,6 +195,7 @@ impl ToolTracker {
             length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.learned()),
             motion_px_s: self.motion_px_s,
             fulcrum: self.fulcrum.map(|f| f.at),
+            last_depth_mm: self.last.map(|(tube, _)| tube.tip.z),
             obstacles: scene.obstacles,
             edges: &mut self.edges,
             method: scene.settings.pose,
