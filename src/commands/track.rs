@@ -298,3 +298,60 @@ fn summary(laps: &[f64]) -> serde_json::Value {
     let at = |share: f64| sorted.get(((sorted.len() as f64 - 1.0) * share) as usize).copied().unwrap_or(0.0);
     serde_json::json!({ "median": at(0.5), "p95": at(0.95), "total": laps.iter().sum::<f64>() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::segmentation::colour_table::ColourTable;
+    use crate::pipeline::segmentation::knn::Knn;
+
+    fn shared() -> Option<PathBuf> {
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let named = std::env::var_os("TROCAR_SHARED").map(PathBuf::from);
+        let beside = ["../shared", "../../shared"].map(|p| here.join(p));
+        named.into_iter().chain(beside).find(|p| p.join("scenes").is_dir())
+    }
+
+    /// What quantising costs, on every pixel that tracking would look up.
+    #[test]
+    fn the_table_agrees_with_exact_neighbours_on_nearly_all_real_pixels() {
+        let Some(shared) = shared() else {
+            eprintln!("SKIPPED: no shared scenes; set TROCAR_SHARED");
+            return;
+        };
+        for scene in ["V1", "V2"] {
+            let folder = shared.join("scenes").join(scene);
+            let args = Args {
+                camera: folder.join("camera_true.json"),
+                annotations: folder.join("annotations.json"),
+                out: None,
+                causal: false,
+                raw: false,
+                pose: Pose::Planes,
+                timings: None,
+                quiet: true,
+                video: folder.join("video.mp4"),
+            };
+            let marked = AnnotationsFile::parse(&read(&args.annotations).unwrap()).unwrap();
+            let samples = collect_samples(&marked, &args).unwrap();
+            let names: Vec<String> = marked.marked_tools().unwrap().into_iter().map(|t| t.name).collect();
+            let class = |label: &String| names.iter().position(|n| n == label).map_or(0, |i| i as u8 + 1);
+            let classes: Vec<u8> = samples.labels.iter().map(class).collect();
+            let knn = Knn::new(&samples, &classes).unwrap();
+            let table = ColourTable::build(&knn, samples.encoding);
+            let picture = open(&args.video).unwrap().next_picture().unwrap().unwrap();
+            let frame = picture.frame();
+            let pixels: Vec<(usize, usize)> = (0..frame.height())
+                .step_by(6)
+                .flat_map(|y| (0..frame.width()).step_by(6).map(move |x| (x, y)))
+                .collect();
+            let agree = |(x, y): &&(usize, usize)| {
+                let codes = frame.yuv_at(*x, *y);
+                table.class_of(codes) == knn.class_of(samples.encoding.colour_of(codes))
+            };
+            let share = pixels.iter().filter(agree).count() as f64 / pixels.len() as f64;
+            eprintln!("{scene}: {:.3} % of {} pixels agree", 100.0 * share, pixels.len());
+            assert!(share >= 0.995, "{scene}: only {:.2} % agree", 100.0 * share);
+        }
+    }
+}

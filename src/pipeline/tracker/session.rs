@@ -60,7 +60,8 @@ pub fn rework(
             run.close(&mut paths, index, camera, fulcrum.as_ref());
         }
         if let Some(step) = advance.step {
-            run.add(step, *instant, believed.map(|p| p.tube.axis));
+            let in_sight = record.reason != Some(Reason::NoMarkerColour);
+            run.add(step, *instant, believed.map(|p| p.tube.axis), in_sight);
         }
     }
     run.close(&mut paths, index, camera, fulcrum.as_ref());
@@ -74,20 +75,22 @@ struct Run {
     steps: Vec<Step>,
     instants: Vec<Instant>,
     axes: Vec<Option<Vector3<f64>>>,
+    in_sight: Vec<bool>,
 }
 
 impl Run {
-    fn add(&mut self, step: Step, instant: Instant, axis: Option<Vector3<f64>>) {
+    fn add(&mut self, step: Step, instant: Instant, axis: Option<Vector3<f64>>, in_sight: bool) {
+        self.in_sight.push(in_sight);
         self.steps.push(step);
         self.instants.push(instant);
         self.axes.push(axis);
     }
 
-    /// Smooths the run and writes both paths. Predictions after the last measurement bridge nothing: hindsight knows that
-    /// the tool was gone, so the smoothed path ends where it was last seen.
+    /// Smooths the run and writes both paths. Hindsight knows when the tool was gone: the smoothed path ends with the last
+    /// frame that showed anything of its colour, whatever the filter predicted beyond.
     fn close(&mut self, paths: &mut ToolPaths, tool: usize, camera: &Camera, fulcrum: Option<&Fulcrum>) {
         let mut axis = self.axes.iter().flatten().next().copied();
-        let last_seen = self.axes.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
+        let last_seen = self.in_sight.iter().rposition(|seen| *seen).map_or(0, |last| last + 1);
         let steps = self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.axes));
         for (place, ((step, smoothed), (instant, seen))) in steps.enumerate() {
             axis = seen.or(axis);
