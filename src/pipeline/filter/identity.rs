@@ -164,7 +164,7 @@ mod tests {
         first_speed_mm_s: 150.0,
         gate: 16.3,
         reacquire_s: 0.15,
-        longest_prediction_s: 0.21, // five frames, whatever the last bit of their times
+        longest_prediction_s: 0.2,
         depth_mm: (20.0, 1000.0),
     };
 
