@@ -12,7 +12,7 @@
 //! **Assumes** that the background is even along one chord and across the window. **Gives up** where no plane has
 //! contrast, where the offset leaves the window, or where the inside is less like the tape than the outside.
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::light::LightSpill;
 use crate::pipeline::frame::{ColourEncoding, Frame, Plane};
@@ -153,19 +153,16 @@ impl EdgeModel {
                 information += fits[plane].step.powi(2) * fits[plane].information / noise;
             }
             spill = self.spill_of(&fits, blur[0]);
-            if pass == 0 {
-                continue; // the first pass only finds the heights of the steps
-            }
             if information < 1.0 / (WORST_SIGMA_PX * WORST_SIGMA_PX) {
                 return None;
             }
-            let step = (gradient / information).clamp(-1.5, 1.5);
+            let step = (gradient / information).clamp(-1.0, 1.0);
             offset += step;
             if (offset - guess).abs() > FARTHEST_FROM_STEP_PX {
                 return None; // another optimum, where the shading stands in for the edge
             }
-            if step.abs() < 0.01 {
-                break;
+            if pass > 0 && step.abs() < 0.02 {
+                break; // the first pass knew no spill yet
             }
         }
         let off_tape =
@@ -300,51 +297,55 @@ impl EdgeModel {
         radius_px: f64,
         spill: f64,
     ) -> Option<PlaneFit> {
-        let shade_scale = (2.0 * blur / radius_px).sqrt();
-        let mut normal = Matrix3::zeros();
-        let mut right = Vector3::zeros();
-        let (mut to_bump, mut to_blur) = (Vector3::zeros(), Vector3::zeros());
-        let (mut bump_own, mut blur_own, mut bump_right, mut blur_right, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for (distance, value) in samples.pairs() {
-            let z = (distance - offset) / blur;
-            let [share, slope, depth] = self.curve(z);
-            let limb = (1.0 - 0.5 * ((-z).max(0.0) * blur / radius_px).min(1.0)).sqrt();
-            let basis = Vector3::new(1.0 - share, share, depth * shade_scale * limb);
-            let bump = slope / blur;
-            let wider = bump * z;
-            let value = value - spill * bump;
-            normal.ger(1.0, &basis, &basis, 1.0);
-            right += basis * value;
-            to_bump += basis * bump;
-            to_blur += basis * wider;
-            bump_own += bump * bump;
-            blur_own += wider * wider;
-            bump_right += bump * value;
-            blur_right += wider * value;
-            total += value * value;
-        }
+        let gram = self.gram_of(blur, samples, offset, radius_px, spill);
         let count = samples.len as f64;
         if count < 8.0 {
             return None;
         }
+        let mut normal: Matrix3<f64> = gram.fixed_view::<3, 3>(0, 0).into_owned();
         normal[(2, 2)] += 1e-3 * count; // keeps the shade term bounded where the window is short
+        let [to_bump, to_blur, right] = [3, 4, 5].map(|column| gram.fixed_view::<3, 1>(0, column).into_owned());
         let inverse = normal.try_inverse()?;
         let heights = inverse * right;
-        let step = heights[1] - heights[0];
-        let gradient = bump_right - to_bump.dot(&heights);
-        let information = (bump_own - to_bump.dot(&(inverse * to_bump))).max(0.0);
+        let gradient = gram[(3, 5)] - to_bump.dot(&heights);
+        let information = (gram[(3, 3)] - to_bump.dot(&(inverse * to_bump))).max(0.0);
         let explained = if information > 0.0 { gradient * gradient / information } else { 0.0 };
+        let step = heights[1];
         Some(PlaneFit {
             outside: heights[0],
             step,
             shade: heights[2],
             gradient,
             information,
-            blur_gradient: step * (blur_right - to_blur.dot(&heights)),
-            blur_information: step * step * (blur_own - to_blur.dot(&(inverse * to_blur))).max(0.0),
-            squares: (total - right.dot(&heights) - explained).max(0.0),
+            blur_gradient: step * (gram[(4, 5)] - to_blur.dot(&heights)),
+            blur_information: step * step * (gram[(4, 4)] - to_blur.dot(&(inverse * to_blur))).max(0.0),
+            squares: (gram[(5, 5)] - right.dot(&heights) - explained).max(0.0),
             freedom: (count - 4.0).max(1.0),
         })
+    }
+
+    /// All products of the six columns, summed over the samples: level outside, step, shade, bump along the edge, wider
+    /// edge, value.
+    fn gram_of(
+        &self,
+        blur: f64,
+        samples: &PlaneSamples,
+        offset: f64,
+        radius_px: f64,
+        spill: f64,
+    ) -> SMatrix<f64, 6, 6> {
+        let shade_scale = (2.0 * blur / radius_px).sqrt();
+        let mut gram = SMatrix::<f64, 6, 6>::zeros();
+        for (distance, value) in samples.pairs() {
+            let z = (distance - offset) / blur;
+            let [share, slope, depth] = self.curve(z);
+            let in_radii = (-z).max(0.0) * blur / radius_px;
+            let limb = 1.0 - in_radii.min(1.0) * (0.25 + 0.04 * in_radii.min(1.0)); // √(1 − x/2) to 1e-3
+            let bump = slope / blur;
+            let columns = SVector::from([1.0, share, depth * shade_scale * limb, bump, bump * z, value - spill * bump]);
+            gram.ger(1.0, &columns, &columns, 1.0);
+        }
+        gram
     }
 
     #[inline]

@@ -41,7 +41,13 @@ struct Followed {
     time_s: f64,
     began_s: f64,
     seen_s: f64,
+    /// Measurements believed so far.
+    believed: u32,
 }
+
+/// A thread of fewer measurements than this is no more to be believed than the one that contradicts it: of two places
+/// in a row, one false, neither is known to be the false one, and the speed between them is nobody's.
+const YOUNG: u32 = 4;
 
 /// What became of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +56,8 @@ pub struct Advance {
     pub step: Option<Step>,
     /// A new thread begins with this step.
     pub begins: bool,
+    /// The thread before it was young and is contradicted: it was none.
+    pub disowns: bool,
     /// The measurement was believed.
     pub observed: bool,
     /// Why the measurement was refused.
@@ -87,7 +95,7 @@ impl Thread {
                 Some((tip, covariance)) => {
                     self.begin(time_s, State::first_seen(tip, covariance, settings.first_speed_mm_s))
                 }
-                None => Advance { step: None, begins: false, observed: false, refused },
+                None => Advance { step: None, begins: false, disowns: false, observed: false, refused },
             };
         };
         let believed =
@@ -98,6 +106,10 @@ impl Thread {
         }
         if let Some((tip, covariance)) = measured {
             refused = Some(Reason::GateRejected);
+            if self.current.is_some_and(|thread| thread.believed < YOUNG) {
+                let fresh = State::first_seen(tip, covariance, settings.first_speed_mm_s);
+                return Advance { disowns: true, ..self.begin(time_s, fresh) };
+            }
             if let Some(state) = self.believe_rival(time_s, tip, covariance, settings) {
                 return self.begin(time_s, state);
             }
@@ -106,10 +118,10 @@ impl Thread {
     }
 
     fn begin(&mut self, time_s: f64, state: State) -> Advance {
-        self.current = Some(Followed { state, time_s, began_s: time_s, seen_s: time_s });
+        self.current = Some(Followed { state, time_s, began_s: time_s, seen_s: time_s, believed: 1 });
         self.rival = None;
         let step = Step { time_s, predicted: state, updated: state };
-        Advance { step: Some(step), begins: true, observed: true, refused: None }
+        Advance { step: Some(step), begins: true, disowns: false, observed: true, refused: None }
     }
 
     fn follow(
@@ -125,10 +137,11 @@ impl Thread {
                 state: updated,
                 time_s,
                 seen_s: if observed { time_s } else { followed.seen_s },
+                believed: followed.believed + u32::from(observed),
                 ..*followed
             };
         }
-        Advance { step: Some(Step { time_s, predicted, updated }), begins: false, observed, refused }
+        Advance { step: Some(Step { time_s, predicted, updated }), begins: false, disowns: false, observed, refused }
     }
 
     /// Follows refused measurements; their state once they have agreed for long enough.
@@ -149,7 +162,7 @@ impl Thread {
             })
         });
         let fresh = State::first_seen(tip, covariance, settings.first_speed_mm_s);
-        let rival = agreeing.unwrap_or(Followed { state: fresh, time_s, began_s: time_s, seen_s: time_s });
+        let rival = agreeing.unwrap_or(Followed { state: fresh, time_s, began_s: time_s, seen_s: time_s, believed: 1 });
         self.rival = Some(rival);
         (time_s - rival.began_s >= settings.reacquire_s).then_some(rival.state)
     }
@@ -186,6 +199,16 @@ mod tests {
         let wild = thread.advance(0.40, at(60.0), &SETTINGS);
         assert_eq!((wild.observed, wild.refused), (false, Some(Reason::GateRejected)));
         assert!(thread.advance(0.44, at(0.0), &SETTINGS).observed);
+    }
+
+    #[test]
+    fn a_false_first_place_does_not_set_the_speed() {
+        let mut thread = Thread::default();
+        thread.advance(0.0, at(14.0), &SETTINGS);
+        let followed: Vec<Advance> = (1..8).map(|k| thread.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS)).collect();
+        assert!(followed.iter().any(|a| a.disowns), "the false start is given up");
+        let last = followed.last().and_then(|a| a.step).unwrap();
+        assert!((last.updated.tip().x).abs() < 0.5 && last.updated.velocity().norm() < 20.0, "{:?}", last.updated.mean);
     }
 
     #[test]

@@ -53,6 +53,9 @@ pub fn rework(
         let advance = following.advance(instant.1, measured, thread);
         count(&mut paths.quality, advance.observed, advance.step.is_some(), record.reason.or(advance.refused));
         let believed = pose.filter(|_| advance.observed);
+        if advance.disowns {
+            run.drop_from(&mut paths);
+        }
         if let Some(pose) = believed {
             paths.raw.push(raw_sample(&pose, index, *instant, camera));
         }
@@ -84,6 +87,17 @@ impl Run {
         self.steps.push(step);
         self.instants.push(instant);
         self.axes.push(axis);
+    }
+
+    /// Forgets a run that was none.
+    fn drop_from(&mut self, paths: &mut ToolPaths) {
+        let first = self.instants.first().map_or(u64::MAX, |instant| instant.0);
+        let (seen, all) = (self.axes.iter().flatten().count() as u64, self.axes.len() as u64);
+        paths.quality.observed -= seen; // counted when they were added
+        paths.quality.predicted -= all - seen;
+        paths.quality.missing += all;
+        paths.raw.retain(|sample| sample.frame < first);
+        *self = Self::default();
     }
 
     /// Smooths the run and writes both paths. Hindsight knows when the tool was gone: the smoothed path ends with the last
