@@ -115,7 +115,7 @@ fn tools_of_every_scene_are_found_where_they_are() {
             level.frames
         );
         assert_eq!((level.swaps, accuracy.all.false_tracks), (0, 0), "{}", scenario.name());
-        assert!(rms_mm(&accuracy) < 4.0, "{}: {} mm RMS", scenario.name(), rms_mm(&accuracy));
+        assert!(rms_mm(&accuracy) < 2.0, "{}: {} mm RMS", scenario.name(), rms_mm(&accuracy));
     }
 }
 

@@ -3,16 +3,18 @@
 //! **In** a [`Probe`]: a short chord of a predicted border with its outward normal, ± a few pixels. **Out** how far the
 //! edge lies from it along the normal, with its standard deviation, pixels.
 //!
-//! **Method.** In every plane (Y, U, V) the light across a border is `out` outside and `in + shade·√depth` inside, the
-//! first term of a Lambertian cylinder's fall-off near its limb, all blurred by a Gaussian of the plane's own width. Without the
-//! shade term the limb's darkening would pull the border inwards by up to a pixel. One offset is shared by the three
-//! planes, so that whichever has contrast decides; the rest are linear and eliminated. Pixels are used where they are,
-//! at their own distance from the chord: nothing is resampled, so noise stays white.
+//! **Method.** In every plane (Y, U, V) the light across a border is `out + shadow·distance` outside and
+//! `in + shade·√depth` inside, the first term of a Lambertian cylinder's fall-off near its limb, all blurred by a Gaussian
+//! of the plane's own width. Without the shade term the limb's darkening would pull the border inwards by up to a pixel;
+//! without the shadow term the soft shadow beside a tube pushes it outwards by 0.4 pixel. One offset is shared by the
+//! three planes, so that whichever has contrast decides; the rest are linear and eliminated. Pixels are used where they
+//! are, at their own distance from the chord: nothing is resampled, so noise stays white.
 //!
-//! **Assumes** that the background is even along one chord and across the window. **Gives up** where no plane has
-//! contrast, where the offset leaves the window, or where the inside is less like the tape than the outside.
+//! **Assumes** that the background is even along one chord and changes steadily, if at all, across the window. **Gives
+//! up** where no plane has contrast, where the offset leaves the window, or where the inside is less like the tape than
+//! the outside.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3};
 
 use super::light::LightSpill;
 use crate::pipeline::frame::{ColourEncoding, Frame, Plane};
@@ -97,6 +99,8 @@ const WORST_SIGMA_PX: f64 = 1.0;
 const MOST_SAMPLES: usize = 256;
 /// Farthest that the finer model may move from the sharpest plain step, pixels.
 const FARTHEST_FROM_STEP_PX: f64 = 1.3;
+/// How much the background may brighten or darken outwards, codes/pixel: tubes throw soft shadows beside themselves.
+const SHADOW_SLOPE: f64 = 3.0;
 /// A plane of half the resolution is looked at over a window that much wider: three of its samples cannot show both
 /// sides of an edge.
 const COARSE_PLANE_REACH: f64 = 1.5;
@@ -147,6 +151,7 @@ impl EdgeModel {
                     offset,
                     probe.radius_px,
                     self.habits[0] * spill[plane],
+                    self.noise[plane] / (SHADOW_SLOPE * SHADOW_SLOPE),
                 )?;
                 let noise = self.noise[plane].max(fits[plane].variance());
                 gradient += fits[plane].step * fits[plane].gradient / noise;
@@ -288,7 +293,8 @@ impl EdgeModel {
     }
 
     /// One plane's linear least squares at a fixed offset, and what its residuals say of a bump along the edge: moving
-    /// the edge, shifting the plane and spilling light are all such bumps.
+    /// the edge, shifting the plane and spilling light are all such bumps. `evenness` is the weight, in samples, of the
+    /// belief that the background does not change outwards.
     fn fit_plane(
         &self,
         blur: f64,
@@ -296,19 +302,21 @@ impl EdgeModel {
         offset: f64,
         radius_px: f64,
         spill: f64,
+        evenness: f64,
     ) -> Option<PlaneFit> {
         let gram = self.gram_of(blur, samples, offset, radius_px, spill);
         let count = samples.len as f64;
         if count < 8.0 {
             return None;
         }
-        let mut normal: Matrix3<f64> = gram.fixed_view::<3, 3>(0, 0).into_owned();
+        let mut normal: Matrix4<f64> = gram.fixed_view::<4, 4>(0, 0).into_owned();
         normal[(2, 2)] += 1e-3 * count; // keeps the shade term bounded where the window is short
-        let [to_bump, to_blur, right] = [3, 4, 5].map(|column| gram.fixed_view::<3, 1>(0, column).into_owned());
+        normal[(3, 3)] += evenness;
+        let [to_bump, to_blur, right] = [4, 5, 6].map(|column| gram.fixed_view::<4, 1>(0, column).into_owned());
         let inverse = normal.try_inverse()?;
         let heights = inverse * right;
-        let gradient = gram[(3, 5)] - to_bump.dot(&heights);
-        let information = (gram[(3, 3)] - to_bump.dot(&(inverse * to_bump))).max(0.0);
+        let gradient = gram[(4, 6)] - to_bump.dot(&heights);
+        let information = (gram[(4, 4)] - to_bump.dot(&(inverse * to_bump))).max(0.0);
         let explained = if information > 0.0 { gradient * gradient / information } else { 0.0 };
         let step = heights[1];
         Some(PlaneFit {
@@ -317,15 +325,15 @@ impl EdgeModel {
             shade: heights[2],
             gradient,
             information,
-            blur_gradient: step * (gram[(4, 5)] - to_blur.dot(&heights)),
-            blur_information: step * step * (gram[(4, 4)] - to_blur.dot(&(inverse * to_blur))).max(0.0),
-            squares: (gram[(5, 5)] - right.dot(&heights) - explained).max(0.0),
-            freedom: (count - 4.0).max(1.0),
+            blur_gradient: step * (gram[(5, 6)] - to_blur.dot(&heights)),
+            blur_information: step * step * (gram[(5, 5)] - to_blur.dot(&(inverse * to_blur))).max(0.0),
+            squares: (gram[(6, 6)] - right.dot(&heights) - explained).max(0.0),
+            freedom: (count - 5.0).max(1.0),
         })
     }
 
-    /// All products of the six columns, summed over the samples: level outside, step, shade, bump along the edge, wider
-    /// edge, value.
+    /// All products of the seven columns, summed over the samples: level outside, step, shade, shadow, bump along the
+    /// edge, wider edge, value.
     fn gram_of(
         &self,
         blur: f64,
@@ -333,16 +341,18 @@ impl EdgeModel {
         offset: f64,
         radius_px: f64,
         spill: f64,
-    ) -> SMatrix<f64, 6, 6> {
+    ) -> SMatrix<f64, 7, 7> {
         let shade_scale = (2.0 * blur / radius_px).sqrt();
-        let mut gram = SMatrix::<f64, 6, 6>::zeros();
+        let mut gram = SMatrix::<f64, 7, 7>::zeros();
         for (distance, value) in samples.pairs() {
             let z = (distance - offset) / blur;
             let [share, slope, depth] = self.curve(z);
             let in_radii = (-z).max(0.0) * blur / radius_px;
             let limb = 1.0 - in_radii.min(1.0) * (0.25 + 0.04 * in_radii.min(1.0)); // √(1 − x/2) to 1e-3
             let bump = slope / blur;
-            let columns = SVector::from([1.0, share, depth * shade_scale * limb, bump, bump * z, value - spill * bump]);
+            let ramp = blur * (z * (1.0 - share) + slope);
+            let shade = depth * shade_scale * limb;
+            let columns = SVector::from([1.0, share, shade, ramp, bump, bump * z, value - spill * bump]);
             gram.ger(1.0, &columns, &columns, 1.0);
         }
         gram
