@@ -95,12 +95,12 @@ impl Tracker {
 
     fn report(&self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {
         let camera = &self.settings.camera;
-        let axis = seen.outcome.as_ref().ok().map(|m| m.estimate.tube.axis);
+        let pose = self.tools[tool].last_pose.as_ref();
         let state = if seen.advance.observed { SampleState::Observed } else { SampleState::Predicted };
         let filtered = seen
             .advance
             .step
-            .map(|step| session::state_sample(&step.updated, axis, tool, instant, state, camera, None));
+            .map(|step| session::state_sample(&step.updated, pose, tool, instant, state, camera, None));
         let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
         let outcome =
             seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));

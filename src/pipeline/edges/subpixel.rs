@@ -530,21 +530,33 @@ mod tests {
     const TAPE: [f64; 3] = [150.0, 70.0, 190.0];
 
     /// A straight border at `edge` pixels along `normal` from the middle, tape on the near side; codes blurred by
-    /// `blur` (plane by plane), 4:4:4.
-    fn frame_of(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blur: f64) -> [Vec<u8>; 3] {
+    /// `blur` (plane by plane), 4:4:4. Outside, light grows by `shadow` codes per pixel away from the border.
+    fn frame_of(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blur: f64, shadow: f64) -> [Vec<u8>; 3] {
         [0, 1, 2].map(|plane| {
             (0..SIZE * SIZE)
                 .map(|i| {
                     let at = Vector2::new((i % SIZE) as f64, (i / SIZE) as f64) - Vector2::repeat(SIZE as f64 / 2.0);
-                    let share = inside_share((at.dot(&normal) - edge) / blur);
-                    (outside[plane] + share * (TAPE[plane] - outside[plane])).round() as u8
+                    let beyond = at.dot(&normal) - edge;
+                    let share = inside_share(beyond / blur);
+                    let lighter = if plane == 0 { shadow * beyond.clamp(0.0, 8.0) } else { 0.0 };
+                    (outside[plane] + lighter + share * (TAPE[plane] - outside[plane])).round() as u8
                 })
                 .collect()
         })
     }
 
     fn located(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blur: f64) -> Option<Edge> {
-        let planes = frame_of(normal, edge, outside, blur);
+        located_beside_shadow(normal, edge, outside, blur, 0.0)
+    }
+
+    fn located_beside_shadow(
+        normal: Vector2<f64>,
+        edge: f64,
+        outside: [f64; 3],
+        blur: f64,
+        shadow: f64,
+    ) -> Option<Edge> {
+        let planes = frame_of(normal, edge, outside, blur, shadow);
         let plane = |i: usize| Plane { data: &planes[i], stride: SIZE, width: SIZE, height: SIZE };
         let frame = Frame {
             index: 0,
@@ -580,6 +592,14 @@ mod tests {
                 let found = located(normal, edge, [90.0, 140.0, 110.0], 0.8).unwrap();
                 assert!((found.offset_px - edge).abs() < 0.02, "angle {angle}, edge {edge}: {found:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_soft_shadow_beside_a_border_does_not_move_it() {
+        for shadow in [-5.0, 3.0, 6.0] {
+            let found = located_beside_shadow(Vector2::new(0.6, 0.8), 0.3, [190.0, 130.0, 126.0], 0.8, shadow).unwrap();
+            assert!((found.offset_px - 0.3).abs() < 0.05, "shadow {shadow}: {found:?}");
         }
     }
 

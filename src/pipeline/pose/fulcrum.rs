@@ -5,7 +5,7 @@
 //! camera only to a few hundredths, and an unweighted nearest point to all lines would be dragged towards the tips
 //! by that noise. Known, it steadies the lean of every pose, and with it, depth.
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix2x5, Matrix3, Point3, Vector2, Vector3, Vector5};
+use nalgebra::{Matrix2, Matrix2x3, Matrix2x5, Matrix3, Matrix5, Point3, Vector2, Vector3, Vector5};
 
 use super::{TubeEstimate, across, turned};
 
@@ -23,7 +23,7 @@ pub const PLAY_MM: f64 = 0.5;
 
 /// Poses whose errors can be taken for independent: what light and background do to a border hardly changes from one
 /// frame to the next, so that a thousand frames know the fulcrum no better than so many views of it.
-const INDEPENDENT_POSES: f64 = 10.0;
+const INDEPENDENT_POSES: f64 = 3.0;
 
 /// The point nearest to all lines `point + s·axis`, unweighted: the textbook start. `None` where the lines are parallel.
 pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -> Option<Point3<f64>> {
@@ -34,7 +34,11 @@ pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -
     Some(Point3::from(matrix.try_inverse()? * right))
 }
 
-/// The fulcrum of many poses; `None` where they turn too little to show it, or are too few.
+/// Nearest to a tip that a trocar can be, in radii of the tube: behind the band and a piece of shaft.
+const NEAREST_RADII: f64 = 8.0;
+
+/// The fulcrum of many poses; `None` where they turn too little to show it, or are too few. Axes that hardly turn meet
+/// where their errors make them meet, even before the tips: such a point is none.
 pub fn estimate(poses: &[TubeEstimate]) -> Option<Fulcrum> {
     const FEWEST: usize = 10;
     const ROUNDS: usize = 20;
@@ -54,6 +58,9 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Fulcrum> {
             return None;
         }
         if step.norm() < 1e-4 {
+            if poses.iter().any(|pose| (pose.tube.tip - at).dot(&pose.tube.axis) < NEAREST_RADII * pose.tube.radius) {
+                return None;
+            }
             return Some(Fulcrum { at, covariance: covariance * (poses.len() as f64 / INDEPENDENT_POSES).max(1.0) });
         }
     }
@@ -83,7 +90,7 @@ fn pull(pose: &TubeEstimate, at: Point3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
 /// The pose that is most likely when the axis is known to pass through the fulcrum.
 pub fn steady(pose: &TubeEstimate, fulcrum: &Fulcrum) -> Option<TubeEstimate> {
     let mut change = Vector5::zeros();
-    let mut covariance = pose.covariance;
+    let (mut covariance, mut lasting) = (pose.covariance, pose.lasting);
     for _ in 0..4 {
         let constraint = Constraint::at(&turned(&pose.tube, &change), fulcrum.at);
         let own = constraint.by_point * fulcrum.covariance * constraint.by_point.transpose();
@@ -92,9 +99,16 @@ pub fn steady(pose: &TubeEstimate, fulcrum: &Fulcrum) -> Option<TubeEstimate> {
         let missed = constraint.missed - constraint.by_pose * change;
         change = -(gain * missed);
         covariance = pose.covariance - gain * constraint.by_pose * pose.covariance;
+        let kept = Matrix5::identity() - gain * constraint.by_pose;
+        lasting = kept * pose.lasting * kept.transpose() + gain * own * gain.transpose(); // the fulcrum's error lasts, too
     }
     let covariance = (covariance + covariance.transpose()) * 0.5;
-    Some(TubeEstimate { tube: turned(&pose.tube, &change), covariance, ..*pose })
+    Some(TubeEstimate {
+        tube: turned(&pose.tube, &change),
+        covariance,
+        lasting: (lasting + lasting.transpose()) * 0.5,
+        ..*pose
+    })
 }
 
 /// How many standard deviations the axis passes beside the fulcrum; squared, with two degrees of freedom.
@@ -133,7 +147,6 @@ impl Constraint {
 mod tests {
     use super::*;
     use crate::pipeline::tube::Tube;
-    use nalgebra::Matrix5;
     use rand::rngs::SmallRng;
     use rand::{Rng, RngExt, SeedableRng};
 
@@ -164,7 +177,7 @@ mod tests {
                     towards * towards.transpose() * (lean * lean) + aside * aside.transpose() * (sharp * sharp);
                 covariance.fixed_view_mut::<2, 2>(3, 3).copy_from(&spread);
                 let tube = turned(&exact, &Vector5::new(0.0, 0.0, 0.0, turn.x, turn.y));
-                TubeEstimate { tube, covariance, residual_px: 0.1, support: 50.0 }
+                TubeEstimate { tube, covariance, lasting: Matrix5::zeros(), residual_px: 0.1, support: 50.0 }
             })
             .collect()
     }

@@ -22,6 +22,9 @@ pub struct TubeEstimate {
     pub tube: Tube,
     /// Covariance of the five unknowns: tip (mm), then the axis's turn about two directions (radians, see [`turned`]).
     pub covariance: Matrix5<f64>,
+    /// The part of it that stays the same from frame to frame, because light and background hardly change: no filter
+    /// over time removes it.
+    pub lasting: Matrix5<f64>,
     /// RMS distance of border points from the outline, pixels.
     pub residual_px: f64,
     /// How many edges agree with it: the sum of their robust weights.
@@ -32,6 +35,11 @@ impl TubeEstimate {
     /// Covariance of the tip, mm².
     pub fn tip_covariance(&self) -> Matrix3<f64> {
         self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+
+    /// The lasting part of the tip's covariance, mm².
+    pub fn lasting_tip_covariance(&self) -> Matrix3<f64> {
+        self.lasting.fixed_view::<3, 3>(0, 0).into_owned()
     }
 }
 

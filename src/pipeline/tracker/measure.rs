@@ -273,13 +273,45 @@ impl Bench<'_> {
             measurement = Ok(Measurement { estimate, length_mm, seen_share, ends_seen });
         }
         let mut measurement: Measurement = measurement?;
+        if !self.is_where_the_tape_is(&tube, length_mm) {
+            return Err(Reason::ImpossiblePose);
+        }
         if !measurement.is_good() {
             measurement.estimate.covariance *= DOUBT;
+            measurement.estimate.lasting *= DOUBT;
         }
         if self.length.is_none() {
             measurement.length_mm += self.length_error(&tube, length_mm).unwrap_or(0.0);
         }
         Ok(measurement)
+    }
+
+    /// Is there tape between the tube's ends, and none beyond its distal one? Edges alone cannot tell: those of the shaft
+    /// fit a band that lies one length too far back.
+    fn is_where_the_tape_is(&self, tube: &Tube, length_mm: f64) -> bool {
+        const LEAST_INSIDE: f64 = 0.4;
+        const MOST_BEYOND: f64 = 0.6;
+        let Some(outline) = tube.outline() else { return false };
+        let inside = self.tape_share(&outline, [0.2, 0.35, 0.5, 0.65, 0.8].map(|part| part * length_mm));
+        let beyond = self.tape_share(&outline, [0.2, 0.3, 0.4, 0.5, 0.6].map(|part| -part * length_mm));
+        inside.is_none_or(|share| share >= LEAST_INSIDE) && beyond.is_none_or(|share| share <= MOST_BEYOND)
+    }
+
+    /// Share of the tape's colour on the tube's near side at some distances behind the tip; `None` where too little of it
+    /// is in sight.
+    fn tape_share(&self, outline: &Outline, backs_mm: [f64; 5]) -> Option<f64> {
+        const FEWEST: f64 = 4.0;
+        let (mut tape, mut seen) = (0.0, 0.0);
+        for (back_mm, across) in backs_mm.into_iter().flat_map(|back| [-0.5, 0.0, 0.5].map(|across| (back, across))) {
+            let place = outline.rim(back_mm, across);
+            let Some(at) = self.camera.project(CameraPoint(place)).filter(|at| self.is_visible(place, *at)) else {
+                continue;
+            };
+            let codes = self.frame.yuv_at(at.u().round() as usize, at.v().round() as usize);
+            seen += 1.0;
+            tape += f64::from(u8::from(self.table.class_of(codes) == self.class));
+        }
+        (seen >= FEWEST).then_some(tape / seen)
     }
 
     /// By how much the band is longer than thought, from the edge at its other end, mm.
@@ -352,7 +384,7 @@ impl Bench<'_> {
         let spread = [across * across, across * across, depth * depth, 0.1, 0.1];
         let covariance = nalgebra::Matrix5::from_diagonal(&spread.into());
         Measurement {
-            estimate: TubeEstimate { tube, covariance, residual_px: sigma_px, support: 1.0 },
+            estimate: TubeEstimate { tube, covariance, lasting: covariance, residual_px: sigma_px, support: 1.0 },
             length_mm: 0.0,
             seen_share: 1.0,
             ends_seen: true,

@@ -3,7 +3,7 @@
 //! The fulcrum is worked out from all poses and steadies each of them, also the first; the filter runs once more over the
 //! steadied poses, and the smoother behind it.
 
-use nalgebra::Vector3;
+use nalgebra::Matrix3;
 
 use super::report::ToolQuality;
 use super::tool::{self, ToolTracker};
@@ -64,7 +64,7 @@ pub fn rework(
         }
         if let Some(step) = advance.step {
             let in_sight = record.reason != Some(Reason::NoMarkerColour);
-            run.add(step, *instant, believed.map(|p| p.tube.axis), in_sight);
+            run.add(step, *instant, believed, in_sight);
         }
     }
     run.close(&mut paths, index, camera, fulcrum.as_ref());
@@ -77,22 +77,22 @@ pub fn rework(
 struct Run {
     steps: Vec<Step>,
     instants: Vec<Instant>,
-    axes: Vec<Option<Vector3<f64>>>,
+    poses: Vec<Option<TubeEstimate>>,
     in_sight: Vec<bool>,
 }
 
 impl Run {
-    fn add(&mut self, step: Step, instant: Instant, axis: Option<Vector3<f64>>, in_sight: bool) {
+    fn add(&mut self, step: Step, instant: Instant, pose: Option<TubeEstimate>, in_sight: bool) {
         self.in_sight.push(in_sight);
         self.steps.push(step);
         self.instants.push(instant);
-        self.axes.push(axis);
+        self.poses.push(pose);
     }
 
     /// Forgets a run that was none.
     fn drop_from(&mut self, paths: &mut ToolPaths) {
         let first = self.instants.first().map_or(u64::MAX, |instant| instant.0);
-        let (seen, all) = (self.axes.iter().flatten().count() as u64, self.axes.len() as u64);
+        let (seen, all) = (self.poses.iter().flatten().count() as u64, self.poses.len() as u64);
         paths.quality.observed -= seen; // counted when they were added
         paths.quality.predicted -= all - seen;
         paths.quality.missing += all;
@@ -103,13 +103,13 @@ impl Run {
     /// Smooths the run and writes both paths. Hindsight knows when the tool was gone: the smoothed path ends with the last
     /// frame that showed anything of its colour, whatever the filter predicted beyond.
     fn close(&mut self, paths: &mut ToolPaths, tool: usize, camera: &Camera, fulcrum: Option<&Fulcrum>) {
-        let mut axis = self.axes.iter().flatten().next().copied();
+        let mut pose = self.poses.iter().flatten().next().copied();
         let last_seen = self.in_sight.iter().rposition(|seen| *seen).map_or(0, |last| last + 1);
-        let steps = self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.axes));
+        let steps = self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.poses));
         for (place, ((step, smoothed), (instant, seen))) in steps.enumerate() {
-            axis = seen.or(axis);
+            pose = seen.or(pose);
             let state = if seen.is_some() { SampleState::Observed } else { SampleState::Predicted };
-            let sample = |s: &State| state_sample(s, axis, tool, *instant, state, camera, fulcrum);
+            let sample = |s: &State| state_sample(s, pose.as_ref(), tool, *instant, state, camera, fulcrum);
             paths.filtered.push(sample(&step.updated));
             if place < last_seen {
                 paths.smoothed.push(sample(&smoothed));
@@ -119,10 +119,11 @@ impl Run {
     }
 }
 
-/// A sample of a filter's state.
+/// A sample of a filter's state. What lasts in the errors of poses like `pose`, the nearest one measured, the filter has
+/// taken for noise and averaged away: it is added again (Schmidt's "considered" errors).
 pub fn state_sample(
     state: &State,
-    axis: Option<Vector3<f64>>,
+    pose: Option<&TubeEstimate>,
     tool: usize,
     instant: Instant,
     seen: SampleState,
@@ -130,7 +131,7 @@ pub fn state_sample(
     fulcrum: Option<&Fulcrum>,
 ) -> Sample {
     let tip = state.tip();
-    let covariance = state.tip_covariance();
+    let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, TubeEstimate::lasting_tip_covariance);
     let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
     Sample {
         frame: instant.0,
@@ -138,7 +139,7 @@ pub fn state_sample(
         tool,
         tip_mm: tip,
         velocity_mm_s: Some(state.velocity()),
-        axis: by_fulcrum.or(axis),
+        axis: by_fulcrum.or(pose.map(|p| p.tube.axis)),
         tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
         sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
         sigma_z_mm: Some(covariance[(2, 2)].sqrt()),

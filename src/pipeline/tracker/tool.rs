@@ -41,6 +41,7 @@ pub struct ToolTracker {
     keyframes: Vec<TubeEstimate>,
     lengths: BandLengths,
     motion_px_s: Vector2<f64>,
+    pub(super) last_pose: Option<TubeEstimate>,
     pub(super) records: Vec<Record>,
 }
 
@@ -113,6 +114,7 @@ impl ToolTracker {
             keyframes: Vec::new(),
             lengths: BandLengths::default(),
             motion_px_s: Vector2::zeros(),
+            last_pose: None,
             records: Vec::new(),
         }
     }
@@ -140,6 +142,7 @@ impl ToolTracker {
         let advance = self.thread.advance(frame.time_s, observation, &thread);
         if let (Ok(m), true) = (&steadied, advance.observed) {
             self.last = Some((m.estimate.tube, m.length_mm));
+            self.last_pose = Some(m.estimate);
         }
         let outcome = match advance.refused {
             Some(reason) => Err(reason),
