@@ -29,7 +29,7 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// A tracker for frames of this size and encoding; builds the colour table (about 0.1 s).
+    /// A tracker for frames of this size and encoding.
     ///
     /// # Errors
     /// Settings that cannot work: see [`SettingsProblem`].
@@ -42,7 +42,7 @@ impl Tracker {
         settings.check(width, height)?;
         let classes = settings.classes();
         let knn = Knn::new(&settings.samples, &classes).ok_or(SettingsProblem::NoBackground)?;
-        let table = ColourTable::build(&knn, encoding);
+        let table = ColourTable::new(knn, encoding);
         let tools = settings.tools.iter().enumerate().map(|(i, spec)| {
             let tape = settings.samples.mean_codes(&spec.name, encoding);
             ToolTracker::new(spec.clone(), i as u8 + 1, EdgeModel::new(tape, encoding))

@@ -99,7 +99,7 @@ mod tests {
             labels: vec!["orange".into(), "background".into()],
             samples: [sample(0, [150, 60, 200]), sample(1, [60, 128, 128])].repeat(5),
         };
-        let table = ColourTable::build(&Knn::new(&samples, &[1, 0]).unwrap(), encoding);
+        let table = ColourTable::new(Knn::new(&samples, &[1, 0]).unwrap(), encoding);
         let picture = ["##....", "##....", "..##..", "..##.#"];
         let plane = |on: u8, off: u8, times: usize| -> Vec<u8> {
             picture

@@ -24,7 +24,12 @@ impl LightSpill {
     pub fn new() -> Self {
         let side = STEPS + 1;
         let code = |i: usize| i as f64 / STEPS as f64;
-        let table = (0..side * side).map(|i| integrated(code(i / side), code(i % side)) as f32).collect();
+        let mut table = vec![0.0; side * side];
+        for (row, column) in (0..side).flat_map(|row| (0..row).map(move |column| (row, column))) {
+            let surplus = integrated(code(row), code(column)) as f32;
+            table[row * side + column] = surplus;
+            table[column * side + row] = surplus; // which side is which does not matter
+        }
         Self { table }
     }
 

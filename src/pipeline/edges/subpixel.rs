@@ -14,7 +14,9 @@
 //! up** where no plane has contrast, where the offset leaves the window, or where the inside is less like the tape than
 //! the outside.
 
-use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3};
+use std::sync::LazyLock;
+
+use nalgebra::{Matrix3, Matrix4, SMatrix, Vector2, Vector3};
 
 use super::light::LightSpill;
 use crate::pipeline::frame::{ColourEncoding, Frame, Plane};
@@ -51,7 +53,7 @@ pub struct Edge {
 /// How edges look in this recording: blur and noise of each plane, learned while tracking.
 #[derive(Clone)]
 pub struct EdgeModel {
-    curves: Vec<[f32; 3]>,
+    curves: &'static EdgeCurves,
     /// Blur of Y, U, V: standard deviation, pixels.
     pub blur_px: [f64; 3],
     /// Variance of pixels about the model in Y, U, V, codes²: the median of the edges', which creases and patterns beside
@@ -60,7 +62,7 @@ pub struct EdgeModel {
     /// The tape's usual chroma, codes.
     tape: Vector2<f64>,
     evidence: [BlurEvidence; 3],
-    spill: LightSpill,
+    spill: &'static LightSpill,
     codes_from_rgb: Matrix3<f64>,
     encoding: ColourEncoding,
     /// What the recording's maker decides and no file says; learned.
@@ -88,12 +90,25 @@ struct BlurEvidence {
     noisier: f64,
 }
 
+/// For `z` from −8 to 8 standard deviations outwards: the blurred step's inside share, the blurred root of the depth, the
+/// step's slope, and that times `z`.
+type EdgeCurves = [[f32; 4]; STEPS + 1];
+
+static EDGE_CURVES: LazyLock<EdgeCurves> = LazyLock::new(edge_curves);
+static LIGHT_SPILL: LazyLock<LightSpill> = LazyLock::new(LightSpill::new);
+
 /// Usual exposure, and how short and long one can be, s.
 const USUAL_EXPOSURE_S: f64 = 0.008;
 const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
 
-const STEPS_PER_SIGMA: f64 = 32.0;
-const TABLE_REACH: f64 = 8.0;
+const STEPS_PER_SIGMA: f32 = 32.0;
+const TABLE_REACH: f32 = 8.0;
+const STEPS: usize = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize;
+/// Where a plain step is tried.
+const STEPS_PER_PX: f64 = 2.0;
+const MOST_STEPS: usize = 40;
+/// Samples that are worked on at once.
+const LANES: usize = 4;
 /// Softest edge that still tells where it is, pixels.
 const WORST_SIGMA_PX: f64 = 1.0;
 const MOST_SAMPLES: usize = 256;
@@ -109,12 +124,12 @@ impl EdgeModel {
     /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
     pub fn new(tape_yuv: [f64; 3], encoding: ColourEncoding) -> Self {
         Self {
-            curves: edge_curves(),
+            curves: &EDGE_CURVES,
             blur_px: [0.9, 1.3, 1.3],
             noise: [6.0, 3.0, 3.0],
             tape: Vector2::new(tape_yuv[1], tape_yuv[2]),
             evidence: Default::default(),
-            spill: LightSpill::new(),
+            spill: &LIGHT_SPILL,
             codes_from_rgb: encoding.codes_from_rgb(),
             encoding,
             habits: Vector3::from(USUAL_HABITS),
@@ -129,13 +144,11 @@ impl EdgeModel {
     pub fn locate(&mut self, frame: &Frame<'_>, probe: &Probe, is_tape: impl Fn([u8; 3]) -> bool) -> Option<Edge> {
         let blur = self.blur_of(probe);
         let mut samples = [PlaneSamples::default(); 3];
-        gather(&frame.y, (0, 0), probe, &mut [&mut samples[0]]);
-        let [_, blue, red] = &mut samples;
-        gather_both(frame, probe, blue, red);
         let chroma_shift = self.habits[1] * probe.outward.x + self.habits[2] * probe.outward.y;
-        for plane in &mut samples[1..] {
-            plane.distances[..plane.len].iter_mut().for_each(|d| *d += chroma_shift as f32);
-        }
+        let (luma, chroma) = samples.split_at_mut(1);
+        gather([&frame.y], (0, 0), probe, 0.0, luma);
+        gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), probe, chroma_shift, chroma);
+        samples.iter_mut().for_each(PlaneSamples::complete);
         let mut spill = Vector3::zeros();
         let guess = self.sharpest_step(&samples, probe)?;
         let mut offset = guess;
@@ -186,12 +199,15 @@ impl EdgeModel {
     /// Where one plain step explains the samples best, to half a pixel: the start, so that the finer model cannot settle
     /// where its shading term imitates the edge.
     fn sharpest_step(&self, samples: &[PlaneSamples; 3], probe: &Probe) -> Option<f64> {
-        let steps: Vec<StepScan> = samples.iter().map(StepScan::new).collect();
-        let (first, last) = (1.0 - probe.inwards_px, probe.outwards_px - 1.0);
-        let candidates = (0..StepScan::BINS).map(StepScan::place).filter(|at| (first..=last).contains(at));
-        let cost =
-            |at: f64| -> f64 { steps.iter().zip(&self.noise).map(|(scan, noise)| scan.misfit(at) / noise).sum() };
-        candidates.map(|at| (at, cost(at))).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
+        let first = ((1.0 - probe.inwards_px) * STEPS_PER_PX).ceil();
+        let count = ((probe.outwards_px - 1.0) * STEPS_PER_PX).floor() - first + 1.0;
+        let mut explained = [0.0; MOST_STEPS];
+        let explained = &mut explained[..(count.max(0.0) as usize).min(MOST_STEPS)];
+        for (plane, noise) in samples.iter().zip(&self.noise) {
+            explain_by_step(plane, first as f32, 1.0 / *noise as f32, explained);
+        }
+        let (best, _) = explained.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        Some((first + best as f64) / STEPS_PER_PX)
     }
 
     /// Blur of the three planes across a probe: the lens's, and the motion's during the exposure.
@@ -320,7 +336,7 @@ impl EdgeModel {
         let explained = if information > 0.0 { gradient * gradient / information } else { 0.0 };
         let step = heights[1];
         Some(PlaneFit {
-            outside: heights[0],
+            outside: heights[0] + f64::from(samples.level),
             step,
             shade: heights[2],
             gradient,
@@ -334,6 +350,9 @@ impl EdgeModel {
 
     /// All products of the seven columns, summed over the samples: level outside, step, shade, shadow, bump along the
     /// edge, wider edge, value.
+    ///
+    /// The tracker spends most of its time here. [`LANES`] samples are worked on at once, in single precision, which the
+    /// centred values allow.
     fn gram_of(
         &self,
         blur: f64,
@@ -342,70 +361,78 @@ impl EdgeModel {
         radius_px: f64,
         spill: f64,
     ) -> SMatrix<f64, 7, 7> {
-        let shade_scale = (2.0 * blur / radius_px).sqrt();
-        let mut gram = SMatrix::<f64, 7, 7>::zeros();
-        for (distance, value) in samples.pairs() {
-            let z = (distance - offset) / blur;
-            let [share, slope, depth] = self.curve(z);
-            let in_radii = (-z).max(0.0) * blur / radius_px;
-            let limb = 1.0 - in_radii.min(1.0) * (0.25 + 0.04 * in_radii.min(1.0)); // √(1 − x/2) to 1e-3
-            let bump = slope / blur;
-            let ramp = blur * (z * (1.0 - share) + slope);
-            let shade = depth * shade_scale * limb;
-            let columns = SVector::from([1.0, share, shade, ramp, bump, bump * z, value - spill * bump]);
-            gram.ger(1.0, &columns, &columns, 1.0);
+        let [offset, per_px, in_radii, blur_px] = [offset, 1.0 / blur, blur / radius_px, blur].map(|c| c as f32);
+        let shade_scale = (2.0 * blur / radius_px).sqrt() as f32;
+        const FARTHEST: f32 = 1e4; // in standard deviations; beyond are those that only fill the last chunk
+        let mut products = [[[0.0f32; LANES]; 7]; 7];
+        for (distances, values) in samples.chunks() {
+            let z = distances.map(|distance| (distance - offset) * per_px);
+            let curves = z.map(|z| self.curve(z));
+            let limb = z.map(|z| {
+                let inside = (-z * in_radii).clamp(0.0, 1.0);
+                shade_scale * (1.0 - inside * (0.25 + 0.04 * inside)) // √(1 − x/2) to 1e-3
+            });
+            let lanes: [usize; LANES] = std::array::from_fn(|lane| lane);
+            let columns = [
+                [1.0; LANES],
+                lanes.map(|l| curves[l][0]),
+                lanes.map(|l| curves[l][1] * limb[l]),
+                lanes.map(
+                    |l| if z[l] < FARTHEST { blur_px * (z[l] * (1.0 - curves[l][0]) + curves[l][2]) } else { 0.0 },
+                ),
+                lanes.map(|l| curves[l][2] * per_px),
+                lanes.map(|l| curves[l][3] * per_px),
+                *values,
+            ];
+            for (i, first) in columns.iter().enumerate() {
+                for (j, second) in columns.iter().enumerate().skip(i) {
+                    for (sum, (a, b)) in products[i][j].iter_mut().zip(first.iter().zip(second)) {
+                        *sum += a * b;
+                    }
+                }
+            }
         }
+        let mut gram = SMatrix::<f64, 7, 7>::zeros();
+        for (i, row) in products.iter().enumerate() {
+            for (j, lanes) in row.iter().enumerate().skip(i) {
+                gram[(i, j)] = f64::from(lanes.iter().sum::<f32>());
+            }
+        }
+        gram[(0, 0)] = samples.len as f64; // not those that only fill the last chunk
+        gram.fill_lower_triangle_with_upper_triangle();
+        // The spilt light is a bump of known height: taken off the values here, not from each of them.
+        let (bump, value) = (gram.column(4).into_owned(), gram.column(6).into_owned());
+        gram.set_column(6, &(value - bump * spill));
+        gram[(6, 6)] -= spill * gram[(4, 6)];
         gram
     }
 
     #[inline]
-    fn curve(&self, z: f64) -> [f64; 3] {
-        let at = (z + TABLE_REACH).clamp(0.0, 2.0 * TABLE_REACH - 1e-6) * STEPS_PER_SIGMA;
-        let index = at as usize;
-        let part = at - index as f64;
+    fn curve(&self, z: f32) -> [f32; 4] {
+        let at = ((z + TABLE_REACH) * STEPS_PER_SIGMA).clamp(0.0, STEPS as f32);
+        let index = (at as usize).min(STEPS - 1);
+        let part = at - index as f32;
         let (low, high) = (self.curves[index], self.curves[index + 1]);
-        let [share, slope, depth] =
-            [0, 1, 2].map(|i| f64::from(low[i]) + part * (f64::from(high[i]) - f64::from(low[i])));
-        let beyond = (-z - TABLE_REACH).max(0.0);
-        [share, slope, if beyond > 0.0 { (-z).sqrt() } else { depth }]
+        let [share, depth, slope, wider] = std::array::from_fn(|i| low[i] + part * (high[i] - low[i]));
+        [share, if z < -TABLE_REACH { (-z).sqrt() } else { depth }, slope, wider]
     }
 }
 
-/// A plane's samples summed by distance, so that a step can be tried at every half pixel.
-struct StepScan {
-    /// For each place: count, sum and sum of squares of the samples inside it.
-    below: [(f64, f64, f64); StepScan::BINS + 1],
-}
-
-impl StepScan {
-    const BINS: usize = 64;
-    const PER_PX: f64 = 2.0;
-
-    fn new(samples: &PlaneSamples) -> Self {
-        let mut below = [(0.0, 0.0, 0.0); Self::BINS + 1];
-        for (distance, value) in samples.pairs() {
-            let bin = (distance * Self::PER_PX + Self::BINS as f64 / 2.0).clamp(0.0, Self::BINS as f64 - 1.0) as usize;
-            let sums = &mut below[bin + 1];
-            *sums = (sums.0 + 1.0, sums.1 + value, sums.2 + value * value);
-        }
-        for i in 1..below.len() {
-            let before = below[i - 1];
-            below[i] = (below[i].0 + before.0, below[i].1 + before.1, below[i].2 + before.2);
-        }
-        Self { below }
+/// Adds for each place of a step, from `first` outwards, how much two means explain, inside and outside of it, times
+/// `weight`.
+fn explain_by_step(samples: &PlaneSamples, first: f32, weight: f32, into: &mut [f32]) {
+    let mut between = [(0.0f32, 0.0f32); MOST_STEPS + 1]; // count and sum of the samples before each place
+    for (distance, value) in samples.pairs() {
+        let place = (distance * STEPS_PER_PX as f32 - first + 1.0).clamp(0.0, into.len() as f32) as usize;
+        between[place] = (between[place].0 + 1.0, between[place].1 + value);
     }
-
-    /// Distance of a bin's inner edge from the chord, pixels.
-    fn place(bin: usize) -> f64 {
-        (bin as f64 - Self::BINS as f64 / 2.0) / Self::PER_PX
-    }
-
-    /// Sum of squares about two means, inside and outside of a step.
-    fn misfit(&self, at: f64) -> f64 {
-        let about_mean = |(count, sum, squares): (f64, f64, f64)| squares - sum * sum / f64::max(count, 1.0);
-        let bin = (at * Self::PER_PX + Self::BINS as f64 / 2.0) as usize;
-        let (inside, all) = (self.below[bin.min(Self::BINS)], self.below[Self::BINS]);
-        about_mean(inside) + about_mean((all.0 - inside.0, all.1 - inside.1, all.2 - inside.2))
+    let total: f32 = between.iter().map(|b| b.1).sum();
+    let (mut count, mut sum) = (0.0, 0.0);
+    for (explained, (own_count, own_sum)) in into.iter_mut().zip(between) {
+        (count, sum) = (count + own_count, sum + own_sum);
+        let outside = total - sum;
+        let others = samples.len as f32 - count;
+        *explained += weight * (sum * sum / f32::max(count, 1.0) + outside * outside / f32::max(others, 1.0));
     }
 }
 
@@ -414,12 +441,14 @@ impl StepScan {
 struct PlaneSamples {
     distances: [f32; MOST_SAMPLES],
     values: [f32; MOST_SAMPLES],
+    /// Taken off all values.
+    level: f32,
     len: usize,
 }
 
 impl Default for PlaneSamples {
     fn default() -> Self {
-        Self { distances: [0.0; MOST_SAMPLES], values: [0.0; MOST_SAMPLES], len: 0 }
+        Self { distances: [0.0; MOST_SAMPLES], values: [0.0; MOST_SAMPLES], level: 0.0, len: 0 }
     }
 }
 
@@ -432,8 +461,26 @@ impl PlaneSamples {
         }
     }
 
-    fn pairs(&self) -> impl Iterator<Item = (f64, f64)> {
-        self.distances[..self.len].iter().zip(&self.values[..self.len]).map(|(d, v)| (f64::from(*d), f64::from(*v)))
+    /// Ends the collection: moves the values so that they lie about zero, and fills the last chunk with samples so far
+    /// outside that they say nothing.
+    fn complete(&mut self) {
+        const FAR_PX: f32 = 1e6;
+        let values = &mut self.values[..self.len];
+        self.level = values.iter().sum::<f32>() / (values.len().max(1) as f32);
+        values.iter_mut().for_each(|value| *value -= self.level);
+        let padded = self.len.next_multiple_of(LANES);
+        self.distances[self.len..padded].fill(FAR_PX);
+        self.values[self.len..padded].fill(0.0);
+    }
+
+    /// Distances and values, in chunks.
+    fn chunks(&self) -> impl Iterator<Item = (&[f32; LANES], &[f32; LANES])> {
+        let count = self.len.div_ceil(LANES);
+        self.distances.as_chunks().0.iter().zip(self.values.as_chunks().0).take(count)
+    }
+
+    fn pairs(&self) -> impl Iterator<Item = (f32, f32)> {
+        self.distances[..self.len].iter().copied().zip(self.values[..self.len].iter().copied())
     }
 }
 
@@ -456,18 +503,18 @@ impl PlaneFit {
     }
 }
 
-fn gather_both(frame: &Frame<'_>, probe: &Probe, blue: &mut PlaneSamples, red: &mut PlaneSamples) {
-    let shift = (frame.shift_x, frame.shift_y);
-    gather(&frame.u, shift, probe, &mut [blue]);
-    gather(&frame.v, shift, probe, &mut [red]);
-}
-
-/// Collects a plane's samples in the parallelogram around a chord, row by row where the chord is upright, else
-/// column by column.
-fn gather(plane: &Plane<'_>, shift: (u8, u8), probe: &Probe, into: &mut [&mut PlaneSamples]) {
+/// Collects samples of planes of one size in the parallelogram around a chord, row by row where the chord is upright,
+/// else column by column; `shifted_px` is added to their distances.
+fn gather<const N: usize>(
+    planes: [&Plane<'_>; N],
+    shift: (u8, u8),
+    probe: &Probe,
+    shifted_px: f64,
+    into: &mut [PlaneSamples],
+) {
     let scale = [f64::from(1u32 << shift.0), f64::from(1u32 << shift.1)];
     let first = scale.map(|s| (s - 1.0) / 2.0); // a chroma sample sits amid the pixels it stands for
-    let sizes = [plane.width, plane.height];
+    let sizes = [planes[0].width, planes[0].height];
     let middle = [probe.middle.u(), probe.middle.v()];
     let normal = [probe.outward.x, probe.outward.y];
     let run = if normal[0].abs() >= normal[1].abs() { 0 } else { 1 }; // the direction that crosses the chord
@@ -485,30 +532,26 @@ fn gather(plane: &Plane<'_>, shift: (u8, u8), probe: &Probe, into: &mut [&mut Pl
         let crossing = middle[run] - along * slant;
         let reach = 1.0 / normal[run].abs();
         let from = index(run, crossing - back * reach).ceil().max(0.0) as usize;
+        let start = shifted_px + along * normal[rows] + (first[run] - middle[run]) * normal[run];
         for column in from..last(run, index(run, crossing + ahead * reach)) {
-            let across = column as f64 * scale[run] + first[run] - middle[run];
-            let value = if run == 0 { plane.at(column, row) } else { plane.at(row, column) };
-            for samples in into.iter_mut() {
-                samples.push(across * normal[run] + along * normal[rows], value);
+            let distance = start + column as f64 * scale[run] * normal[run];
+            let (x, y) = if run == 0 { (column, row) } else { (row, column) };
+            for (plane, samples) in planes.iter().zip(into.iter_mut()) {
+                samples.push(distance, plane.at(x, y));
             }
         }
     }
 }
 
-/// For `z` from −8 to 8 standard deviations outwards: the blurred step's inside share, its slope, and the blurred root of
-/// the depth.
-fn edge_curves() -> Vec<[f32; 3]> {
-    let count = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize + 2;
-    (0..count)
-        .map(|i| {
-            let z = i as f64 / STEPS_PER_SIGMA - TABLE_REACH;
-            // Simpson-free: 161 even steps over ±5 σ are exact to 1e-7 for a Gaussian.
-            let steps = (-80..=80).map(|k| f64::from(k) / 16.0);
-            let weight = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt() / 16.0;
-            let depth: f64 = steps.map(|x| weight(x) * (x - z).max(0.0).sqrt()).sum();
-            [inside_share(z) as f32, weight(z) as f32 * 16.0, depth as f32]
-        })
-        .collect()
+fn edge_curves() -> EdgeCurves {
+    let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+    // Simpson-free: 161 even steps over ±5 σ are exact to 1e-7 for a Gaussian.
+    let blur: Vec<(f64, f64)> = (-80..=80).map(|k| f64::from(k) / 16.0).map(|x| (x, density(x) / 16.0)).collect();
+    std::array::from_fn(|i| {
+        let z = i as f64 / f64::from(STEPS_PER_SIGMA) - f64::from(TABLE_REACH);
+        let depth: f64 = blur.iter().map(|(x, weight)| weight * (x - z).max(0.0).sqrt()).sum();
+        [inside_share(z), depth, density(z), density(z) * z].map(|c| c as f32)
+    })
 }
 
 /// Gaussian upper tail by numeric integration of its density from `z` on.

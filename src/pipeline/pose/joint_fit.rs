@@ -148,10 +148,12 @@ impl System {
             .iter()
             .map(|e| e.residual_px(&outline, camera).map(|r| r - offsets[e.place.part()]))
             .collect::<Option<_>>()?;
-        let sigma = |e: &MeasuredEdge| e.sigma_px.hypot(LEAST_SIGMA_PX);
+        let sigma = |e: &MeasuredEdge| (e.sigma_px * e.sigma_px + LEAST_SIGMA_PX * LEAST_SIGMA_PX).sqrt();
         let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
-        let mut matrix = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
-        let mut right = SVector::<f64, UNKNOWNS>::zeros();
+        // An edge knows of the tube and of its own part's offset only: nine unknowns, never more than six at once.
+        let mut by_tube = Matrix5::zeros();
+        let (mut across, mut own) = ([Vector5::zeros(); 4], [0.0; 4]);
+        let (mut right, mut right_own) = (Vector5::zeros(), [0.0; 4]);
         let (mut squares, mut weights) = (0.0, 0.0);
         for (edge, residual) in edges.iter().zip(&residuals) {
             let weight = match trust {
@@ -159,22 +161,33 @@ impl System {
                 Trust::All => 1.0,
             };
             let information = weight / sigma(edge).powi(2);
-            let mut row = SVector::<f64, UNKNOWNS>::zeros();
-            for (i, [ahead, behind]) in nudged.iter().enumerate() {
+            let part = edge.place.part();
+            let mut row = Vector5::zeros();
+            for (i, ahead) in nudged.iter().enumerate() {
                 // The outline moves outwards by as much as the residual falls.
-                row[i] = (edge.residual_px(behind, camera)? - edge.residual_px(ahead, camera)?) / (2.0 * NUDGE[i]);
+                row[i] = (residual + offsets[part] - edge.residual_px(ahead, camera)?) / NUDGE[i];
             }
-            row[5 + edge.place.part()] = 1.0;
-            matrix.ger(information, &row, &row, 1.0);
-            right += row * (information * residual);
+            let weighed = row * information;
+            by_tube.ger(1.0, &weighed, &row, 1.0);
+            across[part] += weighed;
+            own[part] += information;
+            right += weighed * *residual;
+            right_own[part] += information * residual;
             squares += weight * residual * residual;
             weights += weight;
         }
+        let mut system = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros(), SVector::<f64, UNKNOWNS>::zeros());
+        let (matrix, all_right) = (&mut system.0, &mut system.1);
+        matrix.fixed_view_mut::<5, 5>(0, 0).copy_from(&by_tube);
+        all_right.fixed_rows_mut::<5>(0).copy_from(&right);
         for part in 0..4 {
             let prior = 1.0 / (bias[part] * bias[part]);
-            matrix[(5 + part, 5 + part)] += prior;
-            right[5 + part] -= prior * offsets[part];
+            matrix.fixed_view_mut::<5, 1>(0, 5 + part).copy_from(&across[part]);
+            matrix.fixed_view_mut::<1, 5>(5 + part, 0).copy_from(&across[part].transpose());
+            matrix[(5 + part, 5 + part)] = own[part] + prior;
+            all_right[5 + part] = right_own[part] - prior * offsets[part];
         }
+        let (matrix, right) = system;
         Some(Self {
             matrix,
             right,
@@ -186,14 +199,14 @@ impl System {
 }
 
 /// Steps of the numeric derivative: mm, mm, mm, rad, rad.
-const NUDGE: [f64; 5] = [1e-3, 1e-3, 1e-3, 1e-5, 1e-5];
+const NUDGE: [f64; 5] = [1e-4, 1e-4, 1e-4, 1e-6, 1e-6];
 
-fn nudged_outlines(tube: &Tube) -> Option<[[Outline; 2]; 5]> {
-    let mut all = [[tube.outline()?; 2]; 5];
-    for (i, pair) in all.iter_mut().enumerate() {
+fn nudged_outlines(tube: &Tube) -> Option<[Outline; 5]> {
+    let mut all = [tube.outline()?; 5];
+    for (i, outline) in all.iter_mut().enumerate() {
         let mut change = Vector5::zeros();
         change[i] = NUDGE[i];
-        *pair = [turned(tube, &change).outline()?, turned(tube, &-change).outline()?];
+        *outline = turned(tube, &change).outline()?;
     }
     Some(all)
 }

@@ -1,11 +1,12 @@
 //! What colour is this: k nearest neighbours among the marked samples (METHOD 2, T 6.2), with a limit beyond which a
 //! colour is nobody's.
 
+use std::collections::HashMap;
 use std::num::NonZero;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use super::samples::ColourSamples;
+use super::samples::{ColourSample, ColourSamples};
 
 /// Neighbours that vote; the thesis's choice.
 const K: NonZero<usize> = NonZero::new(5).unwrap();
@@ -35,10 +36,10 @@ impl Knn {
     /// Builds the tree. `class_of_label` gives each of the samples' labels its class, 0 for all that are no tool.
     /// `None` when there is no sample.
     pub fn new(samples: &ColourSamples, class_of_label: &[u8]) -> Option<Self> {
+        let class = |sample: &ColourSample| class_of_label.get(sample.label).copied().unwrap_or(0);
         let colours: Vec<[f64; 3]> = samples.samples.iter().map(|s| samples.encoding.colour_of(s.yuv)).collect();
         let points: Vec<[f32; 3]> = colours.iter().map(|c| metric_of(*c)).collect();
-        let label_of_sample: Vec<u8> =
-            samples.samples.iter().map(|s| class_of_label.get(s.label).copied().unwrap_or(0)).collect();
+        let label_of_sample: Vec<u8> = samples.samples.iter().map(class).collect();
         if points.is_empty() {
             return None;
         }
@@ -51,6 +52,7 @@ impl Knn {
             })
             .collect();
         let reach = reach_of_tools(&colours, &label_of_sample, &limit_of_label);
+        let (points, label_of_sample) = without_crowds(points, label_of_sample);
         let tree = ImmutableKdTree::new_from_slice(&points).ok()?;
         Some(Self { tree, label_of_sample, limit_of_label, reach })
     }
@@ -102,6 +104,17 @@ fn majority(votes: &[u8]) -> Option<u8> {
     votes.iter().copied().find(|v| count(*v) == most)
 }
 
+/// More samples of one class in one place than can vote change no vote: the others are left out.
+fn without_crowds(points: Vec<[f32; 3]>, classes: Vec<u8>) -> (Vec<[f32; 3]>, Vec<u8>) {
+    let mut crowds: HashMap<(u8, [u32; 3]), usize> = HashMap::new();
+    let has_a_say = |(point, class): &([f32; 3], u8)| {
+        let crowd = crowds.entry((*class, point.map(f32::to_bits))).or_default();
+        *crowd += 1;
+        *crowd <= K.get()
+    };
+    points.into_iter().zip(classes).filter(has_a_say).unzip()
+}
+
 /// RMS distance from the mean.
 fn spread(points: &[[f32; 3]]) -> f64 {
     let n = points.len().max(1) as f64;
@@ -128,7 +141,6 @@ fn reach_of_tools(colours: &[[f64; 3]], classes: &[u8], limits: &[f32]) -> [(f64
 mod tests {
     use super::*;
     use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
-    use crate::pipeline::segmentation::samples::ColourSample;
 
     fn samples() -> ColourSamples {
         let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };

@@ -160,12 +160,18 @@ impl Bench<'_> {
         }
     }
 
-    /// Refines each start until one explains the pixels well; else the best of them, if it is possible at all.
+    /// Refines each start until one explains the pixels well; else the best of them, if it is possible at all. A start of
+    /// which it is known where it leads is left out.
     fn best_of(&mut self, starts: &[Tube], seen_mm: Option<f64>) -> Result<Measurement, Reason> {
         let length_mm = self.length.map(|l| l.0).or(seen_mm).ok_or(Reason::ImpossiblePose)?;
+        let mut refined: Vec<Tube> = Vec::new();
         let mut outcome: Result<Measurement, Reason> = Err(Reason::ImpossiblePose);
         for start in starts {
+            if refined.iter().any(|tube| self.is_alike(start, tube, length_mm)) {
+                continue;
+            }
             let found = self.refine(*start, length_mm, &LOOKS);
+            refined.extend(found.as_ref().ok().map(|m| m.estimate.tube));
             let found = found.and_then(|m| if m.is_possible() { Ok(m) } else { Err(Reason::ImpossiblePose) });
             let better = match (&found, &outcome) {
                 (Ok(new), Ok(old)) => new.seen_share > old.seen_share,
@@ -250,10 +256,39 @@ impl Bench<'_> {
     }
 
     /// Moves an expected tube onto the edges that the pixels show, without a region of colour; only where they explain it
-    /// well.
+    /// well. Where it was expected within two pixels, one close look does.
     pub fn follow(&mut self, expected: &Tube, length_mm: f64) -> Option<Measurement> {
-        let exact = self.method == PoseMethod::TangentPlanes;
-        exact.then(|| self.refine(*expected, length_mm, &LOOKS[1..]).ok())?.filter(Measurement::is_good)
+        const RIGHT_PX: f64 = 2.0;
+        if self.method != PoseMethod::TangentPlanes {
+            return None;
+        }
+        let close = self.refine(*expected, length_mm, &LOOKS[2..]).ok().filter(Measurement::is_good);
+        let (start, looks) = match close {
+            Some(m) if self.apart_px(expected, &m.estimate.tube, length_mm).is_some_and(|px| px < RIGHT_PX) => {
+                return Some(m);
+            }
+            Some(m) => (m.estimate.tube, &LOOKS[2..]),
+            None => (*expected, &LOOKS[1..]),
+        };
+        self.refine(start, length_mm, looks).ok().filter(Measurement::is_good)
+    }
+
+    /// How far apart the corners of two tubes' bands are seen at most, pixels.
+    fn apart_px(&self, one: &Tube, other: &Tube, length_mm: f64) -> Option<f64> {
+        let outlines = (one.outline()?, other.outline()?);
+        let corners = [(0, 0.0), (1, 0.0), (0, length_mm), (1, length_mm)];
+        corners.into_iter().try_fold(0.0, |most: f64, (side, back)| {
+            let pixel = |outline: &Outline| self.camera.project(CameraPoint(outline.border(side, back))).map(|p| p.0);
+            Some(most.max((pixel(&outlines.0)? - pixel(&outlines.1)?).norm()))
+        })
+    }
+
+    /// Would refining one tube lead to the other, that was refined already?
+    fn is_alike(&self, start: &Tube, refined: &Tube, length_mm: f64) -> bool {
+        const NEAR_PX: f64 = 3.0;
+        const NEAR_RAD: f64 = 0.15;
+        start.axis.angle(&refined.axis) < NEAR_RAD
+            && self.apart_px(start, refined, length_mm).is_some_and(|px| px < NEAR_PX)
     }
 
     /// Moves a rough tube onto the edges that the pixels show.
