@@ -70,11 +70,11 @@ impl Tracker {
     pub fn finish(self) -> Tracking {
         let names: Vec<String> = self.settings.tools.iter().map(|t| t.name.clone()).collect();
         let frame_times_s: Vec<f64> = self.instants.iter().map(|i| i.1).collect();
-        let thread = self.settings.motion.thread();
+        let motion = &self.settings.motion;
         let mut paths = [Vec::new(), Vec::new(), Vec::new()];
         let mut quality = Quality { frames: self.instants.len() as u64, tools: Vec::new() };
         for (i, tool) in self.tools.iter().enumerate() {
-            let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, &thread);
+            let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, motion);
             quality.tools.push(reworked.quality);
             for (all, own) in paths.iter_mut().zip([reworked.raw, reworked.filtered, reworked.smoothed]) {
                 all.extend(own);

@@ -6,6 +6,7 @@
 use nalgebra::Matrix3;
 
 use super::report::ToolQuality;
+use super::settings::MotionSettings;
 use super::tool::{self, ToolTracker};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::identity::{Thread, ThreadSettings};
@@ -34,8 +35,9 @@ pub fn rework(
     index: usize,
     instants: &[Instant],
     camera: &Camera,
-    thread: &ThreadSettings,
+    motion: &MotionSettings,
 ) -> ToolPaths {
+    let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
     let estimates: Vec<TubeEstimate> = tool.records.iter().filter_map(|r| r.estimate).collect();
     let good: Vec<TubeEstimate> = tool.records.iter().filter(|r| r.is_good).filter_map(|r| r.estimate).collect();
     let fulcrum = fulcrum::estimate(&good).filter(tool::is_known);
@@ -46,11 +48,11 @@ pub fn rework(
         quality: ToolQuality { tool: tool.spec.name.clone(), ..ToolQuality::default() },
     };
     let mut following = Thread::default();
-    let mut run = Run::default();
+    let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
     for (record, instant) in tool.records.iter().zip(instants) {
         let pose = record.estimate.map(|e| fulcrum.and_then(|f| fulcrum::steady(&e, &f)).unwrap_or(e));
         let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
-        let advance = following.advance(instant.1, measured, thread);
+        let advance = following.advance(instant.1, measured, &hindsight);
         count(&mut paths.quality, advance.observed, advance.step.is_some(), record.reason.or(advance.refused));
         let believed = pose.filter(|_| advance.observed);
         if advance.disowns {
@@ -75,6 +77,7 @@ pub fn rework(
 /// An unbroken run of the filter.
 #[derive(Default)]
 struct Run {
+    longest_prediction_s: f64,
     steps: Vec<Step>,
     instants: Vec<Instant>,
     poses: Vec<Option<TubeEstimate>>,
@@ -97,25 +100,46 @@ impl Run {
         paths.quality.predicted -= all - seen;
         paths.quality.missing += all;
         paths.raw.retain(|sample| sample.frame < first);
-        *self = Self::default();
+        self.clear();
     }
 
-    /// Smooths the run and writes both paths. Hindsight knows when the tool was gone: the smoothed path ends with the last
-    /// frame that showed anything of its colour, whatever the filter predicted beyond.
+    fn clear(&mut self) {
+        *self = Self { longest_prediction_s: self.longest_prediction_s, ..Self::default() };
+    }
+
+    /// How many frames the smoothed path has: up to the last that saw the tool, and a short prediction beyond; but
+    /// hindsight knows when the tool was gone, and ends with the last frame that showed anything of its colour.
+    fn smoothed_frames(&self) -> usize {
+        let after = |place: Option<usize>| place.map_or(0, |last| last + 1);
+        let seen_s =
+            self.poses.iter().rposition(Option::is_some).map_or(f64::NEG_INFINITY, |last| self.instants[last].1);
+        let near = self.instants.iter().rposition(|instant| instant.1 - seen_s <= self.longest_prediction_s);
+        after(near).min(after(self.in_sight.iter().rposition(|seen| *seen)))
+    }
+
+    /// Smooths the run and writes both paths. The filtered path is what was known at the time: it breaks off in a gap that
+    /// only hindsight bridges.
     fn close(&mut self, paths: &mut ToolPaths, tool: usize, camera: &Camera, fulcrum: Option<&Fulcrum>) {
         let mut pose = self.poses.iter().flatten().next().copied();
-        let last_seen = self.in_sight.iter().rposition(|seen| *seen).map_or(0, |last| last + 1);
+        let smoothed_frames = self.smoothed_frames();
+        let mut seen_s = f64::NEG_INFINITY;
         let steps = self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.poses));
         for (place, ((step, smoothed), (instant, seen))) in steps.enumerate() {
             pose = seen.or(pose);
+            seen_s = if seen.is_some() { instant.1 } else { seen_s };
             let state = if seen.is_some() { SampleState::Observed } else { SampleState::Predicted };
             let sample = |s: &State| state_sample(s, pose.as_ref(), tool, *instant, state, camera, fulcrum);
-            paths.filtered.push(sample(&step.updated));
-            if place < last_seen {
+            if instant.1 - seen_s <= self.longest_prediction_s {
+                paths.filtered.push(sample(&step.updated));
+            }
+            if place < smoothed_frames {
                 paths.smoothed.push(sample(&smoothed));
+            } else {
+                paths.quality.predicted -= 1; // counted when it was added
+                paths.quality.missing += 1;
             }
         }
-        *self = Self::default();
+        self.clear();
     }
 }
 
@@ -177,4 +201,84 @@ fn count(quality: &mut ToolQuality, observed: bool, tracked: bool, reason: Optio
 fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (count, squares) = values.fold((0u64, 0.0), |(n, s), v| (n + 1, s + v * v));
     (count > 0).then(|| (squares / count as f64).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+    use crate::pipeline::tube::Tube;
+
+    const CAMERA: Camera = Camera {
+        width: 1280,
+        height: 720,
+        fx: 900.0,
+        fy: 900.0,
+        cx: 639.5,
+        cy: 359.5,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    };
+
+    /// A tool at rest at 25 frames a second, seen on some frames only, but always in sight.
+    fn paths(seen: &[bool]) -> ToolPaths {
+        let motion = MotionSettings::default();
+        let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
+        let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::z(), radius: 2.5 };
+        let covariance = nalgebra::Matrix5::identity() * 0.01;
+        let pose = TubeEstimate { tube, covariance, lasting: covariance, residual_px: 0.1, support: 50.0 };
+        let mut thread = Thread::default();
+        let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
+        let mut paths =
+            ToolPaths { raw: Vec::new(), filtered: Vec::new(), smoothed: Vec::new(), quality: ToolQuality::default() };
+        for (frame, seen) in seen.iter().enumerate() {
+            let instant = (frame as u64, frame as f64 / 25.0);
+            let advance = thread.advance(instant.1, seen.then(|| (tube.tip, pose.tip_covariance())), &hindsight);
+            count(&mut paths.quality, advance.observed, advance.step.is_some(), None);
+            match advance.step {
+                Some(step) if !advance.begins || frame == 0 => run.add(step, instant, seen.then_some(pose), true),
+                step => {
+                    run.close(&mut paths, 0, &CAMERA, None);
+                    step.into_iter().for_each(|step| run.add(step, instant, seen.then_some(pose), true));
+                }
+            }
+        }
+        run.close(&mut paths, 0, &CAMERA, None);
+        paths
+    }
+
+    fn frames(samples: &[Sample]) -> Vec<u64> {
+        samples.iter().map(|sample| sample.frame).collect()
+    }
+
+    fn with_gap(length: usize, after: usize) -> Vec<bool> {
+        [vec![true; 10], vec![false; length], vec![true; after]].concat()
+    }
+
+    #[test]
+    fn hindsight_bridges_a_gap_that_the_filter_does_not_and_says_how_unsure_it_is() {
+        let paths = paths(&with_gap(8, 10));
+        assert_eq!(frames(&paths.smoothed), (0..28).collect::<Vec<_>>());
+        assert_eq!(frames(&paths.filtered), (0..15).chain(18..28).collect::<Vec<_>>());
+        let sigma = |frame: usize| paths.smoothed[frame].sigma_z_mm.unwrap();
+        assert!(sigma(13) > 2.0 * sigma(5), "{} in the gap, {} before", sigma(13), sigma(5));
+        assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (20, 8, 0));
+    }
+
+    #[test]
+    fn a_tool_that_does_not_come_back_is_predicted_for_a_short_time_only() {
+        let paths = paths(&with_gap(30, 0));
+        assert_eq!(frames(&paths.smoothed), (0..15).collect::<Vec<_>>());
+        assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (10, 5, 25));
+    }
+
+    #[test]
+    fn a_long_gap_stays_one() {
+        let paths = paths(&with_gap(12, 5));
+        assert_eq!(frames(&paths.smoothed), (0..15).chain(22..27).collect::<Vec<_>>());
+    }
 }
