@@ -68,7 +68,9 @@ CREATE TABLE job (
     CHECK ((state IN ('done', 'failed', 'quarantined')) = (ended_at_ms IS NOT NULL)),
     CHECK (state NOT IN ('failed', 'quarantined') OR problem IS NOT NULL)
 ) STRICT;
-CREATE INDEX job_waiting ON job (queued_at_ms, id) WHERE state = 'queued';
+-- The queue in its order: work about boxes goes first, since sessions wait for it. Queries must spell the order alike.
+CREATE INDEX job_waiting ON job (kind = 'track', queued_at_ms, id) WHERE state = 'queued';
+CREATE INDEX job_quarantined ON job (id) WHERE state = 'quarantined';
 CREATE INDEX job_lease ON job (lease_until_ms) WHERE state = 'running';
 CREATE INDEX job_session ON job (session_id, created_at_ms);
 CREATE INDEX job_box ON job (box_id, created_at_ms);

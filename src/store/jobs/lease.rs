@@ -9,7 +9,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::super::error::{StoreError, StoreResult, not_found};
-use super::{Job, Jobs, job_columns};
+use super::{Job, Jobs, job_columns, next_in_queue};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::ids::{JobId, LeaseToken};
@@ -41,9 +41,9 @@ impl Jobs<'_> {
                 let row = sqlx::query_as(concat!(
                     "UPDATE job SET state = 'running', attempt = attempt + 1, lease_token = $1, lease_until_ms = $2,
                                     worker = $3, progress = 0, started_at_ms = $4
-                     WHERE id = (SELECT id FROM job WHERE state = 'queued'
-                                 ORDER BY kind = 'track', queued_at_ms, id LIMIT 1)
-                     RETURNING ",
+                     WHERE id = (",
+                    next_in_queue!(),
+                    ") RETURNING ",
                     job_columns!()
                 ));
                 let row = row.bind(token).bind(now_ms + millis(lease)).bind(worker).bind(now_ms);
@@ -119,8 +119,9 @@ impl Jobs<'_> {
         let now_ms = self.0.now_ms();
         self.0
             .write(async move |tx| {
-                let sql = "SELECT id FROM job WHERE state = 'running' AND ($2 OR lease_until_ms <= $1) ORDER BY id";
-                let silent: Vec<JobId> = sqlx::query_scalar(sql).bind(now_ms).bind(all).fetch_all(&mut *tx).await?;
+                let sql = "SELECT id FROM job WHERE state = 'running' AND lease_until_ms <= $1 ORDER BY id";
+                let until_ms = if all { i64::MAX } else { now_ms };
+                let silent: Vec<JobId> = sqlx::query_scalar(sql).bind(until_ms).fetch_all(&mut *tx).await?;
                 let mut rescued = Vec::with_capacity(silent.len());
                 for id in silent {
                     rescued.push(rescue(tx, id, problem.clone(), now_ms).await?);

@@ -84,6 +84,14 @@ macro_rules! job_columns {
 }
 pub(super) use job_columns;
 
+/// The job whose turn it is. The order is that of the index `job_waiting`.
+macro_rules! next_in_queue {
+    () => {
+        "SELECT id FROM job WHERE state = 'queued' ORDER BY kind = 'track', queued_at_ms, id LIMIT 1"
+    };
+}
+pub(super) use next_in_queue;
+
 /// The job in this row is within the scope: one about a box for staff, one about a session for who sees its trainee.
 macro_rules! sees_job {
     () => {
@@ -152,10 +160,9 @@ impl Jobs<'_> {
     /// How much work there is, whoever it is of: numbers without names.
     pub async fn counts(&self) -> StoreResult<QueueCounts> {
         let row = sqlx::query_as(
-            "SELECT count(*) FILTER (WHERE state = 'queued') AS queued,
-                    count(*) FILTER (WHERE state = 'running') AS running,
-                    count(*) FILTER (WHERE state = 'quarantined') AS quarantined
-             FROM job WHERE state IN ('queued', 'running', 'quarantined')",
+            "SELECT (SELECT count(*) FROM job WHERE state = 'queued') AS queued,
+                    (SELECT count(*) FROM job WHERE state = 'running') AS running,
+                    (SELECT count(*) FROM job WHERE state = 'quarantined') AS quarantined",
         );
         Ok(row.fetch_one(self.0.readers()).await?)
     }

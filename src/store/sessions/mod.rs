@@ -3,9 +3,11 @@
 //! | file | holds |
 //! |---|---|
 //! | `mod.rs` | the session, its status, lists |
+//! | `places.rs` | places in the queue |
 //! | `write.rs` | made, tried again, erased |
 //! | `result.rs` | results and features; a trainee's progress |
 
+pub(super) mod places;
 mod result;
 mod write;
 
@@ -76,6 +78,7 @@ pub struct Session {
     /// Has its box colours?
     pub box_has_palette: bool,
     /// Its place in the queue, from 1, while it waits there.
+    #[sqlx(skip)]
     pub queue_position: Option<i64>,
 }
 
@@ -135,11 +138,7 @@ macro_rules! select_sessions {
                 session.recorded_at_ms, session.created_at_ms,
                 job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
                 EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
-                EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette,
-                CASE WHEN job.state = 'queued' THEN
-                    (SELECT count(*) FROM job AS ahead WHERE ahead.state = 'queued'
-                     AND (ahead.kind <> 'track' OR (ahead.queued_at_ms, ahead.id) <= (job.queued_at_ms, job.id)))
-                END AS queue_position
+                EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette
          FROM session
          JOIN trainee ON trainee.id = session.trainee_id
          JOIN task ON task.id = session.task_id
@@ -169,7 +168,8 @@ impl Sessions<'_> {
         ));
         let rows = rows.asked_by(scope).bind(&which.trainee).bind(&which.task).bind(&which.in_box);
         let rows = rows.bind(which.status.map(SessionStatus::name)).bind(page.after()).bind(page.rows());
-        let rows = rows.fetch_all(self.0.readers()).await?;
+        let mut rows: Vec<Session> = rows.fetch_all(self.0.readers()).await?;
+        self.find_places(&mut rows).await?;
         Ok(Page::cut(rows, page, |session: &Session| session.id.to_string()))
     }
 
@@ -177,7 +177,9 @@ impl Sessions<'_> {
     pub async fn get(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
         let row =
             sqlx::query_as(concat!(select_sessions!(), " WHERE session.id = $3 AND ", sees_trainee!("trainee.id")));
-        let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
-        row.ok_or(not_found("session"))
+        let row: Option<Session> = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        let mut session = row.ok_or(not_found("session"))?;
+        self.find_places(std::slice::from_mut(&mut session)).await?;
+        Ok(session)
     }
 }

@@ -100,6 +100,7 @@ impl Sessions<'_> {
         if sessions.is_empty() && self.0.trainees().get(scope, trainee).await.is_err() {
             return Err(not_found("trainee"));
         }
+        self.find_places(&mut sessions).await?;
         sessions.reverse();
         let mut progress = Vec::with_capacity(sessions.len());
         for session in sessions {

@@ -3,6 +3,7 @@
 mod flow;
 mod full_disk;
 mod isolation;
+mod queue;
 mod schema;
 mod sign_in;
 mod writes;

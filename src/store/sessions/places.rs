@@ -1,0 +1,49 @@
+//! Places in the queue: how many jobs go first, and this one.
+
+use std::collections::HashMap;
+
+use super::super::error::StoreResult;
+use super::{Session, Sessions};
+use crate::domain::job::JobState;
+use crate::ids::JobId;
+
+/// The places of these jobs about sessions, `$1` as a JSON array; of those that do not wait, none.
+///
+/// One walk along the index `job_waiting` for all of them: from each to the next, then summed. Counted for each alone, a
+/// page of 50 at the end of 10,000 would cost 50 walks (measured: 0.8 ms against 210 ms). The `+` lets the index bound the
+/// walk by both columns: without it, jobs queued in one instant, as a box's when it becomes ready, would be walked again
+/// and again.
+macro_rules! places_in_queue {
+    () => {
+        "WITH asked AS (
+             SELECT id, queued_at_ms AS at_ms,
+                    lag(queued_at_ms, 1, -1) OVER queue AS last_ms, lag(id, 1, '') OVER queue AS last
+             FROM job WHERE id IN (SELECT value FROM json_each($1)) AND state = 'queued'
+             WINDOW queue AS (ORDER BY queued_at_ms, id))
+         SELECT id, (SELECT count(*) FROM job WHERE state = 'queued' AND (kind = 'track') = 0)
+                    + sum((SELECT count(*) FROM job AS ahead WHERE ahead.state = 'queued' AND (ahead.kind = 'track') = 1
+                           AND (ahead.queued_at_ms, ahead.id) > (asked.last_ms, asked.last)
+                           AND (ahead.queued_at_ms, ahead.id) <= (asked.at_ms, +asked.id))) OVER (ORDER BY at_ms, id)
+         FROM asked"
+    };
+}
+#[cfg(test)]
+pub(in crate::store) use places_in_queue; // for the test of its plan
+
+impl Sessions<'_> {
+    /// Fills in the places of those that wait.
+    pub(super) async fn find_places(&self, sessions: &mut [Session]) -> StoreResult<()> {
+        let waiting = sessions.iter().filter(|session| session.job_state == Some(JobState::Queued));
+        let waiting: Vec<JobId> = waiting.filter_map(|session| session.job_id).collect();
+        if waiting.is_empty() {
+            return Ok(());
+        }
+        let places = sqlx::query_as(places_in_queue!()).bind(sqlx::types::Json(waiting));
+        let places: Vec<(JobId, i64)> = places.fetch_all(self.0.readers()).await?;
+        let places: HashMap<JobId, i64> = places.into_iter().collect();
+        for session in sessions {
+            session.queue_position = session.job_id.and_then(|job| places.get(&job).copied());
+        }
+        Ok(())
+    }
+}

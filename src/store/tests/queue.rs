@@ -1,0 +1,104 @@
+//! The queue stays quick however long it is: what is asked often is answered from an index.
+
+use std::collections::HashSet;
+use std::time::{Duration, Instant};
+
+use sqlx::Row;
+
+use crate::domain::job::{JobInput, PaletteInput};
+use crate::domain::scope::Scope;
+use crate::domain::session::NewSession;
+use crate::ids::SessionId;
+use crate::store::jobs::next_in_queue;
+use crate::store::sessions::places::places_in_queue;
+use crate::store::testing::Centre;
+use crate::store::{PageRequest, SessionFilter};
+
+/// How SQLite goes about a statement: one line a loop.
+async fn plan(centre: &Centre, sql: &'static str) -> Vec<String> {
+    let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
+    rows.iter().map(|row| row.get("detail")).collect()
+}
+
+/// So many sessions that wait, all arrived in one instant.
+async fn fill(centre: &Centre, sessions: usize) {
+    let trainee = centre.trainee("Ana").await.id;
+    let news: Vec<NewSession> = (0..sessions).map(|i| centre.new_session(trainee, &format!("clip {i}"))).collect();
+    for some in news.chunks(1_000) {
+        let (service, sessions) = (Scope::service(), centre.store.sessions());
+        let made = some.iter().map(|new| sessions.create(&service, new.clone()));
+        futures_util::future::join_all(made).await.into_iter().for_each(|made| drop(made.unwrap()));
+    }
+}
+
+async fn places(centre: &Centre, most: u32) -> Vec<(SessionId, Option<i64>)> {
+    let (service, page) = (Scope::service(), PageRequest::new(most, None));
+    let page = centre.store.sessions().list(&service, &SessionFilter::default(), &page).await.unwrap();
+    page.items.iter().map(|session| (session.id, session.queue_position)).collect()
+}
+
+async fn mark_colours_again(centre: &Centre) {
+    let annotations = r#"{"tool_diameter_mm":5,"labels":[{"frame":0,"label":"blue","x":1,"y":1,"w":2,"h":2}]}"#;
+    let annotations = serde_json::from_str(annotations).unwrap();
+    let input = PaletteInput { of: centre.the_box.id, annotations, files: vec![], is_video: true, frames: vec![] };
+    centre.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
+}
+
+#[tokio::test]
+async fn whose_turn_it_is_stands_at_the_head_of_the_index() {
+    let centre = Centre::ready().await;
+    let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", next_in_queue!())).await;
+    assert_eq!(plan, ["SCAN job USING INDEX job_waiting"], "no sorting");
+}
+
+#[tokio::test]
+async fn places_in_the_queue_are_counted_along_the_index() {
+    let centre = Centre::ready().await;
+    let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", places_in_queue!())).await;
+    let from_place_to_place =
+        "SEARCH ahead USING INDEX job_waiting (<expr>=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
+    assert!(plan.iter().any(|line| line == from_place_to_place), "{plan:#?}");
+    assert!(!plan.iter().any(|line| line.starts_with("SCAN job")), "{plan:#?}");
+}
+
+#[tokio::test]
+async fn places_count_from_one_in_the_order_of_arrival_behind_work_about_boxes() {
+    let centre = Centre::ready().await;
+    let trainee = centre.trainee("Ana").await.id;
+    for clip in ["a", "b", "c", "d", "e"] {
+        centre.clock.advance(Duration::from_millis(1)); // what arrives in the same instant has no order
+        centre.session(trainee, clip).await;
+    }
+    let of_all = |places: Vec<(SessionId, Option<i64>)>| places.iter().rev().map(|p| p.1).collect::<Vec<_>>();
+    assert_eq!(of_all(places(&centre, 10).await), [1, 2, 3, 4, 5].map(Some));
+    mark_colours_again(&centre).await;
+    assert_eq!(of_all(places(&centre, 10).await), [2, 3, 4, 5, 6].map(Some));
+    let (first, second) = (centre.claim().await.unwrap(), centre.claim().await.unwrap());
+    assert!(first.job.session_id.is_none() && second.job.session_id.is_some());
+    assert_eq!(of_all(places(&centre, 10).await), [None, Some(1), Some(2), Some(3), Some(4)]);
+}
+
+/// `TMPDIR=/dev/shm cargo test --lib ten_thousand -- --ignored --nocapture`
+#[tokio::test]
+#[ignore = "takes a minute"]
+async fn ten_thousand_waiting_jobs_slow_nobody_down() {
+    let centre = Centre::ready().await;
+    fill(&centre, 10_000).await;
+    let begun = Instant::now();
+    let page = places(&centre, 50).await;
+    let list = begun.elapsed();
+    let different: HashSet<i64> =
+        page.iter().filter_map(|(_, place)| *place).filter(|p| (1..=10_000).contains(p)).collect();
+    assert_eq!(different.len(), 50);
+    let begun = Instant::now();
+    centre.store.sessions().get(&Scope::service(), page[0].0).await.unwrap();
+    let one = begun.elapsed();
+    let begun = Instant::now();
+    centre.claim().await.unwrap();
+    let claim = begun.elapsed();
+    let begun = Instant::now();
+    centre.store.jobs().counts().await.unwrap();
+    let counts = begun.elapsed();
+    eprintln!("10,000 wait: claim {claim:?}, counts {counts:?}, one session {one:?}, a list of 50 {list:?}");
+    assert!(claim.max(counts).max(one).max(list) < Duration::from_millis(100));
+}
