@@ -7,9 +7,11 @@ use std::path::PathBuf;
 
 use sha2::{Digest, Sha256};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncSeekExt};
+use tokio::time::Instant;
 
 use super::disk::{self, on_a_blocking_thread};
 use super::error::{VaultError, VaultResult, failed};
+use super::gathered::Gathered;
 use super::pins::Kept;
 use super::{Vault, uploads};
 use crate::domain::blob::{Blob, BlobHash};
@@ -30,7 +32,7 @@ pub struct Incoming {
     vault: Vault,
     most: u64,
     bytes: u64,
-    waiting: Vec<u8>,
+    waiting: Gathered,
     file: Option<Box<Part>>,
 }
 
@@ -43,8 +45,8 @@ struct Part {
     finished: bool,
 }
 
-/// Bytes gathered before they are written: fewer and larger writes, and not much memory.
-const GATHER: usize = 256 * 1024;
+/// Bytes read at once.
+const BLOCK: usize = 256 * 1024;
 
 impl Vault {
     /// Stores these bytes as a blob; the same bytes twice are one blob.
@@ -61,7 +63,7 @@ impl Vault {
             let file = disk::create(&path)?;
             Ok(Box::new(Part { path, file, hash: Sha256::new(), finished: false }))
         });
-        Ok(Incoming { vault: self.clone(), most, bytes: 0, waiting: Vec::new(), file: Some(part.await?) })
+        Ok(Incoming { vault: self.clone(), most, bytes: 0, waiting: Gathered::default(), file: Some(part.await?) })
     }
 
     /// Opens a blob to be read from its beginning, and tells its length. The content is not verified: see
@@ -170,8 +172,7 @@ impl Incoming {
         if self.bytes > self.most {
             return Err(VaultError::TooLong { most: self.most });
         }
-        self.waiting.extend_from_slice(bytes);
-        if self.waiting.len() >= GATHER { self.flush().await } else { Ok(()) }
+        if self.waiting.add(bytes, Instant::now()) { self.flush().await } else { Ok(()) }
     }
 
     /// Ends the blob: durable, with its name, when this returns.
@@ -192,15 +193,14 @@ impl Incoming {
 
     async fn flush(&mut self) -> VaultResult<()> {
         let mut part = self.part()?;
-        let bytes = std::mem::take(&mut self.waiting);
-        let (part, mut bytes) = on_a_blocking_thread(move || {
+        let bytes = self.waiting.take();
+        let (part, bytes) = on_a_blocking_thread(move || {
             part.hash.update(&bytes);
             disk::write(&mut part.file, &bytes, &part.path)?;
             Ok((part, bytes))
         })
         .await?;
-        bytes.clear();
-        self.waiting = bytes; // its memory serves again
+        self.waiting.reuse(bytes);
         self.file = Some(part);
         Ok(())
     }
@@ -241,7 +241,7 @@ fn give_name(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>)
 
 fn hash_of(mut file: File, path: &std::path::Path) -> VaultResult<Blob> {
     let mut hash = Sha256::new();
-    let mut buffer = vec![0; GATHER];
+    let mut buffer = vec![0; BLOCK];
     let mut bytes = 0;
     loop {
         match file.read(&mut buffer).map_err(failed("reading", path))? {

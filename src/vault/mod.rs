@@ -23,6 +23,7 @@
 mod blobs;
 mod disk;
 mod error;
+mod gathered;
 mod pins;
 mod uploads;
 

@@ -11,8 +11,11 @@ use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use tokio::time::Instant;
+
 use super::disk::{self, on_a_blocking_thread};
 use super::error::{VaultError, VaultResult, failed};
+use super::gathered::Gathered;
 use super::{Removal, Vault};
 use crate::ids::UploadId;
 
@@ -20,7 +23,7 @@ use crate::ids::UploadId;
 #[derive(Debug)]
 pub struct UploadFile {
     appended: u64,
-    waiting: Vec<u8>,
+    waiting: Gathered,
     file: Option<Box<OpenFile>>,
 }
 
@@ -36,9 +39,6 @@ struct OpenFile {
     cut: bool,
     _claim: Claim,
 }
-
-/// Bytes gathered before they are written.
-const GATHER: usize = 256 * 1024;
 
 /// Which uploads are open.
 #[derive(Clone, Debug, Default)]
@@ -63,7 +63,7 @@ impl Vault {
             path.parent().into_iter().for_each(disk::sync_folder);
             Ok(Box::new(OpenFile { path, file, written: 0, cut: true, _claim: claim }))
         });
-        Ok(UploadFile { appended: 0, waiting: Vec::new(), file: Some(file.await?) })
+        Ok(UploadFile { appended: 0, waiting: Gathered::default(), file: Some(file.await?) })
     }
 
     /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open. Read the
@@ -79,7 +79,7 @@ impl Vault {
             }
             Ok(Box::new(OpenFile { path, file, written: noted, cut: false, _claim: claim }))
         });
-        Ok(UploadFile { appended: noted, waiting: Vec::new(), file: Some(file.await?) })
+        Ok(UploadFile { appended: noted, waiting: Gathered::default(), file: Some(file.await?) })
     }
 
     /// Bytes in an upload's file.
@@ -124,8 +124,7 @@ impl UploadFile {
     /// Appends bytes. They are durable only after [`UploadFile::sync`].
     pub async fn append(&mut self, bytes: &[u8]) -> VaultResult<()> {
         self.appended += bytes.len() as u64;
-        self.waiting.extend_from_slice(bytes);
-        if self.waiting.len() >= GATHER { self.write(false).await } else { Ok(()) }
+        if self.waiting.add(bytes, Instant::now()) { self.write(false).await } else { Ok(()) }
     }
 
     /// Makes everything appended durable; returns how many bytes the upload now has. Works also after a write that
@@ -142,8 +141,8 @@ impl UploadFile {
 
     async fn write(&mut self, sync: bool) -> VaultResult<()> {
         let mut open = self.file.take().ok_or(VaultError::NotFound)?;
-        let bytes = std::mem::take(&mut self.waiting);
-        let (open, mut bytes, outcome) = on_a_blocking_thread(move || {
+        let bytes = self.waiting.take();
+        let (open, bytes, outcome) = on_a_blocking_thread(move || {
             let outcome = open.write(&bytes);
             if sync && outcome.is_ok() {
                 disk::sync(&open.file, &open.path);
@@ -153,8 +152,7 @@ impl UploadFile {
         .await?;
         self.appended = open.written;
         self.file = Some(open);
-        bytes.clear();
-        self.waiting = bytes; // its memory serves again
+        self.waiting.reuse(bytes);
         outcome
     }
 }
