@@ -19,8 +19,8 @@ pub struct AnalysisSettings {
     pub longest_s: u64,
     /// Longest a child may go without a sign of progress, s. Usually 60.
     pub silence_s: u64,
-    /// Refuse to look at recordings where the kernel does not enforce Landlock, instead of going on behind the system call
-    /// filter alone.
+    /// Refuse to start where the kernel does not enforce Landlock (Linux 5.13 or newer, and switched on), instead of going
+    /// on behind the system call filter alone.
     pub require_landlock: bool,
 }
 

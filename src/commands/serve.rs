@@ -29,6 +29,7 @@ use crate::http::state::{App, Parts};
 use crate::http::{router, server};
 use crate::intake::Intake;
 use crate::queue::Queue;
+use crate::sandbox;
 use crate::settings::{Flags, Settings, UpkeepSettings};
 use crate::shutdown::Shutdown;
 use crate::store::{NewPerson, Store};
@@ -171,6 +172,7 @@ impl Running {
 /// Starts a service: recovered, listening, with its workers. `password` becomes the first administrator's if there is
 /// nobody yet.
 pub async fn start(settings: Settings, clock: SharedClock, password: &Password) -> anyhow::Result<Running> {
+    check_kernel(settings.analysis.require_landlock)?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
     let store =
@@ -206,6 +208,19 @@ pub async fn start(settings: Settings, clock: SharedClock, password: &Password) 
     let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
     let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
     Ok(Running { address, shutdown, is_first, app, served, _lock: lock })
+}
+
+/// Refuses a kernel that cannot confine children as the settings require.
+fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
+    match sandbox::landlock() {
+        Ok(_) => {}
+        Err(why) if require_landlock => anyhow::bail!(
+            "{why}; or set `require_landlock = false` under [analysis]: children are then confined by limits and the \
+             filter of system calls alone"
+        ),
+        Err(why) => tracing::warn!(%why, "children are confined by limits and the filter of system calls alone"),
+    }
+    Ok(())
 }
 
 /// Starts what runs beside the requests: leases that ran out are rescued, what nothing needs is cleared.

@@ -54,7 +54,7 @@ pub enum ConfinementError {
     #[error("the parent has ended")]
     Orphaned,
     /// Landlock is required, but the kernel has none.
-    #[error("the settings require Landlock, which this kernel does not enforce fully")]
+    #[error("the settings require Landlock, which this kernel does not enforce")]
     NoLandlock,
     /// Landlock refused.
     #[error("while entering Landlock: {0}")]
