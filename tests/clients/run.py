@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Two foreign tus clients send a large recording through a proxy that cuts: `run.py TROCAR [--mib 500] [--cuts 5]`.
 
-Each client's upload must arrive whole (SHA-256 of what the service gives back), and the service's memory may grow by at
-most 8 MiB an upload. Exit status 0 if both hold.
+Each client's upload must arrive whole (SHA-256 of what the service gives back) and become a session, each cut may cost at
+most 8 MiB sent again, and the service's memory may grow by at most 8 MiB an upload. Exit status 0 if all hold.
 """
 import argparse
 import asyncio
@@ -19,6 +19,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 GROWTH_LIMIT_KIB = 8 * 1024
+AGAIN_LIMIT = 8 << 20
+IN_FLIGHT = 1 << 20
 
 
 def main():
@@ -36,7 +38,7 @@ def main():
             token, names = service.prepare()
             for name, command in (("tus-js-client", ["node", str(node_folder / "upload.mjs")]),
                                   ("tus-py-client", [str(python), str(HERE / "upload.py")])):
-                clip = padded_recording(options.trocar, Path(folder), name, options.mib)
+                clip = recording(options.trocar, Path(folder), name, options.mib)
                 ok = one_client(name, command, service, token, names, clip, options.cuts)
                 passed, failed = passed + ok, failed + (not ok)
         finally:
@@ -59,20 +61,14 @@ def installed(tools):
     return python, tools
 
 
-def padded_recording(trocar, folder, name, mib):
-    """A real clip with an MP4 `free` box behind it, so that it is as long as asked for and still a recording."""
+def recording(trocar, folder, name, mib):
+    """A simulated exercise in full HD, coded without loss and repeated until it is as long as asked for."""
     scene = folder / f"scene-{name}"
-    subprocess.run([trocar, "simulate", "--quiet", "--scene", "pegs", "--seed", str(len(name)), "--seconds", "2",
-                    "--size", "640x360", "--out", scene], check=True)
-    clip = scene / "clip.mp4"
-    padding = mib * 1024 * 1024 - clip.stat().st_size
-    with clip.open("ab") as file:
-        file.write(padding.to_bytes(4, "big") + b"free")
-        left = padding - 8
-        while left > 0:
-            block = os.urandom(min(left, 1 << 20))
-            file.write(block)
-            left -= len(block)
+    subprocess.run([trocar, "simulate", "--quiet", "--scene", "pegs", "--seed", str(len(name)), "--seconds", "4",
+                    "--size", "1920x1080", "--boards", "0", "--out", scene], check=True)
+    clip = folder / f"{name}.mp4"
+    subprocess.run(["ffmpeg", "-v", "error", "-stream_loop", "-1", "-i", scene / "clip.mp4", "-fs", str(mib << 20),
+                    "-c:v", "libx264", "-preset", "ultrafast", "-qp", "0", clip], check=True)
     return clip
 
 
@@ -88,10 +84,14 @@ def one_client(name, command, service, token, names, clip, cuts):
         print(f"{name}: failed: {sent.stderr.strip()[-500:]}")
         return False
     same = service.sha256_of(f"/api/v1/sessions/{session}/video", token) == sha256_of_file(clip)
-    again_mib = (proxy.carried - clip.stat().st_size) / (1 << 20)
-    print(f"{name}: {clip.stat().st_size >> 20} MiB, {proxy.cut} cuts, {again_mib:.1f} MiB sent again, "
-          f"{'whole' if same else 'DAMAGED'}, memory grew {grown / 1024:.1f} MiB")
-    return same and proxy.cut == cuts and grown <= GROWTH_LIMIT_KIB
+    seen = service.session(session, token)
+    kept = seen["status"] in ("queued", "tracking", "done") and seen["video"]["bytes"] == clip.stat().st_size
+    again = proxy.taken - clip.stat().st_size
+    print(f"{name}: {clip.stat().st_size >> 20} MiB, {proxy.cut} cuts that lost {proxy.lost / (1 << 20):.1f} MiB on the "
+          f"way, {again / (1 << 20):.1f} MiB sent again, {'whole' if same else 'DAMAGED'}, session {seen['status']}, "
+          f"memory grew {grown / 1024:.1f} MiB")
+    honest = proxy.cut == cuts and 0 < proxy.lost <= again
+    return same and kept and honest and again <= cuts * AGAIN_LIMIT and grown <= GROWTH_LIMIT_KIB
 
 
 class Service:
@@ -125,6 +125,12 @@ class Service:
             cookie = (reply.headers.get("Set-Cookie") or "").split(";")[0]
             return json.loads(reply.read() or b"null"), cookie
 
+    def session(self, session, token):
+        request = urllib.request.Request(f"http://127.0.0.1:{self.port}/api/v1/sessions/{session}",
+                                         headers={"Authorization": f"Bearer {token}"})
+        with urllib.request.urlopen(request) as reply:
+            return json.loads(reply.read())
+
     def sha256_of(self, path, token):
         request = urllib.request.Request(f"http://127.0.0.1:{self.port}{path}", headers={"Authorization": f"Bearer {token}"})
         digest = hashlib.sha256()
@@ -146,10 +152,11 @@ class Service:
 
 
 class CuttingProxy:
-    """Carries TCP to the service and resets the connection `cuts` times, evenly over the expected bytes."""
+    """Carries TCP to the service like a long line: what it has taken from the client arrives later. It cuts `cuts` times,
+    evenly over the expected bytes; what is then on the way is lost, as on a real line."""
 
     def __init__(self, to_port, size, cuts):
-        self.to_port, self.carried, self.cut = to_port, 0, 0
+        self.to_port, self.taken, self.lost, self.cut = to_port, 0, 0, 0
         self.marks = [size * (i + 1) // (cuts + 1) for i in range(cuts)]
         ready = threading.Event()
         threading.Thread(target=lambda: asyncio.run(self.serve(ready)), daemon=True).start()
@@ -162,25 +169,66 @@ class CuttingProxy:
         await asyncio.Event().wait()
 
     async def connection(self, reader, writer):
+        """Both directions, until the line is cut or either side is gone: then neither has it any more."""
+        to_reader, to_writer = await asyncio.open_connection("127.0.0.1", self.to_port)
+        line = Line()
         try:
-            to_reader, to_writer = await asyncio.open_connection("127.0.0.1", self.to_port)
-            await asyncio.gather(self.carry(reader, to_writer, writer, True), self.carry(to_reader, writer, to_writer, False))
-        except (ConnectionError, OSError):
+            async with asyncio.TaskGroup() as both:
+                both.create_task(self.take(reader, line))
+                both.create_task(line.deliver(to_writer))
+                both.create_task(self.give_back(to_reader, writer))
+        except* (ConnectionError, OSError):
             pass
+        finally:
+            self.lost += line.bytes
+            writer.transport.abort()
+            to_writer.transport.abort()
 
-    async def carry(self, reader, writer, other, counts):
+    async def take(self, reader, line):
+        while block := await reader.read(64 * 1024):
+            self.taken += len(block)
+            await line.put(block)
+            if self.marks and self.taken >= self.marks[0]:
+                self.marks.pop(0)
+                self.cut += 1
+                raise ConnectionAbortedError
+        await line.put(b"")
+
+    async def give_back(self, reader, writer):
         while block := await reader.read(64 * 1024):
             writer.write(block)
             await writer.drain()
-            if counts:
-                self.carried += len(block)
-                if self.marks and self.carried >= self.marks[0]:
-                    self.marks.pop(0)
-                    self.cut += 1
-                    writer.transport.abort()
-                    other.transport.abort()
-                    return
         writer.close()
+
+
+class Line:
+    """Up to IN_FLIGHT bytes on their way, each block for a hundredth of a second. What is there when it is cut is lost."""
+
+    def __init__(self):
+        self.blocks, self.bytes, self.changed = [], 0, asyncio.Condition()
+
+    async def put(self, block):
+        async with self.changed:
+            await self.changed.wait_for(lambda: self.bytes < IN_FLIGHT)
+            self.blocks.append((asyncio.get_running_loop().time() + 0.01, block))
+            self.bytes += len(block)
+            self.changed.notify_all()
+
+    async def deliver(self, writer):
+        while True:
+            async with self.changed:
+                await self.changed.wait_for(lambda: self.blocks)
+                due, block = self.blocks[0]
+            await asyncio.sleep(due - asyncio.get_running_loop().time())
+            if not block:
+                writer.close()
+                return
+            async with self.changed:
+                self.blocks.pop(0)
+                self.bytes -= len(block)
+                self.changed.notify_all()
+            writer.write(block)
+            await writer.drain()
 
 
 def sha256_of_file(path):
