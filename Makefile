@@ -6,7 +6,7 @@ SHELL := /bin/bash
 
 BUILD_PACKAGES := build-essential pkg-config clang libclang-dev libavcodec-dev libavformat-dev libavutil-dev \
                   libswscale-dev libswresample-dev
-TEST_PACKAGES  := ffmpeg chromium nodejs curl jq
+TEST_PACKAGES  := ffmpeg chromium nodejs curl jq strace
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
@@ -81,3 +81,20 @@ foreign-clients: release test-packages ## 500 MB by tus-js-client and tus-py-cli
 .PHONY: kills
 kills: test-packages ## the service and its children killed 50 times each, during uploads and jobs
 	TROCAR_KILLS=50 cargo test --locked --test integration faults -- --nocapture
+
+.PHONY: power-cuts
+power-cuts: test-packages ## 20 power cuts during uploads and jobs, on a file system of its own; needs root
+	@$(call install,e2fsprogs mount)
+	TROCAR_KILLS=20 cargo test --locked --test integration power_is_cut -- --ignored --nocapture
+
+.PHONY: slow-clients
+slow-clients: test-packages ## a thousand slow clients beside a quick one: its 99th percentile, the service's memory
+	cargo test --locked --test integration slow_clients -- --ignored --nocapture
+
+.PHONY: mutations
+mutations: test-packages ## 10,000 damaged recordings, each decoded in a child
+	TROCAR_MUTATIONS=10000 cargo test --locked --test integration damaged_recordings -- --nocapture
+
+.PHONY: long-queue
+long-queue: packages ## 10,000 jobs with random deaths and pauses, and what 10,000 waiting ones cost
+	TMPDIR=/dev/shm cargo test --locked --lib ten_thousand -- --ignored --nocapture

@@ -4,6 +4,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+/// Changes how a service is started: its user, its limits, its settings.
+pub type Launch = fn(&mut Command);
+
 /// A running `trocar serve`. Dropping it kills it.
 pub struct Process {
     child: Child,
@@ -18,13 +21,15 @@ pub struct Process {
 impl Process {
     /// Starts a service on a data folder and waits until it says where it listens.
     pub fn start(data: &Path) -> Self {
+        Self::launch(data, |_| ())
+    }
+
+    /// The same, started differently.
+    pub fn launch(data: &Path, change: Launch) -> Self {
         let is_first = !data.join("trocar.db").exists();
-        let mut child = Command::new(env!("CARGO_BIN_EXE_trocar"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "error", "--data"])
-            .arg(data)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut command = command(data);
+        change(&mut command);
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
         let mut after =
             |mark: &str| lines.find_map(|line| Some(line.split_once(mark)?.1.trim_end_matches('/').to_owned()));
@@ -37,6 +42,13 @@ impl Process {
     pub fn id(&self) -> u32 {
         self.child.id()
     }
+
+    /// A field of what the system says of the process, as `VmRSS`, without its unit.
+    pub fn status(&self, field: &str) -> String {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).unwrap();
+        let line = status.lines().find_map(|line| line.strip_prefix(field)?.strip_prefix(':'));
+        line.unwrap().trim().trim_end_matches(" kB").to_owned()
+    }
 }
 
 impl Drop for Process {
@@ -44,4 +56,20 @@ impl Drop for Process {
         let _ = self.child.kill(); // SIGKILL; it may have ended already
         let _ = self.child.wait();
     }
+}
+
+/// `trocar serve` on a data folder.
+pub fn command(data: &Path) -> Command {
+    let mut command = program();
+    command.args(["serve", "--listen", "127.0.0.1:0", "--workers", "1", "--log", "error", "--data"]).arg(data);
+    command
+}
+
+/// The program. What the environment says to the tests (`TROCAR_KILLS`) is no setting of it, and would be refused.
+pub fn program() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trocar"));
+    for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_string_lossy().starts_with("TROCAR_")) {
+        command.env_remove(name);
+    }
+    command
 }

@@ -1,91 +1,98 @@
-//! The service and its children killed without warning, at random moments: nothing that was acknowledged is lost, every
-//! job ends, and there is one result for each session.
-//!
-//! `TROCAR_KILLS` says how often each is killed: a few times in every run, 50 times by `make kills`.
+//! A box, a trainee and a task in a real process of the service, and a client that asks it.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
 
-use crate::process::Process;
+use super::Dice;
+use crate::process::{Launch, Process, program};
 
 /// A start after a kill may take this long.
 const READY: Duration = Duration::from_secs(5);
 /// Longest wait for work to end.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// Bytes of the recording that is uploaded: a clip with padding behind it.
-const UPLOAD: usize = 24 << 20;
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn no_acknowledged_byte_is_lost_when_the_service_is_killed_during_an_upload() {
-    let mut centre = Centre::open().await;
-    let recording = padded(&centre.scene.join("clip.mp4"), UPLOAD);
-    let upload = centre.begin_upload(recording.len()).await;
-    let mut dice = Dice(0x9e37_79b9_7f4a_7c15);
-    let mut acknowledged = 0;
-    for _ in 0..kills() {
-        let piece = 1 + dice.below(UPLOAD / (2 * kills()));
-        acknowledged = centre.send_until_killed(&upload, &recording, acknowledged, piece).await;
-        centre.kill_and_restart().await;
-        let kept = centre.offset(&upload).await;
-        assert!(kept >= acknowledged, "{acknowledged} bytes were acknowledged, {kept} are there");
-        acknowledged = kept;
-    }
-    let session = centre.send_rest(&upload, &recording, acknowledged).await;
-    let video = centre.get(&format!("/sessions/{session}/video")).await.bytes().await.unwrap();
-    assert_eq!(Sha256::digest(&video), Sha256::digest(&recording), "the recording is whole");
-    centre.ends_with_one_result(&session).await;
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn every_job_ends_with_one_result_however_often_service_and_children_are_killed() {
-    let mut centre = Centre::open().await;
-    let clip = std::fs::read(centre.scene.join("clip.mp4")).unwrap();
-    let mut dice = Dice(0x2545_f491_4f6c_dd1d);
-    let mut sessions = Vec::new();
-    for round in 0..kills() {
-        let padding = clip.len() + 16 + round; // another length, another recording
-        sessions.push(centre.send_whole(padded_bytes(&clip, padding)).await);
-        tokio::time::sleep(Duration::from_millis(20 + dice.below(400) as u64)).await; // the moment of the kill, by chance
-        if round % 2 == 0 {
-            centre.kill_and_restart().await;
-        } else {
-            centre.kill_children();
-        }
-    }
-    for session in &sessions {
-        centre.ends_with_one_result(session).await;
-    }
-}
 
 /// A box, a trainee and a task in a real process of the service.
-struct Centre {
+pub struct Centre {
     process: Option<Process>,
-    data: TempDir,
-    scene: PathBuf,
+    launch: Launch,
+    /// The service's folder.
+    data: PathBuf,
     base: String,
     token: String,
     http: Client,
+    /// The slowest start after a kill so far.
+    pub slowest_start: Duration,
+    /// Holds the scene and, unless it is elsewhere, the data.
+    folder: TempDir,
 }
 
 impl Centre {
-    async fn open() -> Self {
-        let data = tempfile::tempdir().unwrap();
-        let scene = data.path().join("scene");
-        simulate(&scene);
-        let process = Process::start(&data.path().join("data"));
-        let (base, password) = (interface(&process), process.password.clone());
-        let mut centre = Self { process: Some(process), data, scene, base, token: String::new(), http: Client::new() };
-        centre.sign_in(&password.expect("the first start tells the password")).await;
+    /// A centre whose box has camera and colours, so that recordings are tracked.
+    pub async fn open() -> Self {
+        Self::open_with(|_| ()).await
+    }
+
+    /// The same, its service started differently.
+    pub async fn open_with(launch: Launch) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data");
+        Self::open_at(folder, data, launch).await
+    }
+
+    /// The same with the data in a folder of its own.
+    pub async fn open_at(folder: TempDir, data: PathBuf, launch: Launch) -> Self {
+        let centre = Self::open_bare(folder, data, launch).await;
         centre.furnish().await;
         centre
+    }
+
+    /// A centre whose box still lacks camera and colours: nothing runs beside the requests.
+    pub async fn open_bare(folder: TempDir, data: PathBuf, launch: Launch) -> Self {
+        simulate(&folder.path().join("scene"));
+        let process = Process::launch(&data, launch);
+        let (base, password) = (interface(&process), process.password.clone());
+        let mut centre = Self {
+            process: Some(process),
+            launch,
+            data,
+            base,
+            token: String::new(),
+            http: Client::new(),
+            slowest_start: Duration::ZERO,
+            folder,
+        };
+        centre.sign_in(&password.expect("the first start tells the password")).await;
+        for (path, name) in [("/boxes", "Box 1"), ("/trainees", "Ada"), ("/tasks", "Pegs")] {
+            centre.create(path, name).await;
+        }
+        centre
+    }
+
+    /// Makes something that has a name.
+    pub async fn create(&self, path: &str, name: &str) {
+        json_of(self.request(Method::POST, path).json(&json!({"name": name})).send().await.unwrap()).await;
+    }
+
+    /// A file of the scene that the centre records.
+    pub fn scene(&self, file: &str) -> PathBuf {
+        self.folder.path().join("scene").join(file)
+    }
+
+    /// What its programs sign in with.
+    pub fn token(&self) -> &str {
+        &self.token
+    }
+
+    /// The service's process.
+    pub fn process(&self) -> &Process {
+        self.process.as_ref().expect("it runs")
     }
 
     async fn sign_in(&mut self, password: &str) {
@@ -98,16 +105,13 @@ impl Centre {
     }
 
     async fn furnish(&self) {
-        for (path, name) in [("/boxes", "Box 1"), ("/trainees", "Ada"), ("/tasks", "Pegs")] {
-            json_of(self.request(Method::POST, path).json(&json!({"name": name})).send().await.unwrap()).await;
-        }
-        let camera = std::fs::read(self.scene.join("camera.json")).unwrap();
+        let camera = std::fs::read(self.scene("camera.json")).unwrap();
         let put =
             self.request(Method::PUT, "/boxes/box-1/camera").header("content-type", "application/json").body(camera);
         assert!(put.send().await.unwrap().status().is_success());
         let form = reqwest::multipart::Form::new()
-            .text("annotations", std::fs::read_to_string(self.scene.join("annotations.json")).unwrap())
-            .part("video", reqwest::multipart::Part::bytes(std::fs::read(self.scene.join("clip.mp4")).unwrap()));
+            .text("annotations", std::fs::read_to_string(self.scene("annotations.json")).unwrap())
+            .part("video", reqwest::multipart::Part::bytes(std::fs::read(self.scene("clip.mp4")).unwrap()));
         let queued =
             json_of(self.request(Method::PUT, "/boxes/box-1/palette").multipart(form).send().await.unwrap()).await;
         let job = queued["job"].as_str().unwrap().to_owned();
@@ -116,15 +120,15 @@ impl Centre {
         assert_eq!(state["state"], "done", "{state}");
     }
 
-    fn request(&self, method: Method, path: &str) -> RequestBuilder {
+    pub fn request(&self, method: Method, path: &str) -> RequestBuilder {
         self.http.request(method, format!("{}{path}", self.base)).bearer_auth(&self.token)
     }
 
-    async fn get(&self, path: &str) -> Response {
+    pub async fn get(&self, path: &str) -> Response {
         self.request(Method::GET, path).send().await.unwrap()
     }
 
-    async fn begin_upload(&self, length: usize) -> String {
+    pub async fn begin_upload(&self, length: usize) -> String {
         let said = [("filename", "clip.mp4"), ("trainee", "ada"), ("task", "pegs"), ("box", "box-1")];
         let metadata = said.map(|(key, value)| format!("{key} {}", base64(value))).join(",");
         let request = self.request(Method::POST, "/uploads").header("tus-resumable", "1.0.0");
@@ -135,14 +139,14 @@ impl Centre {
         place.rsplit('/').next().unwrap().to_owned()
     }
 
-    async fn offset(&self, upload: &str) -> usize {
+    pub async fn offset(&self, upload: &str) -> usize {
         let answer = self.request(Method::HEAD, &format!("/uploads/{upload}")).header("tus-resumable", "1.0.0");
         let answer = answer.send().await.unwrap();
         assert_eq!(answer.status(), StatusCode::OK);
         answer.headers()["upload-offset"].to_str().unwrap().parse().unwrap()
     }
 
-    async fn patch(&self, upload: &str, offset: usize, piece: &[u8]) -> Response {
+    pub async fn patch(&self, upload: &str, offset: usize, piece: &[u8]) -> Response {
         let request = self.request(Method::PATCH, &format!("/uploads/{upload}")).header("tus-resumable", "1.0.0");
         let request = request.header("upload-offset", offset).header("content-type", "application/offset+octet-stream");
         request.body(piece.to_vec()).send().await.unwrap()
@@ -150,7 +154,7 @@ impl Centre {
 
     /// Sends one piece that is acknowledged, then half of another one whose rest never comes. Returns what the service
     /// said it has.
-    async fn send_until_killed(&self, upload: &str, recording: &[u8], offset: usize, piece: usize) -> usize {
+    pub async fn send_until_killed(&self, upload: &str, recording: &[u8], offset: usize, piece: usize) -> usize {
         let end = (offset + piece).min(recording.len() - 1);
         let answer = self.patch(upload, offset, &recording[offset..end]).await;
         assert_eq!(answer.status(), StatusCode::NO_CONTENT);
@@ -169,13 +173,13 @@ impl Centre {
         acknowledged
     }
 
-    async fn send_rest(&self, upload: &str, recording: &[u8], offset: usize) -> String {
+    pub async fn send_rest(&self, upload: &str, recording: &[u8], offset: usize) -> String {
         let answer = self.patch(upload, offset, &recording[offset..]).await;
         assert_eq!(answer.status(), StatusCode::NO_CONTENT);
         answer.headers()["trocar-session"].to_str().unwrap().to_owned()
     }
 
-    async fn send_whole(&self, recording: Vec<u8>) -> String {
+    pub async fn send_whole(&self, recording: Vec<u8>) -> String {
         let path = "/sessions?trainee=ada&task=pegs&box=box-1&filename=clip.mp4";
         let request = self.request(Method::POST, path).header("content-type", "video/mp4").body(recording);
         json_of(request.send().await.unwrap()).await["id"].as_str().unwrap().to_owned()
@@ -183,7 +187,7 @@ impl Centre {
 
     /// Asks again and again until the answer is as wanted: what a client does that does not listen to events, which a
     /// kill would end.
-    async fn until(&self, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub async fn until(&self, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         loop {
             let seen = json_of(self.get(path).await).await;
@@ -196,7 +200,7 @@ impl Centre {
     }
 
     /// Waits for the session's end. A child killed three times is quarantined: then a person tries again.
-    async fn ends_with_one_result(&self, session: &str) {
+    pub async fn ends_with_one_result(&self, session: &str) {
         let ended = |s: &Value| s["status"] == "done" || s["status"] == "failed";
         let mut seen = self.until(&format!("/sessions/{session}"), ended).await;
         if seen["quarantined"] == true {
@@ -214,30 +218,58 @@ impl Centre {
         assert!(all > 0);
     }
 
-    async fn kill_and_restart(&mut self) {
+    /// Ends the service as a kill does.
+    pub fn kill(&mut self) {
         drop(self.process.take()); // SIGKILL
+    }
+
+    /// Starts the service again, which must be ready soon.
+    pub async fn restart(&mut self) {
         let begun = Instant::now();
-        let process = Process::start(&self.data.path().join("data"));
+        let process = Process::launch(&self.data, self.launch);
         assert!(process.password.is_none(), "the administrator is still there");
         self.base = interface(&process);
         self.process = Some(process);
         let ready = self.http.get(format!("http://{}/readyz", self.host())).send().await.unwrap();
         assert_eq!(ready.status(), StatusCode::OK);
+        self.slowest_start = self.slowest_start.max(begun.elapsed());
         assert!(begun.elapsed() < READY, "ready after {:?}", begun.elapsed());
     }
 
-    fn kill_children(&self) {
-        let Some(parent) = self.process.as_ref().map(Process::id) else { return };
-        let children = std::fs::read_to_string(format!("/proc/{parent}/task/{parent}/children")).unwrap_or_default();
-        let of_threads = std::fs::read_dir(format!("/proc/{parent}/task")).unwrap().flatten();
-        let all = of_threads.filter_map(|task| std::fs::read_to_string(task.path().join("children")).ok());
-        for pid in all.chain([children]).flat_map(|list| list.split_whitespace().map(str::to_owned).collect::<Vec<_>>())
-        {
-            let _ = Command::new("kill").args(["-9", &pid]).stderr(Stdio::null()).status(); // it may have ended already
+    /// Waits until a child works, and so long again, and kills it; another one if it ended meanwhile.
+    pub async fn kill_a_child(&self, moment: Duration) {
+        let begun = Instant::now();
+        loop {
+            assert!(begun.elapsed() < PATIENCE, "no child to kill");
+            if self.children().is_empty() {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+                continue;
+            }
+            tokio::time::sleep(moment.mul_f64(1.0 / (1.0 + begun.elapsed().as_secs_f64()))).await;
+            if self.children().iter().any(|&child| kill_process(child, Signal::KILL).is_ok()) {
+                return;
+            }
         }
     }
 
-    fn host(&self) -> String {
+    fn children(&self) -> Vec<Pid> {
+        let threads = std::fs::read_dir(format!("/proc/{}/task", self.process().id())).unwrap().flatten();
+        let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+        lists
+            .flat_map(|list| {
+                list.split_whitespace().filter_map(|id| Pid::from_raw(id.parse().ok()?)).collect::<Vec<_>>()
+            })
+            .collect()
+    }
+
+    /// What `trocar admin check` finds wrong with the folder of a service that has ended.
+    pub fn check(&self) -> String {
+        let check = program().args(["admin", "check", "--thorough", "--data"]).arg(&self.data).output().unwrap();
+        let said = [check.stdout, check.stderr].concat();
+        if check.status.success() { String::new() } else { String::from_utf8_lossy(&said).into_owned() }
+    }
+
+    pub fn host(&self) -> String {
         self.base.trim_start_matches("http://").trim_end_matches("/api/v1").to_owned()
     }
 }
@@ -247,7 +279,7 @@ fn interface(process: &Process) -> String {
 }
 
 fn simulate(folder: &Path) {
-    let made = Command::new(env!("CARGO_BIN_EXE_trocar"))
+    let made = program()
         .args("simulate --quiet --scene pegs --seed 5 --seconds 2 --size 640x360 --boards 0 --out".split(' '))
         .arg(folder)
         .status();
@@ -255,11 +287,11 @@ fn simulate(folder: &Path) {
 }
 
 /// The clip with an MP4 `free` box behind it: as long as asked for, and still a recording.
-fn padded(clip: &Path, length: usize) -> Vec<u8> {
+pub fn padded(clip: &Path, length: usize) -> Vec<u8> {
     padded_bytes(&std::fs::read(clip).unwrap(), length)
 }
 
-fn padded_bytes(clip: &[u8], length: usize) -> Vec<u8> {
+pub fn padded_bytes(clip: &[u8], length: usize) -> Vec<u8> {
     let padding = length - clip.len();
     let mut bytes = clip.to_vec();
     bytes.extend(u32::try_from(padding).unwrap().to_be_bytes());
@@ -269,7 +301,7 @@ fn padded_bytes(clip: &[u8], length: usize) -> Vec<u8> {
     bytes
 }
 
-async fn json_of(answer: Response) -> Value {
+pub async fn json_of(answer: Response) -> Value {
     let (status, address) = (answer.status(), answer.url().clone());
     let text = answer.text().await.unwrap();
     assert!(status.is_success(), "{address}: {status}: {text}");
@@ -279,24 +311,4 @@ async fn json_of(answer: Response) -> Value {
 fn base64(text: &str) -> String {
     use base64::Engine;
     base64::engine::general_purpose::STANDARD.encode(text)
-}
-
-fn kills() -> usize {
-    std::env::var_os("TROCAR_KILLS").and_then(|n| n.to_str()?.parse().ok()).unwrap_or(3)
-}
-
-/// Marsaglia's xorshift64: the same moments in every run.
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit.max(1) as u64) as usize
-    }
 }

@@ -1,0 +1,69 @@
+//! The service and its children killed without warning, at random moments: nothing that was acknowledged is lost, every
+//! job ends, and there is one result for each session.
+//!
+//! `TROCAR_KILLS` says how often each is killed: a few times in every run, 50 times by `make kills`.
+
+use std::time::Duration;
+
+use sha2::{Digest, Sha256};
+
+use super::{Centre, Dice, padded, padded_bytes};
+
+/// Bytes of the recording that is uploaded: a clip with padding behind it.
+const UPLOAD: usize = 24 << 20;
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_acknowledged_byte_is_lost_when_the_service_is_killed_during_an_upload() {
+    let mut centre = Centre::open().await;
+    let recording = padded(&centre.scene("clip.mp4"), UPLOAD);
+    let upload = centre.begin_upload(recording.len()).await;
+    let mut dice = Dice(0x9e37_79b9_7f4a_7c15);
+    let mut acknowledged = 0;
+    for _ in 0..kills() {
+        let piece = 1 + dice.below(UPLOAD / (2 * kills()));
+        acknowledged = centre.send_until_killed(&upload, &recording, acknowledged, piece).await;
+        centre.kill();
+        centre.restart().await;
+        let kept = centre.offset(&upload).await;
+        assert!(kept >= acknowledged, "{acknowledged} bytes were acknowledged, {kept} are there");
+        acknowledged = kept;
+    }
+    let session = centre.send_rest(&upload, &recording, acknowledged).await;
+    let video = centre.get(&format!("/sessions/{session}/video")).await.bytes().await.unwrap();
+    assert_eq!(Sha256::digest(&video), Sha256::digest(&recording), "the recording is whole");
+    centre.ends_with_one_result(&session).await;
+    eprintln!("{} kills during an upload; ready again after {:?} at most", kills(), centre.slowest_start);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_job_ends_with_one_result_however_often_service_and_children_are_killed() {
+    let mut centre = Centre::open().await;
+    let clip = std::fs::read(centre.scene("clip.mp4")).unwrap();
+    let mut dice = Dice(0x2545_f491_4f6c_dd1d);
+    let mut sessions = Vec::new();
+    for round in 0..2 * kills() {
+        let padding = clip.len() + 16 + round; // another length, another recording
+        sessions.push(centre.send_whole(padded_bytes(&clip, padding)).await);
+        let moment = Duration::from_millis(dice.below(400) as u64);
+        if round % 2 == 0 {
+            tokio::time::sleep(moment).await; // the moment of the kill, by chance
+            centre.kill();
+            centre.restart().await;
+        } else {
+            centre.kill_a_child(moment).await;
+        }
+    }
+    for session in &sessions {
+        centre.ends_with_one_result(session).await;
+    }
+    centre.kill();
+    assert_eq!(centre.check(), "", "nothing is lost, and nothing is there that should not be");
+    let (kills, slowest) = (kills(), centre.slowest_start);
+    eprintln!(
+        "{kills} kills of the service and {kills} of children during jobs; ready again after {slowest:?} at most"
+    );
+}
+
+fn kills() -> usize {
+    std::env::var_os("TROCAR_KILLS").and_then(|n| n.to_str()?.parse().ok()).unwrap_or(3)
+}
