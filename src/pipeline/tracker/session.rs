@@ -224,7 +224,10 @@ mod tests {
         k3: 0.0,
     };
 
-    /// A tool at rest at 25 frames a second, seen on some frames only, but always in sight.
+    /// No multiple of it is a limit, where rounding would decide.
+    const FRAME_S: f64 = 0.039;
+
+    /// A tool at rest, seen on some frames only, but always in sight.
     fn paths(seen: &[bool]) -> ToolPaths {
         let motion = MotionSettings::default();
         let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
@@ -236,7 +239,7 @@ mod tests {
         let mut paths =
             ToolPaths { raw: Vec::new(), filtered: Vec::new(), smoothed: Vec::new(), quality: ToolQuality::default() };
         for (frame, seen) in seen.iter().enumerate() {
-            let instant = (frame as u64, frame as f64 / 25.0);
+            let instant = (frame as u64, frame as f64 * FRAME_S);
             let advance = thread.advance(instant.1, seen.then(|| (tube.tip, pose.tip_covariance())), &hindsight);
             count(&mut paths.quality, advance.observed, advance.step.is_some(), None);
             match advance.step {
