@@ -55,6 +55,8 @@ pub struct Measurement {
     pub estimate: TubeEstimate,
     /// Length of band that was seen or is known, mm.
     pub length_mm: f64,
+    /// How well this frame alone tells that length, mm.
+    pub length_sigma_mm: f64,
     /// Share of the outline's probes that found an edge which agrees with the tube.
     pub seen_share: f64,
     /// Every end of the band that is in sight was met.
@@ -305,7 +307,7 @@ impl Bench<'_> {
             tube = estimate.tube;
             let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
             let ends_seen = found.ends_seen();
-            measurement = Ok(Measurement { estimate, length_mm, seen_share, ends_seen });
+            measurement = Ok(Measurement { estimate, length_mm, length_sigma_mm: 0.0, seen_share, ends_seen });
         }
         let mut measurement: Measurement = measurement?;
         if !self.is_where_the_tape_is(&tube, length_mm) {
@@ -315,8 +317,9 @@ impl Bench<'_> {
             measurement.estimate.covariance *= DOUBT;
             measurement.estimate.lasting *= DOUBT;
         }
-        if self.length.is_none() {
+        if self.spec.band_length_mm.is_none() {
             measurement.length_mm += self.length_error(&tube, length_mm).unwrap_or(0.0);
+            measurement.length_sigma_mm = length_sigma(&measurement.estimate, measurement.length_mm);
         }
         Ok(measurement)
     }
@@ -385,8 +388,11 @@ impl Bench<'_> {
         let mut probes: Vec<(Place, Probe)> = Vec::new();
         border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);
         rim_probes(&outline, self.camera, 0.0, 0.5 * length_mm, layout, &mut probes);
-        if self.length.is_some() {
-            rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, layout, &mut probes);
+        if let Some((_, sigma_mm)) = self.length {
+            const FARTHEST_PX: f64 = 6.0;
+            let unsure_px = (2.0 * sigma_mm * self.px_per_mm_along(tube, length_mm)).min(FARTHEST_PX);
+            let wider = ProbeLayout { reach_px: layout.reach_px + unsure_px, ..layout };
+            rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, wider, &mut probes);
         }
         let mut found = FoundEdges::default();
         for (place, probe) in &probes {
@@ -421,8 +427,19 @@ impl Bench<'_> {
         Measurement {
             estimate: TubeEstimate { tube, covariance, lasting: covariance, residual_px: sigma_px, support: 1.0 },
             length_mm: 0.0,
+            length_sigma_mm: 0.0,
             seen_share: 1.0,
             ends_seen: true,
         }
     }
+}
+
+/// How well a pose tells its band's length, mm: what is seen of it is foreshortened by the lean and scaled by the depth, and
+/// both are known only so well.
+fn length_sigma(pose: &TubeEstimate, length_mm: f64) -> f64 {
+    let towards = pose.tube.tip.coords.normalize().dot(&pose.tube.axis).abs().min(0.999);
+    let by_lean =
+        towards / (1.0 - towards * towards).sqrt() * pose.covariance[(3, 3)].max(pose.covariance[(4, 4)]).sqrt();
+    let by_depth = pose.covariance[(2, 2)].sqrt() / pose.tube.tip.z;
+    length_mm * by_lean.hypot(by_depth)
 }

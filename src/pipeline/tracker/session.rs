@@ -3,7 +3,7 @@
 //! The fulcrum is worked out from all poses and steadies each of them, also the first; the filter runs once more over the
 //! steadied poses, and the smoother behind it.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Point2};
 
 use super::report::ToolQuality;
 use super::settings::MotionSettings;
@@ -129,11 +129,12 @@ impl Run {
             seen_s = if seen.is_some() { instant.1 } else { seen_s };
             let state = if seen.is_some() { SampleState::Observed } else { SampleState::Predicted };
             let sample = |s: &State| state_sample(s, pose.as_ref(), tool, *instant, state, camera, fulcrum);
-            if instant.1 - seen_s <= self.longest_prediction_s {
-                paths.filtered.push(sample(&step.updated));
+            let (filtered, smoothed) = (sample(&step.updated), sample(&smoothed));
+            if instant.1 - seen_s <= self.longest_prediction_s && is_supported(&filtered, camera) {
+                paths.filtered.push(filtered);
             }
-            if place < smoothed_frames {
-                paths.smoothed.push(sample(&smoothed));
+            if place < smoothed_frames && is_supported(&smoothed, camera) {
+                paths.smoothed.push(smoothed);
             } else {
                 paths.quality.predicted -= 1; // counted when it was added
                 paths.quality.missing += 1;
@@ -141,6 +142,13 @@ impl Run {
         }
         self.clear();
     }
+}
+
+/// A tip that was seen, or one that is predicted where it could have been: outside the picture nothing supports it.
+fn is_supported(sample: &Sample, camera: &Camera) -> bool {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    let in_picture = |at: Point2<f64>| (0.0..width).contains(&at.x) && (0.0..height).contains(&at.y);
+    sample.state == SampleState::Observed || sample.tip_px.is_some_and(in_picture)
 }
 
 /// A sample of a filter's state. What lasts in the errors of poses like `pose`, the nearest one measured, the filter has
@@ -227,20 +235,25 @@ mod tests {
     /// No multiple of it is a limit, where rounding would decide.
     const FRAME_S: f64 = 0.039;
 
-    /// A tool at rest, seen on some frames only, but always in sight.
     fn paths(seen: &[bool]) -> ToolPaths {
+        paths_from(0.0, 0.0, seen)
+    }
+
+    /// A tool that moves to the right, mm and mm/s, seen on some frames only, but with its colour always in sight.
+    fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> ToolPaths {
         let motion = MotionSettings::default();
         let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
-        let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::z(), radius: 2.5 };
         let covariance = nalgebra::Matrix5::identity() * 0.01;
-        let pose = TubeEstimate { tube, covariance, lasting: covariance, residual_px: 0.1, support: 50.0 };
         let mut thread = Thread::default();
         let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
         let mut paths =
             ToolPaths { raw: Vec::new(), filtered: Vec::new(), smoothed: Vec::new(), quality: ToolQuality::default() };
         for (frame, seen) in seen.iter().enumerate() {
             let instant = (frame as u64, frame as f64 * FRAME_S);
-            let advance = thread.advance(instant.1, seen.then(|| (tube.tip, pose.tip_covariance())), &hindsight);
+            let tip = Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0);
+            let tube = Tube { tip, axis: Vector3::z(), radius: 2.5 };
+            let pose = TubeEstimate { tube, covariance, lasting: covariance, residual_px: 0.1, support: 50.0 };
+            let advance = thread.advance(instant.1, seen.then(|| (tip, pose.tip_covariance())), &hindsight);
             count(&mut paths.quality, advance.observed, advance.step.is_some(), None);
             match advance.step {
                 Some(step) if !advance.begins || frame == 0 => run.add(step, instant, seen.then_some(pose), true),
@@ -280,8 +293,17 @@ mod tests {
     }
 
     #[test]
+    fn a_tip_that_leaves_the_picture_is_not_predicted_beyond_its_rim() {
+        let rim_mm = CAMERA.cx / CAMERA.fx * 150.0;
+        let paths = paths_from(rim_mm - 41.0, 100.0, &with_gap(10, 0)); // 5.9 mm from the rim when seen last, 3.9 mm a frame
+        assert_eq!(frames(&paths.smoothed), (0..11).collect::<Vec<_>>());
+        assert_eq!(frames(&paths.filtered), (0..11).collect::<Vec<_>>());
+        assert_eq!((paths.quality.observed, paths.quality.predicted, paths.quality.missing), (10, 1, 9));
+    }
+
+    #[test]
     fn a_long_gap_stays_one() {
-        let paths = paths(&with_gap(12, 5));
-        assert_eq!(frames(&paths.smoothed), (0..15).chain(22..27).collect::<Vec<_>>());
+        let paths = paths(&with_gap(30, 5));
+        assert_eq!(frames(&paths.smoothed), (0..15).chain(40..45).collect::<Vec<_>>());
     }
 }

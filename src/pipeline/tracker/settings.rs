@@ -48,7 +48,8 @@ pub struct MotionSettings {
     pub reacquire_s: f64,
     /// Longest gap that is bridged by prediction, s; longer ones are gaps.
     pub longest_prediction_s: f64,
-    /// Longest gap that hindsight bridges, between two places where the tool was seen, s.
+    /// Longest gap that hindsight bridges, between two places where the tool was seen, s. In the middle of four times the
+    /// longest prediction the tip is known as well as at its end: `q·T³/192` and `q·t³/3` mm² are equal for `T = 4t`.
     pub longest_bridge_s: f64,
     /// Nearest tip to the camera, mm.
     pub nearest_mm: f64,
@@ -65,7 +66,7 @@ impl Default for MotionSettings {
             gate: 16.3,
             reacquire_s: 0.15,
             longest_prediction_s: 0.2,
-            longest_bridge_s: 0.4,
+            longest_bridge_s: 0.8,
             nearest_mm: 20.0,
             farthest_mm: 1000.0,
         }

@@ -57,33 +57,49 @@ pub struct Scene<'a> {
     pub obstacles: &'a [Outline],
 }
 
-/// Lengths of a band that nobody measured, as its ends were seen.
+/// Lengths of a band that nobody measured, as its ends were seen, each with its standard deviation, mm.
 #[derive(Default)]
 struct BandLengths {
-    seen_mm: Vec<f64>,
+    seen_mm: Vec<(f64, f64)>,
 }
 
 impl BandLengths {
     /// Views that are enough to know the length, and to keep.
     const ENOUGH: usize = 12;
     const MOST: usize = 64;
+    /// Views whose errors can be taken for independent: neighbouring frames err alike.
+    const INDEPENDENT: f64 = 3.0;
 
-    fn add(&mut self, length_mm: f64) {
+    /// Takes a view; where there are enough, in place of the least sure one.
+    fn add(&mut self, length_mm: f64, sigma_mm: f64) {
         if self.seen_mm.len() < Self::MOST {
-            self.seen_mm.push(length_mm);
+            self.seen_mm.push((length_mm, sigma_mm));
+        } else if let Some(worst) = self.seen_mm.iter_mut().max_by(|a, b| a.1.total_cmp(&b.1)) {
+            if sigma_mm < worst.1 {
+                *worst = (length_mm, sigma_mm);
+            }
         }
     }
 
-    /// The usual length with its standard deviation, mm; a band partly hidden looks shorter, so that the upper half of
-    /// what was seen counts.
+    /// The median length, weighed by how sure each view is of it, with its standard deviation, mm.
     fn learned(&self) -> Option<(f64, f64)> {
         if self.seen_mm.len() < Self::ENOUGH {
             return None;
         }
         let mut sorted = self.seen_mm.clone();
-        sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64) as usize];
-        Some((at(0.65), (at(0.9) - at(0.4)).max(0.02 * at(0.65))))
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let weight = |view: &(f64, f64)| 1.0 / (view.1 * view.1);
+        let all: f64 = sorted.iter().map(weight).sum();
+        let at = |share: f64| {
+            let mut sum = 0.0;
+            let reached = sorted.iter().find(|view| {
+                sum += weight(view);
+                sum >= share * all
+            });
+            reached.map_or(0.0, |view| view.0)
+        };
+        let by_views = (sorted.len() as f64 / all / Self::INDEPENDENT).sqrt();
+        Some((at(0.5), (0.5 * (at(0.84) - at(0.16))).max(by_views).max(0.01 * at(0.5))))
     }
 }
 
@@ -235,7 +251,7 @@ impl ToolTracker {
             Err(reason) => Record { estimate: None, is_good: false, reason: Some(*reason) },
         });
         let Some(m) = measured.as_ref().ok().filter(|m| m.is_good()) else { return };
-        self.lengths.add(m.length_mm);
+        self.lengths.add(m.length_mm, m.length_sigma_mm);
         self.keyframes.push(m.estimate);
         if self.keyframes.len().is_multiple_of(16) {
             self.fulcrum = fulcrum::estimate(&self.keyframes).filter(is_known).or(self.fulcrum);
