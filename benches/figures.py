@@ -4,9 +4,10 @@
 Usage: benches/figures.py TROCAR SHARED WORK [--readme README.md]
 
 TROCAR is the release binary, SHARED the folder with `scenes/`, `peer/`, WORK a folder for results. Everything is done
-as a user would: photos and annotations in, nothing else. CPU is measured the same way for both programs, in the same
-run: user and system time of the whole process, less that of decoding alone (`ffmpeg -threads 2 -f null`), medians of
-RUNS interleaved rounds. The peer's start (imports, its colour table) is left out, ours is not.
+as a user would: photos and annotations in, nothing else. CPU is user and system time, medians of RUNS interleaved rounds.
+Own stages: for Trocar what `--timings` counts on its tracking thread, colour samples and start included; for the peer
+its own count less that of decoding alone (`ffmpeg -threads 2 -f null`), its colour table made beforehand. Whole run: of
+Trocar's process everything, of the peer's all but its start.
 """
 import json
 import os
@@ -29,8 +30,8 @@ def main():
     work.mkdir(parents=True, exist_ok=True)
     python = peer_python(work / "peer-venv")
     table = ["| scene | calibration RMS | tip found | false tracks | swaps | lateral RMS | depth RMS | 3-D RMS "
-             "| inside stated 95 % | peer 3-D RMS | CPU a frame | peer's | ratio |",
-             "|---|---|---|---|---|---|---|---|---|---|---|---|---|"]
+             "| inside stated 95 % | peer 3-D RMS | own CPU a frame | peer's | ratio | whole run |",
+             "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"]
     for scene in scenes(shared, work, python):
         print(f"… {scene['name']}", file=sys.stderr)
         table.append(row(scene, trocar, shared, work, python))
@@ -75,23 +76,24 @@ def row(scene, trocar, shared, work, python):
             "--lut", out / "peer-lut.npy"]
     decode = ["ffmpeg", "-v", "error", "-threads", "2", "-i", scene["video"], "-f", "null", "-"]
     run(peer)  # fills its colour table once; setting it up is no per-frame cost
-    cpu = {"decode": [], "ours": [], "peer": []}
+    cpu = {"decode": [], "own": [], "whole": [], "peer": []}
     for _ in range(RUNS):
-        cpu["decode"].append(cpu_of(decode))
-        cpu["ours"].append(cpu_of(ours))
+        cpu["decode"].append(1e3 * cpu_of(decode))
+        cpu["whole"].append(1e3 * cpu_of(ours + ["--timings", out / "timings.json"]))
+        cpu["own"].append(json.loads((out / "timings.json").read_text())["own_cpu_ms_per_frame"])
         run(peer)
         cpu["peer"].append(json.loads((out / "peer.json").read_text())["cpu_ms_per_frame"])
     frames = json.loads((out / "peer.json").read_text())["frames"]
-    decode_ms = 1e3 * statistics.median(cpu["decode"]) / frames
-    own_ms = 1e3 * statistics.median(cpu["ours"]) / frames - decode_ms
-    peer_ms = statistics.median(cpu["peer"]) - decode_ms
+    decode_ms, own_ms, whole_ms, peer_whole_ms = (statistics.median(cpu[key]) for key in ("decode", "own", "whole", "peer"))
+    whole_ms /= frames
+    peer_ms = peer_whole_ms - decode_ms / frames
     mine = evaluated(trocar, out / "track.csv", scene["truth"])
     other = evaluated(trocar, out / "peer.csv", scene["truth"])
     rms_px = json.loads(camera.read_text())["rms_px"]
     return (f"| {scene['name']} | {rms_px:.3f} px | {100 * mine['coverage']:.1f} % | {mine['false_tracks']} | {mine['swaps']} "
             f"| {rms(mine, 'lateral')} | {rms(mine, 'depth')} | {rms(mine, '3d')} | {inside(mine)} "
             f"| {rms(other, '3d')} ({100 * other['coverage']:.0f} %) | {own_ms:.2f} ms | {peer_ms:.1f} ms "
-            f"| 1/{peer_ms / own_ms:.0f} |")
+            f"| 1/{peer_ms / own_ms:.1f} | {whole_ms:.1f}, {peer_whole_ms:.1f} ms |")
 
 
 def evaluated(trocar, track, truth):
@@ -126,9 +128,10 @@ def cpu_of(command):
 def note():
     return (f"All from photos and annotations alone. *Tip found*: share of the frames where ≥ {100 * VISIBLE:.0f} % of the band "
             "is visible. *Inside stated 95 %*: share of the tips that lie within the error bar stated for them (95 would be "
-            "honest). The peer is an OpenCV program of the same method; its share of found tips is in brackets. CPU: "
-            "the whole process, user and system, less decoding alone; start-up counts for Trocar, not for the peer; "
-            f"{os.cpu_count()} cores, medians of {RUNS} interleaved runs.")
+            "honest). The peer is an OpenCV program of the same method; its share of found tips is in brackets. Own "
+            "CPU: all stages but decoding, start and colour samples included (for the peer left out). Whole run: Trocar's "
+            "and the peer's CPU a frame with decoding; Trocar decodes up to the last marked frame twice, the peer's second "
+            f"time is not counted. {os.cpu_count()} cores, medians of {RUNS} interleaved runs.")
 
 
 if __name__ == "__main__":
