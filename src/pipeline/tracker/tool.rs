@@ -74,10 +74,10 @@ impl BandLengths {
     fn add(&mut self, length_mm: f64, sigma_mm: f64) {
         if self.seen_mm.len() < Self::MOST {
             self.seen_mm.push((length_mm, sigma_mm));
-        } else if let Some(worst) = self.seen_mm.iter_mut().max_by(|a, b| a.1.total_cmp(&b.1)) {
-            if sigma_mm < worst.1 {
-                *worst = (length_mm, sigma_mm);
-            }
+        } else if let Some(worst) = self.seen_mm.iter_mut().max_by(|a, b| a.1.total_cmp(&b.1))
+            && sigma_mm < worst.1
+        {
+            *worst = (length_mm, sigma_mm);
         }
     }
 
