@@ -51,7 +51,7 @@ test: test-packages ## everything that decides whether a change may land
 
 .PHONY: browser-test
 browser-test: test-packages ## a real Chromium signs in, uploads, waits for the score and plays the overlay
-	cargo build --locked
+	cargo test --locked --no-run --test integration # builds the program, with the dependencies that the tests have built
 	tests/browser/run $(abspath $(TARGET)/debug/trocar)
 
 .PHONY: deny
