@@ -4,9 +4,11 @@
 //! they meet ([`line_fit`]). Then finely: short chords laid along the outline of the tube that the coarse lines gave
 //! ([`outline_probes`]), each moved onto the edge that the pixels show ([`subpixel`]).
 
+mod edge_curves;
 pub mod light;
 pub mod line_fit;
 pub mod outline_probes;
+mod plane_samples;
 pub mod scan_lines;
 pub mod shaft;
 pub mod subpixel;

@@ -18,8 +18,10 @@ use std::sync::LazyLock;
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, Vector2, Vector3};
 
+use super::edge_curves::{EDGE_CURVES, EdgeCurves};
 use super::light::LightSpill;
-use crate::pipeline::frame::{ColourEncoding, Frame, Plane};
+use super::plane_samples::{LANES, PlaneSamples, gather};
+use crate::pipeline::frame::{ColourEncoding, Frame};
 use crate::pipeline::space::Pixel;
 
 /// Where to look for an edge.
@@ -90,36 +92,21 @@ struct BlurEvidence {
     noisier: f64,
 }
 
-/// For `z` from −8 to 8 standard deviations outwards: the blurred step's inside share, the blurred root of the depth, the
-/// step's slope, and that times `z`.
-type EdgeCurves = [[f32; 4]; STEPS + 1];
-
-static EDGE_CURVES: LazyLock<EdgeCurves> = LazyLock::new(edge_curves);
 static LIGHT_SPILL: LazyLock<LightSpill> = LazyLock::new(LightSpill::new);
 
 /// Usual exposure, and how short and long one can be, s.
 const USUAL_EXPOSURE_S: f64 = 0.008;
 const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
 
-const STEPS_PER_SIGMA: f32 = 32.0;
-const TABLE_REACH: f32 = 8.0;
-const STEPS: usize = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize;
 /// Where a plain step is tried.
 const STEPS_PER_PX: f64 = 2.0;
 const MOST_STEPS: usize = 40;
-/// Samples that are worked on at once.
-const LANES: usize = 4;
 /// Softest edge that still tells where it is, pixels.
 const WORST_SIGMA_PX: f64 = 1.0;
-const MOST_SAMPLES: usize = 256;
 /// Farthest that the finer model may move from the sharpest plain step, pixels.
 const FARTHEST_FROM_STEP_PX: f64 = 1.3;
 /// How much the background may brighten or darken outwards, codes/pixel: tubes throw soft shadows beside themselves.
 const SHADOW_SLOPE: f64 = 3.0;
-/// A plane of half the resolution is looked at over a window that much wider: three of its samples cannot show both
-/// sides of an edge.
-const COARSE_PLANE_REACH: f64 = 1.5;
-
 impl EdgeModel {
     /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
     pub fn new(tape_yuv: [f64; 3], encoding: ColourEncoding) -> Self {
@@ -367,7 +354,7 @@ impl EdgeModel {
         let mut products = [[[0.0f32; LANES]; 7]; 7];
         for (distances, values) in samples.chunks() {
             let z = distances.map(|distance| (distance - offset) * per_px);
-            let curves = z.map(|z| self.curve(z));
+            let curves = z.map(|z| self.curves.at(z));
             let limb = z.map(|z| {
                 let inside = (-z * in_radii).clamp(0.0, 1.0);
                 shade_scale * (1.0 - inside * (0.25 + 0.04 * inside)) // √(1 − x/2) to 1e-3
@@ -406,16 +393,6 @@ impl EdgeModel {
         gram[(6, 6)] -= spill * gram[(4, 6)];
         gram
     }
-
-    #[inline]
-    fn curve(&self, z: f32) -> [f32; 4] {
-        let at = ((z + TABLE_REACH) * STEPS_PER_SIGMA).clamp(0.0, STEPS as f32);
-        let index = (at as usize).min(STEPS - 1);
-        let part = at - index as f32;
-        let (low, high) = (self.curves[index], self.curves[index + 1]);
-        let [share, depth, slope, wider] = std::array::from_fn(|i| low[i] + part * (high[i] - low[i]));
-        [share, if z < -TABLE_REACH { (-z).sqrt() } else { depth }, slope, wider]
-    }
 }
 
 /// Adds for each place of a step, from `first` outwards, how much two means explain, inside and outside of it, times
@@ -433,54 +410,6 @@ fn explain_by_step(samples: &PlaneSamples, first: f32, weight: f32, into: &mut [
         let outside = total - sum;
         let others = samples.len as f32 - count;
         *explained += weight * (sum * sum / f32::max(count, 1.0) + outside * outside / f32::max(others, 1.0));
-    }
-}
-
-/// Samples of one plane near a chord: distance along the normal, value.
-#[derive(Clone, Copy)]
-struct PlaneSamples {
-    distances: [f32; MOST_SAMPLES],
-    values: [f32; MOST_SAMPLES],
-    /// Taken off all values.
-    level: f32,
-    len: usize,
-}
-
-impl Default for PlaneSamples {
-    fn default() -> Self {
-        Self { distances: [0.0; MOST_SAMPLES], values: [0.0; MOST_SAMPLES], level: 0.0, len: 0 }
-    }
-}
-
-impl PlaneSamples {
-    fn push(&mut self, distance: f64, value: u8) {
-        if self.len < MOST_SAMPLES {
-            self.distances[self.len] = distance as f32;
-            self.values[self.len] = f32::from(value);
-            self.len += 1;
-        }
-    }
-
-    /// Ends the collection: moves the values so that they lie about zero, and fills the last chunk with samples so far
-    /// outside that they say nothing.
-    fn complete(&mut self) {
-        const FAR_PX: f32 = 1e6;
-        let values = &mut self.values[..self.len];
-        self.level = values.iter().sum::<f32>() / (values.len().max(1) as f32);
-        values.iter_mut().for_each(|value| *value -= self.level);
-        let padded = self.len.next_multiple_of(LANES);
-        self.distances[self.len..padded].fill(FAR_PX);
-        self.values[self.len..padded].fill(0.0);
-    }
-
-    /// Distances and values, in chunks.
-    fn chunks(&self) -> impl Iterator<Item = (&[f32; LANES], &[f32; LANES])> {
-        let count = self.len.div_ceil(LANES);
-        self.distances.as_chunks().0.iter().zip(self.values.as_chunks().0).take(count)
-    }
-
-    fn pairs(&self) -> impl Iterator<Item = (f32, f32)> {
-        self.distances[..self.len].iter().copied().zip(self.values[..self.len].iter().copied())
     }
 }
 
@@ -503,158 +432,5 @@ impl PlaneFit {
     }
 }
 
-/// Collects samples of planes of one size in the parallelogram around a chord, row by row where the chord is upright,
-/// else column by column; `shifted_px` is added to their distances.
-fn gather<const N: usize>(
-    planes: [&Plane<'_>; N],
-    shift: (u8, u8),
-    probe: &Probe,
-    shifted_px: f64,
-    into: &mut [PlaneSamples],
-) {
-    let scale = [f64::from(1u32 << shift.0), f64::from(1u32 << shift.1)];
-    let first = scale.map(|s| (s - 1.0) / 2.0); // a chroma sample sits amid the pixels it stands for
-    let sizes = [planes[0].width, planes[0].height];
-    let middle = [probe.middle.u(), probe.middle.v()];
-    let normal = [probe.outward.x, probe.outward.y];
-    let run = if normal[0].abs() >= normal[1].abs() { 0 } else { 1 }; // the direction that crosses the chord
-    let rows = 1 - run;
-    let half_rows = probe.half_length_px * normal[run].abs();
-    let slant = normal[rows] / normal[run];
-    let wider = if scale[run] > 1.0 { COARSE_PLANE_REACH } else { 1.0 };
-    let (inwards, outwards) = (probe.inwards_px * wider, probe.outwards_px * wider);
-    let (back, ahead) = if normal[run] > 0.0 { (inwards, outwards) } else { (outwards, inwards) };
-    let index = |axis: usize, at: f64| (at - first[axis]) / scale[axis];
-    let last = |axis: usize, at: f64| (at.ceil().max(0.0) as usize).min(sizes[axis]);
-    let row_from = index(rows, middle[rows] - half_rows).ceil().max(0.0) as usize;
-    for row in row_from..last(rows, index(rows, middle[rows] + half_rows)) {
-        let along = row as f64 * scale[rows] + first[rows] - middle[rows];
-        let crossing = middle[run] - along * slant;
-        let reach = 1.0 / normal[run].abs();
-        let from = index(run, crossing - back * reach).ceil().max(0.0) as usize;
-        let start = shifted_px + along * normal[rows] + (first[run] - middle[run]) * normal[run];
-        for column in from..last(run, index(run, crossing + ahead * reach)) {
-            let distance = start + column as f64 * scale[run] * normal[run];
-            let (x, y) = if run == 0 { (column, row) } else { (row, column) };
-            for (plane, samples) in planes.iter().zip(into.iter_mut()) {
-                samples.push(distance, plane.at(x, y));
-            }
-        }
-    }
-}
-
-fn edge_curves() -> EdgeCurves {
-    let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
-    // Simpson-free: 161 even steps over ±5 σ are exact to 1e-7 for a Gaussian.
-    let blur: Vec<(f64, f64)> = (-80..=80).map(|k| f64::from(k) / 16.0).map(|x| (x, density(x) / 16.0)).collect();
-    std::array::from_fn(|i| {
-        let z = i as f64 / f64::from(STEPS_PER_SIGMA) - f64::from(TABLE_REACH);
-        let depth: f64 = blur.iter().map(|(x, weight)| weight * (x - z).max(0.0).sqrt()).sum();
-        [inside_share(z), depth, density(z), density(z) * z].map(|c| c as f32)
-    })
-}
-
-/// Gaussian upper tail by numeric integration of its density from `z` on.
-fn inside_share(z: f64) -> f64 {
-    let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
-    let steps = 200;
-    let width = z / f64::from(steps);
-    let half: f64 = (0..steps).map(|k| density((f64::from(k) + 0.5) * width) * width).sum();
-    0.5 - half
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::pipeline::frame::{Matrix, Range};
-
-    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
-    const SIZE: usize = 64;
-    const TAPE: [f64; 3] = [150.0, 70.0, 190.0];
-
-    /// A straight border at `edge` pixels along `normal` from the middle, tape on the near side; codes blurred by
-    /// `blur` (plane by plane), 4:4:4. Outside, light grows by `shadow` codes per pixel away from the border.
-    fn frame_of(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blur: f64, shadow: f64) -> [Vec<u8>; 3] {
-        [0, 1, 2].map(|plane| {
-            (0..SIZE * SIZE)
-                .map(|i| {
-                    let at = Vector2::new((i % SIZE) as f64, (i / SIZE) as f64) - Vector2::repeat(SIZE as f64 / 2.0);
-                    let beyond = at.dot(&normal) - edge;
-                    let share = inside_share(beyond / blur);
-                    let lighter = if plane == 0 { shadow * beyond.clamp(0.0, 8.0) } else { 0.0 };
-                    (outside[plane] + lighter + share * (TAPE[plane] - outside[plane])).round() as u8
-                })
-                .collect()
-        })
-    }
-
-    fn located(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blur: f64) -> Option<Edge> {
-        located_beside_shadow(normal, edge, outside, blur, 0.0)
-    }
-
-    fn located_beside_shadow(
-        normal: Vector2<f64>,
-        edge: f64,
-        outside: [f64; 3],
-        blur: f64,
-        shadow: f64,
-    ) -> Option<Edge> {
-        let planes = frame_of(normal, edge, outside, blur, shadow);
-        let plane = |i: usize| Plane { data: &planes[i], stride: SIZE, width: SIZE, height: SIZE };
-        let frame = Frame {
-            index: 0,
-            time_s: 0.0,
-            y: plane(0),
-            u: plane(1),
-            v: plane(2),
-            shift_x: 0,
-            shift_y: 0,
-            encoding: ENCODING,
-        };
-        let mut model = EdgeModel::new(TAPE, ENCODING);
-        model.blur_px = [blur; 3];
-        model.habits = Vector3::zeros(); // these codes were blurred, not their light
-        let middle = Pixel::new(SIZE as f64 / 2.0, SIZE as f64 / 2.0);
-        let probe = Probe {
-            middle,
-            outward: normal,
-            half_length_px: 3.0,
-            inwards_px: 5.0,
-            outwards_px: 5.0,
-            motion_px_s: 0.0,
-            radius_px: 12.0,
-        };
-        model.locate(&frame, &probe, |codes| codes[2] > 170)
-    }
-
-    #[test]
-    fn a_border_is_found_to_a_fiftieth_of_a_pixel_at_any_angle_and_place() {
-        for angle in [0.0, 0.4, 0.785, 1.3, 2.5, -2.0] {
-            let normal = Vector2::new(f64::cos(angle), f64::sin(angle));
-            for edge in [-1.7, -0.4, 0.0, 0.3, 1.9] {
-                let found = located(normal, edge, [90.0, 140.0, 110.0], 0.8).unwrap();
-                assert!((found.offset_px - edge).abs() < 0.02, "angle {angle}, edge {edge}: {found:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_soft_shadow_beside_a_border_does_not_move_it() {
-        for shadow in [-5.0, 3.0, 6.0] {
-            let found = located_beside_shadow(Vector2::new(0.6, 0.8), 0.3, [190.0, 130.0, 126.0], 0.8, shadow).unwrap();
-            assert!((found.offset_px - 0.3).abs() < 0.05, "shadow {shadow}: {found:?}");
-        }
-    }
-
-    #[test]
-    fn equal_luma_is_no_hindrance_while_colours_differ() {
-        let found = located(Vector2::new(0.6, 0.8), 0.7, [150.0, 150.0, 90.0], 1.0).unwrap();
-        assert!((found.offset_px - 0.7).abs() < 0.02, "{found:?}");
-    }
-
-    #[test]
-    fn tape_on_both_sides_and_tape_outside_are_no_borders() {
-        assert_eq!(located(Vector2::x(), 0.0, [110.0, 80.0, 180.0], 0.8), None, "a crease");
-        assert_eq!(located(Vector2::x(), 30.0, [90.0, 140.0, 110.0], 0.8), None, "nothing in the window");
-    }
-}
+mod tests;

@@ -9,7 +9,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use super::samples::{ColourSample, ColourSamples};
 
 /// Neighbours that vote; the thesis's choice.
-const K: NonZero<usize> = NonZero::new(5).unwrap();
+const K: NonZero<usize> = NonZero::new(5).unwrap(); // of a constant: the compiler checks it
 
 /// Weight of luma against the two differences: light falls off across a box and over a tube's curve, so brightness
 /// tells less of a tape than hue does.
