@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector2};
 
-use super::subpixel::Probe;
+use super::subpixel::{Probe, Shading};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tube::Outline;
@@ -77,7 +77,7 @@ pub fn border_probes(
             let (near, middle, far) = (back(0.0), back(0.5), back(1.0));
             let opposite = pixel_of(camera, outline.border(1 - side, middle));
             let chord = [seen(near), seen(middle), seen(far), opposite];
-            if let Some(probe) = probe_of(chord, layout, None) {
+            if let Some(probe) = probe_of(chord, layout, true) {
                 into.push((Place::Border { side, back_mm: middle }, probe));
             }
         }
@@ -101,7 +101,7 @@ pub fn rim_probes(
         let at = |part: f64| RIM_SHARE * (2.0 * (i as f64 + part) / count as f64 - 1.0);
         let (from, across, to) = (at(0.0), at(0.5), at(1.0));
         let inner = pixel_of(camera, outline.rim(inner_mm, across));
-        if let Some(probe) = probe_of([seen(from), seen(across), seen(to), inner], layout, Some(1e3)) {
+        if let Some(probe) = probe_of([seen(from), seen(across), seen(to), inner], layout, false) {
             into.push((Place::Rim { back_mm, across }, probe));
         }
     }
@@ -111,9 +111,9 @@ fn pixel_of(camera: &Camera, point: Point3<f64>) -> Option<Pixel> {
     camera.project(CameraPoint(point))
 }
 
-/// A probe on the chord from the first to the third pixel; the fourth lies inside the tape. `radius_px` is half the
-/// distance to it unless given.
-fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, radius_px: Option<f64>) -> Option<Probe> {
+/// A probe on the chord from the first to the third pixel; the fourth lies inside the tape: on the other border, if the
+/// edge is a `limb`.
+fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, limb: bool) -> Option<Probe> {
     let [Some(from), Some(middle), Some(to), Some(inner)] = chord else { return None };
     let along = to.0 - from.0;
     let length = along.norm();
@@ -131,6 +131,6 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, radius_px: Option<f6
         motion_px_s: layout.motion_px_s.dot(&outward),
         inwards_px: layout.reach_px.min(0.45 * depth),
         outwards_px: layout.reach_px,
-        radius_px: radius_px.unwrap_or(0.5 * depth).max(2.0),
+        shading: if limb { Shading::Limb { radius_px: (0.5 * depth).max(2.0) } } else { Shading::Cut },
     })
 }

@@ -39,8 +39,20 @@ pub struct Probe {
     pub outwards_px: f64,
     /// Speed across the chord, along the normal, pixels/s.
     pub motion_px_s: f64,
-    /// Radius of the tube in the picture, pixels; scale of the shading.
-    pub radius_px: f64,
+    /// How the surface inside shades towards the edge.
+    pub shading: Shading,
+}
+
+/// How a surface shades towards its edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shading {
+    /// A round one that turns away from the camera: a tube of this radius in the picture, pixels.
+    Limb {
+        /// Radius, pixels.
+        radius_px: f64,
+    },
+    /// One that ends without turning away: a tape's end. Light changes steadily towards it.
+    Cut,
 }
 
 /// An edge found at a probe.
@@ -48,7 +60,7 @@ pub struct Probe {
 pub struct Edge {
     /// Distance from the probe's chord along its normal, pixels.
     pub offset_px: f64,
-    /// Standard deviation of that from the pixels' noise, pixels.
+    /// Standard deviation of that, pixels: from the noise, and from what the model leaves out.
     pub sigma_px: f64,
 }
 
@@ -82,6 +94,9 @@ type Habits = Vector3<f64>;
 /// Usual habits, and how far from them a recording may be. Chroma lies between its pixels, or on the left one.
 const USUAL_HABITS: [f64; 3] = [0.7, 0.0, 0.0];
 const HABIT_SPREAD: [f64; 3] = [0.5, 0.3, 0.2];
+/// Share of the evidence on each habit that is believed. Where chroma lies must not be learned from what gloss, shade and
+/// compression move it by: those last as long as a scene does, so that all of a frame's edges tell no more than a few.
+const HABIT_TRUST: [f64; 3] = [1.0, 1e-3, 1e-3];
 
 #[derive(Clone, Copy, Debug, Default)]
 struct BlurEvidence {
@@ -105,6 +120,12 @@ const MOST_STEPS: usize = 40;
 const WORST_SIGMA_PX: f64 = 1.0;
 /// Farthest that the finer model may move from the sharpest plain step, pixels.
 const FARTHEST_FROM_STEP_PX: f64 = 1.3;
+/// Depth inside a cut edge over which its shading is counted, pixels.
+const CUT_DEPTH_PX: f64 = 10.0;
+/// What the model leaves out (texture, creases, gloss, compression, how colours mix) moves an edge as the noise does, the
+/// more the less contrast it has, but by so many times as much: from edges about true outlines, over scenes of three
+/// renderers.
+const MODEL_ERROR: f64 = 3.0;
 /// How much the background may brighten or darken outwards, codes/pixel: tubes throw soft shadows beside themselves.
 const SHADOW_SLOPE: f64 = 3.0;
 impl EdgeModel {
@@ -149,7 +170,7 @@ impl EdgeModel {
                     blur[plane],
                     &samples[plane],
                     offset,
-                    probe.radius_px,
+                    probe.shading,
                     self.habits[0] * spill[plane],
                     self.noise[plane] / (SHADOW_SLOPE * SHADOW_SLOPE),
                 )?;
@@ -180,7 +201,7 @@ impl EdgeModel {
         }
         self.learn(&fits, &blur, probe.motion_px_s);
         self.learn_habits(&fits, spill, probe.outward);
-        Some(Edge { offset_px: offset, sigma_px: (1.0 / information).sqrt() })
+        Some(Edge { offset_px: offset, sigma_px: MODEL_ERROR / information.sqrt() })
     }
 
     /// Where one plain step explains the samples best, to half a pixel: the start, so that the finer model cannot settle
@@ -268,6 +289,10 @@ impl EdgeModel {
 
     fn settle_habits(&mut self) {
         let (information, gradient) = std::mem::take(&mut self.habit_evidence);
+        let trust = Vector3::from(HABIT_TRUST);
+        let gradient = gradient.component_mul(&trust);
+        let root = Matrix3::from_diagonal(&trust.map(f64::sqrt));
+        let information = root * information * root;
         let prior = Matrix3::from_diagonal(&Vector3::from(HABIT_SPREAD.map(|s| 1.0 / (s * s))));
         let pull = prior * (Vector3::from(USUAL_HABITS) - self.habits);
         if let Some(step) = (information + prior).try_inverse().map(|inverse| inverse * (gradient + pull)) {
@@ -303,11 +328,11 @@ impl EdgeModel {
         blur: f64,
         samples: &PlaneSamples,
         offset: f64,
-        radius_px: f64,
+        shading: Shading,
         spill: f64,
         evenness: f64,
     ) -> Option<PlaneFit> {
-        let gram = self.gram_of(blur, samples, offset, radius_px, spill);
+        let gram = self.gram_of(blur, samples, offset, shading, spill);
         let count = samples.len as f64;
         if count < 8.0 {
             return None;
@@ -345,11 +370,16 @@ impl EdgeModel {
         blur: f64,
         samples: &PlaneSamples,
         offset: f64,
-        radius_px: f64,
+        shading: Shading,
         spill: f64,
     ) -> SMatrix<f64, 7, 7> {
+        let (limb, radius_px) = match shading {
+            Shading::Limb { radius_px } => (1.0, radius_px),
+            Shading::Cut => (0.0, CUT_DEPTH_PX),
+        };
         let [offset, per_px, in_radii, blur_px] = [offset, 1.0 / blur, blur / radius_px, blur].map(|c| c as f32);
-        let shade_scale = (2.0 * blur / radius_px).sqrt() as f32;
+        let [limb_scale, cut_scale] =
+            [limb * (2.0 * blur / radius_px).sqrt(), (1.0 - limb) * blur / CUT_DEPTH_PX].map(|c| c as f32);
         const FARTHEST: f32 = 1e4; // in standard deviations; beyond are those that only fill the last chunk
         let mut products = [[[0.0f32; LANES]; 7]; 7];
         for (distances, values) in samples.chunks() {
@@ -357,16 +387,18 @@ impl EdgeModel {
             let curves = z.map(|z| self.curves.at(z));
             let limb = z.map(|z| {
                 let inside = (-z * in_radii).clamp(0.0, 1.0);
-                shade_scale * (1.0 - inside * (0.25 + 0.04 * inside)) // √(1 − x/2) to 1e-3
+                limb_scale * (1.0 - inside * (0.25 + 0.04 * inside)) // √(1 − x/2) to 1e-3
             });
+            // A ramp that begins at the edge, blurred: outwards, and without `z` of it inwards.
+            let outwards: [f32; LANES] =
+                std::array::from_fn(|l| if z[l] < FARTHEST { z[l] * (1.0 - curves[l][0]) + curves[l][2] } else { 0.0 });
+            let inwards: [f32; LANES] = std::array::from_fn(|l| if z[l] < FARTHEST { outwards[l] - z[l] } else { 0.0 });
             let lanes: [usize; LANES] = std::array::from_fn(|lane| lane);
             let columns = [
                 [1.0; LANES],
                 lanes.map(|l| curves[l][0]),
-                lanes.map(|l| curves[l][1] * limb[l]),
-                lanes.map(
-                    |l| if z[l] < FARTHEST { blur_px * (z[l] * (1.0 - curves[l][0]) + curves[l][2]) } else { 0.0 },
-                ),
+                lanes.map(|l| curves[l][1] * limb[l] + inwards[l] * cut_scale),
+                outwards.map(|ramp| blur_px * ramp),
                 lanes.map(|l| curves[l][2] * per_px),
                 lanes.map(|l| curves[l][3] * per_px),
                 *values,

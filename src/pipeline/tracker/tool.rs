@@ -115,7 +115,7 @@ pub struct Seen {
 const MOST_KEYFRAMES: usize = 128;
 
 /// A fulcrum is used once it is known this well, mm: before, it would rather mislead.
-const FULCRUM_SIGMA_MM: f64 = 8.0;
+const FULCRUM_SIGMA_MM: f64 = 16.0;
 
 impl ToolTracker {
     pub(super) fn new(spec: ToolSpec, class: u8, edges: EdgeModel) -> Self {

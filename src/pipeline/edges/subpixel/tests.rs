@@ -52,7 +52,7 @@ fn located_beside_shadow(normal: Vector2<f64>, edge: f64, outside: [f64; 3], blu
         inwards_px: 5.0,
         outwards_px: 5.0,
         motion_px_s: 0.0,
-        radius_px: 12.0,
+        shading: Shading::Limb { radius_px: 12.0 },
     };
     model.locate(&frame, &probe, |codes| codes[2] > 170)
 }
