@@ -71,7 +71,12 @@ impl Measurement {
 
     /// Do the pixels explain the tube so well that no other start need be tried?
     pub fn is_good(&self) -> bool {
-        self.estimate.residual_px < 0.4 && self.seen_share > 0.55 && self.ends_seen
+        self.estimate.residual_px < 0.4 && self.continues() && self.ends_seen
+    }
+
+    /// Do enough pixels agree that a tube that was expected about here goes on?
+    fn continues(&self) -> bool {
+        self.estimate.residual_px < 0.7 && self.seen_share > 0.55
     }
 }
 
@@ -257,22 +262,25 @@ impl Bench<'_> {
         Some([line(&coarse.borders[0])?, line(&coarse.borders[1])?])
     }
 
-    /// Moves an expected tube onto the edges that the pixels show, without a region of colour; only where they explain it
-    /// well. Where it was expected within two pixels, one close look does.
+    /// Moves an expected tube onto the edges that the pixels show, without a region of colour; only where they agree with
+    /// it. Where it was expected within two pixels, one close look does.
     pub fn follow(&mut self, expected: &Tube, length_mm: f64) -> Option<Measurement> {
         const RIGHT_PX: f64 = 2.0;
+        const FARTHEST_PX: f64 = 15.0;
         if self.method != PoseMethod::TangentPlanes {
             return None;
         }
-        let close = self.refine(*expected, length_mm, &LOOKS[2..]).ok().filter(Measurement::is_good);
+        let within = |bench: &Self, found: &Measurement, limit_px: f64| {
+            bench.apart_px(expected, &found.estimate.tube, length_mm).is_some_and(|px| px < limit_px)
+        };
+        let close = self.refine(*expected, length_mm, &LOOKS[2..]).ok().filter(Measurement::continues);
         let (start, looks) = match close {
-            Some(m) if self.apart_px(expected, &m.estimate.tube, length_mm).is_some_and(|px| px < RIGHT_PX) => {
-                return Some(m);
-            }
-            Some(m) => (m.estimate.tube, &LOOKS[2..]),
+            Some(found) if within(self, &found, RIGHT_PX) => return Some(found),
+            Some(found) => (found.estimate.tube, &LOOKS[2..]),
             None => (*expected, &LOOKS[1..]),
         };
-        self.refine(start, length_mm, looks).ok().filter(Measurement::is_good)
+        let found = self.refine(start, length_mm, looks).ok()?;
+        (found.is_good() || (found.continues() && within(self, &found, FARTHEST_PX))).then_some(found)
     }
 
     /// How far apart the corners of two tubes' bands are seen at most, pixels.
