@@ -9,7 +9,7 @@ mod tool;
 pub use report::{FrameReport, Observation, Quality, ToolQuality, ToolReport, Tracking};
 pub use settings::{MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings, View};
 
-use crate::pipeline::edges::subpixel::EdgeModel;
+use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::frame::{ColourEncoding, Frame};
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector2};
 
-use super::subpixel::{Probe, Shading};
+use super::probe::{Probe, Shading};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tube::Outline;

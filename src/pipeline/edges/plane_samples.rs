@@ -1,6 +1,6 @@
 //! The pixels about a chord: each at its own distance from it, as they are, not resampled.
 
-use super::subpixel::Probe;
+use super::probe::Probe;
 use crate::pipeline::frame::Plane;
 
 /// Samples that are worked on at once.

@@ -4,11 +4,12 @@ use nalgebra::{Point2, Point3, Vector2};
 
 use crate::pipeline::blob::moments::Rectangle;
 use crate::pipeline::camera::Camera;
+use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::edges::line_fit::{self, Line};
 use crate::pipeline::edges::outline_probes::{Place, ProbeLayout, border_probes, rim_probes};
+use crate::pipeline::edges::probe::{Edge, Probe};
 use crate::pipeline::edges::scan_lines::{self, CoarseBand};
 use crate::pipeline::edges::shaft;
-use crate::pipeline::edges::subpixel::{Edge, EdgeModel, Probe};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::pipeline::pose::{TubeEstimate, band_length, pinhole_width, tangent_planes};

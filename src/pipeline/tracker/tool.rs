@@ -7,7 +7,7 @@ use super::settings::{MotionSettings, ToolSpec, TrackerSettings};
 use crate::pipeline::blob::components::{Component, ComponentFinder};
 use crate::pipeline::blob::{join, select};
 use crate::pipeline::camera::Camera;
-use crate::pipeline::edges::subpixel::EdgeModel;
+use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::filter::identity::{Advance, Thread, ThreadSettings};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::TubeEstimate;

@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::pipeline::edges::edge_curves::inside_share;
-use crate::pipeline::frame::{Matrix, Plane, Range};
+use crate::pipeline::edges::probe::Shading;
+use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
+use crate::pipeline::space::Pixel;
 
 const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
 const SIZE: usize = 64;
