@@ -15,6 +15,8 @@ mod initial;
 pub mod model;
 mod refine;
 pub mod report;
+#[cfg(test)]
+pub(super) mod testing;
 
 pub use board::{Board, BoardProblem};
 pub use calibrate::{FEWEST_PHOTOS, calibrate};

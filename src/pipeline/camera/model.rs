@@ -100,22 +100,7 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn wide() -> Camera {
-        Camera {
-            width: 1280,
-            height: 720,
-            fx: 938.0,
-            fy: 936.1,
-            cx: 633.5,
-            cy: 366.2,
-            k1: -0.298,
-            k2: 0.103,
-            p1: -0.0006,
-            p2: 0.0009,
-            k3: -0.012,
-        }
-    }
+    use crate::pipeline::camera::testing::wide;
 
     #[test]
     fn undistortion_inverts_distortion_to_a_millionth_of_a_pixel() {

@@ -75,7 +75,7 @@ impl EdgeModel {
             if (offset - guess).abs() > FARTHEST_FROM_STEP_PX {
                 return None; // another optimum, where the shading stands in for the edge
             }
-            if pass > 0 && step.abs() < 0.02 {
+            if pass > 0 && step.abs() < 0.05 {
                 break; // the first pass knew no spill yet
             }
         }

@@ -228,27 +228,12 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::camera::testing::wide as camera;
     use nalgebra::{Point3, Vector3};
     use rand::rngs::SmallRng;
     use rand::{Rng, RngExt, SeedableRng};
 
     const LENGTH_MM: f64 = 26.0;
-
-    fn camera() -> Camera {
-        Camera {
-            width: 1280,
-            height: 720,
-            fx: 938.0,
-            fy: 936.0,
-            cx: 633.5,
-            cy: 366.2,
-            k1: -0.298,
-            k2: 0.103,
-            p1: -0.0006,
-            p2: 0.0009,
-            k3: -0.012,
-        }
-    }
 
     fn tube() -> Tube {
         Tube { tip: Point3::new(-30.0, -8.0, 190.0), axis: Vector3::new(0.40, -0.62, 0.675).normalize(), radius: 2.5 }

@@ -111,7 +111,7 @@ const DOUBT: f64 = 9.0;
 const LOOKS: [Look; 3] = [
     Look { chord_px: 8.0, reach_px: 9.0 },
     Look { chord_px: 6.0, reach_px: 5.0 },
-    Look { chord_px: 6.0, reach_px: 3.2 },
+    Look { chord_px: 8.0, reach_px: 3.2 },
 ];
 
 /// One round of probing, for a tube at rest.

@@ -3,7 +3,8 @@ use rand::SeedableRng;
 use rand::rngs::SmallRng;
 
 use super::*;
-use crate::pipeline::camera::refine::tests::{board, noisy, poses, seen, wide};
+use crate::pipeline::camera::refine::tests::{board, noisy, poses, seen};
+use crate::pipeline::camera::testing::wide;
 use crate::pipeline::space::CameraPoint;
 
 fn views(count: usize, sigma_px: f64) -> Vec<BoardView> {

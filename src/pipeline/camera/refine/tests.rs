@@ -5,22 +5,7 @@ use rand::{RngExt, SeedableRng};
 
 use super::*;
 use crate::pipeline::camera::Board;
-
-pub(in crate::pipeline::camera) fn wide() -> Camera {
-    Camera {
-        width: 1280,
-        height: 720,
-        fx: 938.0,
-        fy: 936.1,
-        cx: 633.5,
-        cy: 366.2,
-        k1: -0.298,
-        k2: 0.103,
-        p1: -0.0006,
-        p2: 0.0009,
-        k3: -0.012,
-    }
-}
+use crate::pipeline::camera::testing::wide;
 
 /// Poses such as a person holds a board: tilted to all sides, near and far, over the whole picture.
 pub(in crate::pipeline::camera) fn poses(count: usize) -> Vec<Isometry3<f64>> {
