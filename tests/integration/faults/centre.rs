@@ -236,18 +236,22 @@ impl Centre {
         assert!(begun.elapsed() < READY, "ready after {:?}", begun.elapsed());
     }
 
-    /// Waits until a child works, and so long again, and kills it; another one if it ended meanwhile.
-    pub async fn kill_a_child(&self, moment: Duration) {
+    /// Waits until a child works, and `moment` longer, and kills it; another one if it ended meanwhile. `false` where the
+    /// session's job was quicker.
+    pub async fn kill_a_child(&self, session: &str, moment: Duration) -> bool {
         let begun = Instant::now();
         loop {
-            assert!(begun.elapsed() < PATIENCE, "no child to kill");
+            assert!(begun.elapsed() < PATIENCE, "no child to kill, and {session} does not end");
             if self.children().is_empty() {
-                tokio::time::sleep(Duration::from_millis(5)).await;
+                let status = json_of(self.get(&format!("/sessions/{session}")).await).await["status"].take();
+                if status == "done" || status == "failed" {
+                    return false;
+                }
                 continue;
             }
             tokio::time::sleep(moment.mul_f64(1.0 / (1.0 + begun.elapsed().as_secs_f64()))).await;
             if self.children().iter().any(|&child| kill_process(child, Signal::KILL).is_ok()) {
-                return;
+                return true;
             }
         }
     }

@@ -42,15 +42,21 @@ async fn every_job_ends_with_one_result_however_often_service_and_children_are_k
     let mut dice = Dice(0x2545_f491_4f6c_dd1d);
     let mut sessions = Vec::new();
     for round in 0..2 * kills() {
-        let padding = clip.len() + 16 + round; // another length, another recording
-        sessions.push(centre.send_whole(padded_bytes(&clip, padding)).await);
-        let moment = Duration::from_millis(dice.below(400) as u64);
-        if round % 2 == 0 {
-            tokio::time::sleep(moment).await; // the moment of the kill, by chance
-            centre.kill();
-            centre.restart().await;
-        } else {
-            centre.kill_a_child(moment).await;
+        let mut moment = Duration::from_millis(dice.below(400) as u64);
+        loop {
+            let padding = clip.len() + 16 + sessions.len(); // another length, another recording
+            let session = centre.send_whole(padded_bytes(&clip, padding)).await;
+            sessions.push(session.clone());
+            if round % 2 == 0 {
+                tokio::time::sleep(moment).await; // the moment of the kill, by chance
+                centre.kill();
+                centre.restart().await;
+                break;
+            }
+            if centre.kill_a_child(&session, moment).await {
+                break;
+            }
+            moment /= 2;
         }
     }
     for session in &sessions {
