@@ -4,6 +4,7 @@ mod measure;
 mod report;
 mod session;
 mod settings;
+mod starts;
 mod tool;
 
 pub use report::{FrameReport, Observation, Quality, ToolQuality, ToolReport, Tracking};

@@ -5,8 +5,9 @@
 //!
 //! **Method.** In every plane (Y, U, V) the light across a border is `out + shadow·distance` outside and
 //! `in + shade·√depth` inside, the first term of a Lambertian cylinder's fall-off near its limb, all blurred by a Gaussian
-//! of the plane's own width. Without the shade term the limb's darkening would pull the border inwards by up to a pixel;
-//! without the shadow term the soft shadow beside a tube pushes it outwards by 0.4 pixel. One offset is shared by the
+//! of the plane's own width; at a tape's end, where no surface turns away, the shade changes steadily instead. Without the
+//! shade term the limb's darkening would pull the border inwards by up to a pixel; without the shadow term the soft shadow
+//! beside a tube pushes it outwards by 0.4 pixel. One offset is shared by the
 //! three planes, so that whichever has contrast decides; the rest are linear and eliminated. Pixels are used where they
 //! are, at their own distance from the chord: nothing is resampled, so noise stays white.
 //!
