@@ -1,44 +1,84 @@
-//! How a blurred edge looks: a step and a limb's shading under a Gaussian of one, tabled.
+//! How a blurred edge looks: a step, a limb's shading and a ramp, blurred by a lens and by motion, tabled.
+//!
+//! A lens blurs by a Gaussian, motion during the exposure by a box. Each table is for one share of the box in the whole
+//! variance, and counts distance in standard deviations of the whole.
 
 use std::sync::LazyLock;
 
 const STEPS_PER_SIGMA: f32 = 32.0;
 const TABLE_REACH: f32 = 8.0;
 const STEPS: usize = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize;
+/// Shares of motion in the blur's variance that are tabled; a share of 1 would be a box with corners.
+const SHARES: [f64; 6] = [0.0, 0.3, 0.55, 0.75, 0.88, 0.96];
 
-/// For `z` from −8 to 8 standard deviations outwards: the blurred step's inside share, the blurred root of the depth, the
-/// step's slope, and that times `z`.
+/// What blur makes of the parts of an edge at one place, `z` standard deviations outside of it: the share of the inside,
+/// the root of the depth inside, the distance outside; and by how much the share and the root fall per standard deviation
+/// outwards.
+pub type Curves = [f32; 5];
+
+/// All of them for `z` from −8 to 8.
 pub struct EdgeCurves {
-    table: [[f32; 4]; STEPS + 1],
+    table: Vec<[f32; 8]>,
 }
 
-/// The one table.
-pub static EDGE_CURVES: LazyLock<EdgeCurves> = LazyLock::new(EdgeCurves::new);
+static EDGE_CURVES: LazyLock<[EdgeCurves; SHARES.len()]> = LazyLock::new(|| SHARES.map(EdgeCurves::new));
 
 impl EdgeCurves {
-    /// Works the table out by integration.
-    fn new() -> Self {
-        let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
-        // Simpson-free: 161 even steps over ±5 σ are exact to 1e-7 for a Gaussian.
-        let blur: Vec<(f64, f64)> = (-80..=80).map(|k| f64::from(k) / 16.0).map(|x| (x, density(x) / 16.0)).collect();
-        let table = std::array::from_fn(|i| {
-            let z = i as f64 / f64::from(STEPS_PER_SIGMA) - f64::from(TABLE_REACH);
-            let depth: f64 = blur.iter().map(|(x, weight)| weight * (x - z).max(0.0).sqrt()).sum();
-            [inside_share(z), depth, density(z), density(z) * z].map(|c| c as f32)
-        });
-        Self { table }
+    /// The table nearest to this share of motion in the blur's variance.
+    pub fn of(motion_share: f64) -> &'static Self {
+        let far = |i: &usize| (SHARES[*i] - motion_share).abs();
+        &EDGE_CURVES[(0..SHARES.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0)]
     }
 
-    /// Share, root of the depth, slope, slope times `z`; interpolated.
-    #[inline]
-    pub fn at(&self, z: f32) -> [f32; 4] {
+    /// Works the table out by integration.
+    fn new(motion_share: f64) -> Self {
+        let kernel = kernel(motion_share);
+        let place = |i: usize| i as f64 / f64::from(STEPS_PER_SIGMA) - f64::from(TABLE_REACH);
+        let mean = |of: &dyn Fn(f64) -> f64, z: f64| kernel.iter().map(|(x, weight)| weight * of(z + x)).sum::<f64>();
+        let limb: Vec<f64> = (0..=STEPS).map(|i| mean(&|x| (-x).max(0.0).sqrt(), place(i))).collect();
+        let table = (0..=STEPS).map(|i| {
+            let z = place(i);
+            let (low, high) = (i.saturating_sub(1), (i + 1).min(STEPS));
+            let limb_fall = (limb[low] - limb[high]) / (place(high) - place(low));
+            let half = 0.5 * KERNEL_STEP; // each of the kernel's points stands for that much on both sides
+            let share = mean(&|x| (0.5 - x / KERNEL_STEP).clamp(0.0, 1.0), z);
+            let density = mean(&|x| if x.abs() < half { 1.0 / KERNEL_STEP } else { 0.0 }, z);
+            [share, limb[i], mean(&|x| x.max(0.0), z), density, limb_fall, 0.0, 0.0, 0.0].map(|c| c as f32)
+        });
+        Self { table: table.collect() }
+    }
+
+    /// The curves at a place; interpolated.
+    #[inline(always)]
+    pub fn at(&self, z: f32) -> Curves {
         let at = ((z + TABLE_REACH) * STEPS_PER_SIGMA).clamp(0.0, STEPS as f32);
         let index = (at as usize).min(STEPS - 1);
         let part = at - index as f32;
-        let (low, high) = (self.table[index], self.table[index + 1]);
-        let [share, depth, slope, wider] = std::array::from_fn(|i| low[i] + part * (high[i] - low[i]));
-        [share, if z < -TABLE_REACH { (-z).sqrt() } else { depth }, slope, wider]
+        let (low, high) = (&self.table[index], &self.table[index + 1]);
+        let [share, root, ramp, density, root_fall, ..]: [f32; 8] =
+            std::array::from_fn(|i| low[i] + part * (high[i] - low[i]));
+        let root = if z < -TABLE_REACH { (-z).sqrt() } else { root };
+        let ramp = if z > TABLE_REACH { z } else { ramp };
+        [share, root, ramp, density, root_fall]
     }
+}
+
+const KERNEL_STEP: f64 = 1.0 / 16.0;
+
+/// Places and weights of a Gaussian blurred by a box, of variance 1 together.
+fn kernel(motion_share: f64) -> Vec<(f64, f64)> {
+    let (sigma, half_width) = ((1.0 - motion_share).sqrt(), (3.0 * motion_share).sqrt());
+    let upper = |x: f64| inside_share(x / sigma);
+    let density = |x: f64| {
+        if half_width > 0.0 {
+            (upper(x - half_width) - upper(x + half_width)) / (2.0 * half_width)
+        } else {
+            (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
+        }
+    };
+    let points: Vec<(f64, f64)> = (-80..=80).map(|k| f64::from(k) * KERNEL_STEP).map(|x| (x, density(x))).collect();
+    let sum: f64 = points.iter().map(|p| p.1).sum();
+    points.into_iter().map(|(x, weight)| (x, weight / sum)).collect()
 }
 
 /// Gaussian upper tail by numeric integration of its density from `z` on.

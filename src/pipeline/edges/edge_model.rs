@@ -1,201 +1,216 @@
-//! How edges look in one recording, learned while tracking: blur and noise of each plane, exposure, and what the
-//! recording's maker decides and no file says.
+//! How edges look in one recording, learned while tracking: blur, noise of each plane, exposure.
 //!
 //! **In** the fits of every edge that was found ([`EdgeModel::learn`]). **Out** what the next frame's edges are expected to
 //! look like. **Method** each learned value follows the gradient of the residuals (Gauss–Newton), quickly at first, then as a
 //! mean of the last fifty frames; noise follows the median.
 
-use std::sync::LazyLock;
-
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::light::LightSpill;
-use super::plane_fit::PlaneFit;
-use super::probe::Probe;
-use crate::pipeline::frame::ColourEncoding;
+use super::edge_fit::{EdgeFit, EdgeLook};
+use super::mixing::Trial;
+use super::probe::{Probe, Shading};
+use super::tone::{Mixing, Tone};
+use crate::pipeline::frame::{ColourEncoding, Frame};
 
 /// How edges look in this recording: blur and noise of each plane, learned while tracking.
 #[derive(Clone)]
 pub struct EdgeModel {
-    /// Blur of Y, U, V: standard deviation, pixels.
-    pub blur_px: [f64; 3],
+    /// Blur of light by the lens: standard deviation, pixels.
+    pub lens_px: f64,
     /// Variance of pixels about the model in Y, U, V, codes²: the median of the edges', which creases and patterns beside
     /// some of them do not raise.
     pub(super) noise: [f64; 3],
     /// The tape's usual chroma, codes.
     pub(super) tape: Vector2<f64>,
-    evidence: [BlurEvidence; 3],
-    spill: &'static LightSpill,
-    codes_from_rgb: Matrix3<f64>,
+    /// What blur mixes.
+    pub mixing: Mixing,
     encoding: ColourEncoding,
-    /// What the recording's maker decides and no file says; learned.
-    pub(super) habits: Habits,
+    codes_from_rgb: Matrix3<f64>,
+    black: Vector3<f64>,
     /// How long the shutter is open, s; learned from how much moving edges are smeared.
     pub exposure_s: f64,
-    exposure_evidence: (f64, f64),
+    lens: Learned,
+    exposure: Learned,
+    /// Edges, and those among them whose residuals exceed the noise, plane by plane.
+    noisier: [(f64, f64); 3],
+    /// Light inside each of the outline's parts, as it usually is.
+    inside: [InsideLight; 4],
+    trial: Trial,
     frames: u32,
-    habit_evidence: (Matrix3<f64>, Vector3<f64>),
 }
 
-/// `[strength of the light's spill (0: blurred codes, 1: blurred light), shift of chroma samples in x, in y (pixels)]`.
-type Habits = Vector3<f64>;
-
-/// Usual habits, and how far from them a recording may be. Chroma lies between its pixels, or on the left one.
-const USUAL_HABITS: [f64; 3] = [0.7, 0.0, 0.0];
-const HABIT_SPREAD: [f64; 3] = [0.5, 0.3, 0.2];
-/// Share of the evidence on each habit that is believed. Where chroma lies must not be learned from what gloss, shade and
-/// compression move it by: those last as long as a scene does, so that all of a frame's edges tell no more than a few.
-const HABIT_TRUST: [f64; 3] = [0.03, 1e-3, 1e-3];
-
-#[derive(Clone, Copy, Debug, Default)]
-struct BlurEvidence {
+/// What is known of a number that a recording teaches: a Kalman filter of one state.
+#[derive(Clone, Copy, Debug)]
+struct Learned {
+    /// Variance of the number now, and before anything was seen.
+    variance: f64,
+    usual_variance: f64,
     gradient: f64,
     information: f64,
-    /// Edges, and those among them whose residuals exceed the noise.
-    probes: f64,
-    noisier: f64,
 }
 
-static LIGHT_SPILL: LazyLock<LightSpill> = LazyLock::new(LightSpill::new);
+impl Learned {
+    /// Share of the evidence that is believed: the edges of a frame, and of the next, err alike.
+    const TRUST: f64 = 0.2;
+    /// Frames after which a number may be another by its usual spread.
+    const MEMORY: f64 = 20_000.0;
 
+    fn new(sigma: f64) -> Self {
+        Self { variance: sigma * sigma, usual_variance: sigma * sigma, gradient: 0.0, information: 0.0 }
+    }
+
+    /// Takes a gradient and its information into the evidence.
+    fn see(&mut self, gradient: f64, information: f64) {
+        self.gradient += gradient;
+        self.information += information;
+    }
+
+    /// The number after all that was seen.
+    fn settle(&mut self, value: f64) -> f64 {
+        let (gradient, information) = (std::mem::take(&mut self.gradient), std::mem::take(&mut self.information));
+        self.variance = 1.0 / (1.0 / self.variance + Self::TRUST * information);
+        let step = self.variance * Self::TRUST * gradient;
+        self.variance += self.usual_variance / Self::MEMORY;
+        value + step
+    }
+}
+
+/// Light inside an edge: base and limb of each channel, and over how many edges that was learned.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InsideLight {
+    /// `[base, limb]` of each channel.
+    pub light: [[f64; 2]; 3],
+    edges: f64,
+}
+
+impl InsideLight {
+    /// Edges after which it is known.
+    const ENOUGH: f64 = 8.0;
+    /// Edges that it remembers.
+    const MEMORY: f64 = 200.0;
+
+    fn learn(&mut self, fit: &EdgeFit) {
+        self.edges = (self.edges + 1.0).min(Self::MEMORY);
+        for (mean, light) in self.light.iter_mut().zip(fit.light) {
+            for (mean, light) in mean.iter_mut().zip(light) {
+                *mean += (light - *mean) / self.edges;
+            }
+        }
+    }
+}
+
+/// Usual blur of a lens, pixels.
+const USUAL_LENS_PX: f64 = 0.7;
 /// Usual exposure, and how short and long one can be, s.
-const USUAL_EXPOSURE_S: f64 = 0.008;
+const USUAL_EXPOSURE_S: f64 = 0.012;
 const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
+/// How sharp and soft a lens can be, pixels.
+const LENSES_PX: (f64, f64) = (0.3, 4.0);
+/// Blur of chroma's codes beyond that of light, in pixels of luma per halving: the mean of two pixels has 0.5, and
+/// compression takes a little.
+const CHROMA_BLUR_PX: f64 = 0.55;
 
 impl EdgeModel {
     /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
     pub fn new(tape_yuv: [f64; 3], encoding: ColourEncoding) -> Self {
+        let codes_from_rgb = encoding.codes_from_rgb();
         Self {
-            blur_px: [0.9, 1.3, 1.3],
+            lens_px: USUAL_LENS_PX,
             noise: [6.0, 3.0, 3.0],
             tape: Vector2::new(tape_yuv[1], tape_yuv[2]),
-            evidence: Default::default(),
-            spill: &LIGHT_SPILL,
-            codes_from_rgb: encoding.codes_from_rgb(),
+            mixing: Mixing::Light,
             encoding,
-            habits: Vector3::from(USUAL_HABITS),
+            codes_from_rgb,
+            black: Vector3::from(encoding.black()),
             exposure_s: USUAL_EXPOSURE_S,
-            exposure_evidence: (0.0, 0.0),
+            lens: Learned::new(0.3),
+            exposure: Learned::new(0.5 * USUAL_EXPOSURE_S),
+            noisier: Default::default(),
+            inside: Default::default(),
+            trial: Trial::default(),
             frames: 0,
-            habit_evidence: Default::default(),
         }
     }
 
-    /// How far chroma samples lie from where they are taken to, along a direction, pixels.
-    pub(super) fn chroma_shift(&self, along: Vector2<f64>) -> f64 {
-        self.habits[1] * along.x + self.habits[2] * along.y
+    /// How an edge at a probe is expected to look.
+    pub(super) fn look(&self, probe: &Probe, chroma_halvings: u8) -> EdgeLook<'static> {
+        self.look_in(self.mixing, probe, chroma_halvings)
     }
 
-    /// How far blur mixes light (1) and not codes (0).
-    pub(super) fn light_strength(&self) -> f64 {
-        self.habits[0]
+    /// The same if this was mixed.
+    pub(super) fn look_in(&self, mixing: Mixing, probe: &Probe, chroma_halvings: u8) -> EdgeLook<'static> {
+        EdgeLook {
+            light_blur_px: self.light_blur_px(probe),
+            lens_px: self.lens_px,
+            chroma_blur_px: CHROMA_BLUR_PX * f64::from(chroma_halvings),
+            shading: probe.shading,
+            tone: Tone::of(mixing),
+            codes_from_rgb: self.codes_from_rgb,
+            black: self.black,
+        }
     }
 
-    /// Blur of the three planes across a probe: the lens's, and the motion's during the exposure.
-    pub(super) fn blur_of(&self, probe: &Probe) -> [f64; 3] {
+    /// The light that usually lies inside this part of an outline, where it is known.
+    pub(super) fn usual_inside(&self, part: usize) -> Option<[[f64; 2]; 3]> {
+        let inside = self.inside[part];
+        (inside.edges >= InsideLight::ENOUGH).then_some(inside.light)
+    }
+
+    /// The light that has these codes, if this was mixed.
+    pub(super) fn light(&self, mixing: Mixing, codes: [f64; 3]) -> [f64; 3] {
+        let tone = Tone::of(mixing);
+        self.encoding.rgb_of_codes(codes).map(|code| tone.light(code.max(0.0))).into()
+    }
+
+    /// Blur of light across a probe: the lens's, and the motion's during the exposure.
+    fn light_blur_px(&self, probe: &Probe) -> f64 {
         let moved = probe.motion_px_s * self.exposure_s;
-        self.blur_px.map(|lens| (lens * lens + moved * moved / 12.0).sqrt()) // a uniform smear of length a: variance a²/12
+        (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform smear of length a: variance a²/12
     }
 
     /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
     pub fn settle(&mut self) {
         self.frames += 1;
-        self.settle_habits();
-        let (gradient, information) = std::mem::take(&mut self.exposure_evidence);
-        if information > 0.0 {
-            let (least, longest) = EXPOSURES_S;
-            let step = gradient / (information + 1.0 / USUAL_EXPOSURE_S.powi(2));
-            let step = step.clamp(-USUAL_EXPOSURE_S, USUAL_EXPOSURE_S) * self.pace().max(0.05);
-            self.exposure_s = (self.exposure_s + step).clamp(least, longest);
+        if let Some(mixing) = self.trial.verdict().filter(|mixing| *mixing != self.mixing) {
+            self.mixing = mixing;
+            self.inside = Default::default(); // light of another kind
         }
         let pace = self.pace();
-        for plane in 0..3 {
-            let seen = std::mem::take(&mut self.evidence[plane]);
-            if seen.information > 400.0 {
-                let step = (seen.gradient / seen.information).clamp(-0.2, 0.2);
-                self.blur_px[plane] = (self.blur_px[plane] + pace * step).clamp(0.4, 4.0);
-            }
-            if seen.probes > 0.0 {
-                let lean = (seen.noisier - 0.5 * seen.probes) / seen.probes; // 0 where the noise is the median
-                self.noise[plane] = (self.noise[plane] * (4.0 * pace * lean).exp()).clamp(0.3, 400.0);
+        let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);
+        self.exposure_s = within(self.exposure.settle(self.exposure_s), EXPOSURES_S);
+        self.lens_px = within(self.lens.settle(self.lens_px), LENSES_PX);
+        for (noise, (edges, noisier)) in self.noise.iter_mut().zip(std::mem::take(&mut self.noisier)) {
+            if edges > 0.0 {
+                let lean = (noisier - 0.5 * edges) / edges; // 0 where the noise is the median
+                *noise = (*noise * (4.0 * pace * lean).exp()).clamp(0.3, 400.0);
             }
         }
     }
 
-    /// The light's surplus along an edge between the colours that the planes show on both sides: codes times pixels.
-    pub(super) fn spill_of(&self, fits: &[PlaneFit; 3], blur_px: f64) -> Vector3<f64> {
-        let outside = fits.map(|f| f.outside);
-        let inside = fits.map(|f| f.outside + f.step);
-        let surplus = self.spill.between(self.encoding.rgb_of_codes(inside), self.encoding.rgb_of_codes(outside));
-        self.codes_from_rgb * surplus * blur_px
-    }
-
-    /// Takes the fits of an edge that was found into the evidence.
-    pub(super) fn learn(&mut self, fits: &[PlaneFit; 3], blur: &[f64; 3], spill: Vector3<f64>, probe: &Probe) {
-        self.learn_blur(fits, blur, probe.motion_px_s);
-        self.learn_habits(fits, spill, probe.outward);
-    }
-
-    /// What the three planes disagree on tells how the recording was made: each habit moves the edge in each plane by
-    /// another amount, while the edge itself moves all alike and is eliminated.
-    fn learn_habits(&mut self, fits: &[PlaneFit; 3], spill: Vector3<f64>, outward: Vector2<f64>) {
-        let mut own = Matrix3::zeros();
-        let (mut cross, mut right) = (Vector3::zeros(), Vector3::zeros());
-        let (mut edge_own, mut edge_right) = (0.0, 0.0);
-        for (plane, fit) in fits.iter().enumerate() {
-            if fit.variance() > 6.0 * self.noise[plane] {
-                return;
-            }
-            let shifted = if plane > 0 { -fit.step } else { 0.0 };
-            let by = Vector3::new(spill[plane], shifted * outward.x, shifted * outward.y);
-            let (weight, gradient) = (fit.information / self.noise[plane], fit.gradient / self.noise[plane]);
-            own += by * by.transpose() * weight;
-            cross += by * (fit.step * weight);
-            right += by * gradient;
-            edge_own += fit.step * fit.step * weight;
-            edge_right += fit.step * gradient;
+    /// Takes an edge that was found into the evidence.
+    pub(super) fn learn(&mut self, fit: &EdgeFit, frame: &Frame<'_>, probe: &Probe) {
+        let mut trial = std::mem::take(&mut self.trial);
+        trial.look(self, frame, probe, fit);
+        self.trial = trial;
+        let usual = fit.variance.iter().zip(&self.noise).all(|(variance, noise)| *variance < 6.0 * noise);
+        if usual && fit.information > 1.0 {
+            self.inside[probe.part].learn(fit);
         }
-        if edge_own > 0.0 {
-            self.habit_evidence.0 += own - cross * cross.transpose() / edge_own;
-            self.habit_evidence.1 += right - cross * (edge_right / edge_own);
+        if probe.shading == Shading::Cut {
+            let blur = self.light_blur_px(probe);
+            let (gradient, information) = fit.taught;
+            // Lens and motion blur add in squares; each learns by its own share of the whole.
+            let (lens, motion) = (self.lens_px / blur, probe.motion_px_s.powi(2) * self.exposure_s / 12.0 / blur);
+            self.lens.see(gradient * lens, information * lens * lens);
+            self.exposure.see(gradient * motion, information * motion * motion);
+        }
+        for ((seen, variance), noise) in self.noisier.iter_mut().zip(fit.variance).zip(self.noise) {
+            *seen = (seen.0 + 1.0, seen.1 + f64::from(u8::from(variance > noise)));
         }
     }
 
     /// How far one frame moves what was learned: quickly at first, then as a mean of the last fifty frames.
     fn pace(&self) -> f64 {
         f64::max(0.02, 1.0 / (f64::from(self.frames) + 3.0))
-    }
-
-    fn settle_habits(&mut self) {
-        let (information, gradient) = std::mem::take(&mut self.habit_evidence);
-        let trust = Vector3::from(HABIT_TRUST);
-        let gradient = gradient.component_mul(&trust);
-        let root = Matrix3::from_diagonal(&trust.map(f64::sqrt));
-        let information = root * information * root;
-        let prior = Matrix3::from_diagonal(&Vector3::from(HABIT_SPREAD.map(|s| 1.0 / (s * s))));
-        let pull = prior * (Vector3::from(USUAL_HABITS) - self.habits);
-        if let Some(step) = (information + prior).try_inverse().map(|inverse| inverse * (gradient + pull)) {
-            self.habits += step.map(|c| c.clamp(-0.3, 0.3)) * self.pace();
-        }
-    }
-
-    fn learn_blur(&mut self, fits: &[PlaneFit; 3], blur: &[f64; 3], motion_px_s: f64) {
-        let by_exposure = motion_px_s * motion_px_s * self.exposure_s / 12.0;
-        for (plane, fit) in fits.iter().enumerate() {
-            let seen = &mut self.evidence[plane];
-            let variance = fit.variance();
-            if variance < 6.0 * self.noise[plane] {
-                let (gradient, information) =
-                    (fit.blur_gradient / self.noise[plane], fit.blur_information / self.noise[plane]);
-                // Lens and motion blur add in squares; each learns by its own share of the whole.
-                let (lens, motion) = (self.blur_px[plane] / blur[plane], by_exposure / blur[plane]);
-                seen.gradient += gradient * lens;
-                seen.information += information * lens * lens;
-                self.exposure_evidence.0 += gradient * motion;
-                self.exposure_evidence.1 += information * motion * motion;
-            }
-            seen.probes += 1.0;
-            seen.noisier += f64::from(u8::from(variance > self.noise[plane]));
-        }
     }
 }

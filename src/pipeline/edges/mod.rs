@@ -2,17 +2,19 @@
 //!
 //! First coarsely, from the colour table: scan lines across the region ([`scan_lines`]) and robust lines through what
 //! they meet ([`line_fit`]). Then finely: short chords laid along the outline of the tube that the coarse lines gave
-//! ([`outline_probes`]), each moved onto the edge that the pixels show ([`subpixel`], plane by plane in [`plane_fit`]), as
+//! ([`outline_probes`]), each moved onto the edge that the pixels show ([`subpixel`], all planes at once in [`edge_fit`]), as
 //! edges look in this recording ([`edge_model`]).
 
 mod edge_curves;
+mod edge_fit;
 pub mod edge_model;
-pub mod light;
+mod equations;
 pub mod line_fit;
+mod mixing;
 pub mod outline_probes;
-mod plane_fit;
-mod plane_samples;
 pub mod probe;
+mod profile;
 pub mod scan_lines;
 pub mod shaft;
 pub mod subpixel;
+pub mod tone;

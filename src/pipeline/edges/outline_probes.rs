@@ -53,7 +53,12 @@ pub struct ProbeLayout {
     pub reach_px: f64,
     /// How the tube moves in the picture, pixels/s.
     pub motion_px_s: Vector2<f64>,
+    /// How long it does so while the shutter is open, s: edges are looked for that much farther away.
+    pub exposure_s: f64,
 }
+
+/// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
+const MOST_CHORDS: f64 = 10.0;
 
 /// Share of the half circle that is probed: nearer to the borders the rim turns along the line of sight.
 const RIM_SHARE: f64 = 0.75;
@@ -71,14 +76,16 @@ pub fn border_probes(
         let seen = |back| pixel_of(camera, outline.border(side, back));
         let (Some(start), Some(end)) = (seen(from_mm), seen(to_mm)) else { continue };
         let length = (end.0 - start.0).norm();
-        let count = (length / layout.chord_px).round().clamp(1.0, 200.0) as usize;
+        let count = (length / layout.chord_px).round().clamp(1.0, MOST_CHORDS) as usize;
+        let half_mm = 0.5 * (to_mm - from_mm) * (layout.chord_px / length).min(1.0 / count as f64);
         for i in 0..count {
-            let back = |part: f64| from_mm + (to_mm - from_mm) * (i as f64 + part) / count as f64;
-            let (near, middle, far) = (back(0.0), back(0.5), back(1.0));
+            let middle = from_mm + (to_mm - from_mm) * (i as f64 + 0.5) / count as f64;
+            let (near, far) = (middle - half_mm, middle + half_mm);
             let opposite = pixel_of(camera, outline.border(1 - side, middle));
             let chord = [seen(near), seen(middle), seen(far), opposite];
-            if let Some(probe) = probe_of(chord, layout, true) {
-                into.push((Place::Border { side, back_mm: middle }, probe));
+            let place = Place::Border { side, back_mm: middle };
+            if let Some(probe) = probe_of(chord, layout, place) {
+                into.push((place, probe));
             }
         }
     }
@@ -101,8 +108,9 @@ pub fn rim_probes(
         let at = |part: f64| RIM_SHARE * (2.0 * (i as f64 + part) / count as f64 - 1.0);
         let (from, across, to) = (at(0.0), at(0.5), at(1.0));
         let inner = pixel_of(camera, outline.rim(inner_mm, across));
-        if let Some(probe) = probe_of([seen(from), seen(across), seen(to), inner], layout, false) {
-            into.push((Place::Rim { back_mm, across }, probe));
+        let place = Place::Rim { back_mm, across };
+        if let Some(probe) = probe_of([seen(from), seen(across), seen(to), inner], layout, place) {
+            into.push((place, probe));
         }
     }
 }
@@ -113,7 +121,7 @@ fn pixel_of(camera: &Camera, point: Point3<f64>) -> Option<Pixel> {
 
 /// A probe on the chord from the first to the third pixel; the fourth lies inside the tape: on the other border, if the
 /// edge is a `limb`.
-fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, limb: bool) -> Option<Probe> {
+fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Option<Probe> {
     let [Some(from), Some(middle), Some(to), Some(inner)] = chord else { return None };
     let along = to.0 - from.0;
     let length = along.norm();
@@ -124,13 +132,18 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, limb: bool) -> Optio
     let inwards = inner.0 - middle.0;
     let outward = if outward.dot(&inwards) > 0.0 { -outward } else { outward };
     let depth = inwards.dot(&outward).abs();
+    let motion_px_s = layout.motion_px_s.dot(&outward);
+    let reach_px = layout.reach_px + 2.0 * motion_px_s.abs() * layout.exposure_s / 12f64.sqrt();
+    let beyond = |end: Pixel| (end.0 - middle.0).dot(&outward);
     Some(Probe {
         middle,
+        bend_per_px: 0.5 * (beyond(from) + beyond(to)) / (0.25 * length * length),
         outward,
         half_length_px: 0.5 * length,
-        motion_px_s: layout.motion_px_s.dot(&outward),
-        inwards_px: layout.reach_px.min(0.45 * depth),
-        outwards_px: layout.reach_px,
-        shading: if limb { Shading::Limb { radius_px: (0.5 * depth).max(2.0) } } else { Shading::Cut },
+        motion_px_s,
+        inwards_px: reach_px.min(0.45 * depth),
+        outwards_px: reach_px,
+        part: place.part(),
+        shading: if place.part() < 2 { Shading::Limb { radius_px: (0.5 * depth).max(2.0) } } else { Shading::Cut },
     })
 }

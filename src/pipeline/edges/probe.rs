@@ -11,6 +11,8 @@ pub struct Probe {
     pub middle: Pixel,
     /// Unit normal, out of the tube.
     pub outward: Vector2<f64>,
+    /// How the edge bends: `s` pixels along the chord it lies `bend·s²` farther out, px⁻¹.
+    pub bend_per_px: f64,
     /// Half the chord's length, pixels.
     pub half_length_px: f64,
     /// How far to look inwards, pixels.
@@ -19,6 +21,8 @@ pub struct Probe {
     pub outwards_px: f64,
     /// Speed across the chord, along the normal, pixels/s.
     pub motion_px_s: f64,
+    /// Which of an outline's four parts it lies on: each is lit in its own way.
+    pub part: usize,
     /// How the surface inside shades towards the edge.
     pub shading: Shading,
 }

@@ -23,7 +23,7 @@ pub const PLAY_MM: f64 = 0.5;
 
 /// Poses whose errors can be taken for independent: what light and background do to a border hardly changes from one
 /// frame to the next, so that a thousand frames know the fulcrum no better than so many views of it.
-const INDEPENDENT_POSES: f64 = 3.0;
+const INDEPENDENT_POSES: f64 = 1.0;
 
 /// The point nearest to all lines `point + s·axis`, unweighted: the textbook start. `None` where the lines are parallel.
 pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -> Option<Point3<f64>> {

@@ -54,6 +54,11 @@ impl ColourEncoding {
         Matrix3::from_diagonal(&Vector3::new(luma_span, chroma_span, chroma_span)) * colour_from_rgb
     }
 
+    /// Codes of black.
+    pub fn black(&self) -> [f64; 3] {
+        [self.spans().0, 128.0, 128.0]
+    }
+
     fn spans(&self) -> (f64, f64, f64) {
         match self.range {
             Range::Limited => (16.0, 219.0, 224.0),

@@ -9,6 +9,7 @@ use crate::pipeline::edges::outline_probes::{Place, ProbeLayout, border_probes, 
 use crate::pipeline::edges::probe::{Edge, Probe};
 use crate::pipeline::edges::scan_lines::{self, CoarseBand};
 use crate::pipeline::edges::shaft;
+use crate::pipeline::edges::subpixel::Fineness;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::pipeline::pose::{TubeEstimate, pinhole_width, tangent_planes};
@@ -61,12 +62,14 @@ pub struct Measurement {
     pub seen_share: f64,
     /// Every end of the band that is in sight was met.
     pub ends_seen: bool,
+    /// How far edges are smeared by motion: standard deviation, pixels.
+    pub smear_px: f64,
 }
 
 impl Measurement {
     /// Do enough pixels agree with the tube that it may be one at all?
     pub fn is_possible(&self) -> bool {
-        self.estimate.residual_px < 0.8 && self.seen_share > if self.ends_seen { 0.35 } else { 0.5 }
+        self.sharp_residual_px() < 0.8 && self.seen_share > if self.ends_seen { 0.35 } else { 0.5 }
     }
 
     /// Do the pixels explain the tube so well that no other start need be tried?
@@ -74,9 +77,14 @@ impl Measurement {
         self.estimate.residual_px < 0.4 && self.continues() && self.ends_seen
     }
 
+    /// What the residual would be about, were nothing smeared.
+    fn sharp_residual_px(&self) -> f64 {
+        self.estimate.residual_px / (1.0 + 0.4 * self.smear_px)
+    }
+
     /// Do enough pixels agree that a tube that was expected about here goes on?
     fn continues(&self) -> bool {
-        self.estimate.residual_px < 0.7 && self.seen_share > 0.55
+        self.sharp_residual_px() < 0.7 && self.seen_share > 0.55
     }
 }
 
@@ -105,9 +113,9 @@ const DOUBT: f64 = 9.0;
 
 /// Looks first wide, then close: the coarse lines may be two pixels off, the first fit is not.
 const LOOKS: [Look; 3] = [
-    Look { chord_px: 8.0, reach_px: 9.0 },
-    Look { chord_px: 6.0, reach_px: 5.0 },
-    Look { chord_px: 8.0, reach_px: 3.2 },
+    Look { chord_px: 8.0, reach_px: 9.0, fineness: Fineness::Step },
+    Look { chord_px: 8.0, reach_px: 5.0, fineness: Fineness::Fine },
+    Look { chord_px: 8.0, reach_px: 3.2, fineness: Fineness::Fine },
 ];
 
 /// One round of probing, for a tube at rest.
@@ -115,7 +123,11 @@ const LOOKS: [Look; 3] = [
 struct Look {
     chord_px: f64,
     reach_px: f64,
+    fineness: Fineness,
 }
+
+/// Share of the probes that must have met a step at the first look: less is no tube, and not looked at closely.
+const LEAST_STEPS: f64 = 0.3;
 
 /// Share of the band's length next to each end that border probes leave out, in radii: there the rim bends away.
 const END_MARGIN: f64 = 0.35;
@@ -196,7 +208,7 @@ impl Bench<'_> {
     /// Moves an expected tube onto the edges that the pixels show, without a region of colour; only where they agree with
     /// it. Where it was expected within two pixels, one close look does.
     pub fn follow(&mut self, expected: &Tube, length_mm: f64) -> Option<Measurement> {
-        const RIGHT_PX: f64 = 2.0;
+        const RIGHT_PX: f64 = 3.0;
         const FARTHEST_PX: f64 = 15.0;
         if self.method != PoseMethod::TangentPlanes {
             return None;
@@ -234,6 +246,7 @@ impl Bench<'_> {
 
     /// Moves a rough tube onto the edges that the pixels show.
     fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[Look]) -> Result<Measurement, Reason> {
+        let smear_px = self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt();
         let mut measurement = Err(Reason::BordersNotFound);
         for look in looks {
             let found = self.edges_along(&tube, length_mm, *look)?;
@@ -246,7 +259,11 @@ impl Bench<'_> {
             tube = estimate.tube;
             let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
             let ends_seen = found.ends_seen();
-            measurement = Ok(Measurement { estimate, length_mm, length_sigma_mm: 0.0, seen_share, ends_seen });
+            measurement =
+                Ok(Measurement { estimate, length_mm, length_sigma_mm: 0.0, seen_share, ends_seen, smear_px });
+            if look.fineness == Fineness::Step && seen_share < LEAST_STEPS {
+                return Err(Reason::BordersNotFound);
+            }
         }
         let mut measurement: Measurement = measurement?;
         if !self.is_where_the_tape_is(&tube, length_mm) {
@@ -296,7 +313,7 @@ impl Bench<'_> {
         let mut probes = Vec::new();
         rim_probes(&tube.outline()?, self.camera, length_mm, 0.5 * length_mm, self.layout(LOOKS[1]), &mut probes);
         let mut offsets: Vec<f64> =
-            probes.iter().filter_map(|(_, probe)| self.locate(probe)).map(|e| e.offset_px).collect();
+            probes.iter().filter_map(|(_, probe)| self.locate(probe, Fineness::Fine)).map(|e| e.offset_px).collect();
         offsets.sort_by(f64::total_cmp);
         Some(offsets.get(offsets.len() / 2)? / self.px_per_mm_along(tube, length_mm))
     }
@@ -308,15 +325,18 @@ impl Bench<'_> {
         pair.map_or(1.0, |(near, far)| (near - far).norm()).max(0.05)
     }
 
-    /// A look, widened by twice what the motion smears.
     fn layout(&self, look: Look) -> ProbeLayout {
-        let smear_px = self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt();
-        ProbeLayout { chord_px: look.chord_px, reach_px: look.reach_px + 2.0 * smear_px, motion_px_s: self.motion_px_s }
+        ProbeLayout {
+            chord_px: look.chord_px,
+            reach_px: look.reach_px,
+            motion_px_s: self.motion_px_s,
+            exposure_s: self.edges.exposure_s,
+        }
     }
 
-    fn locate(&mut self, probe: &Probe) -> Option<Edge> {
+    fn locate(&mut self, probe: &Probe, fineness: Fineness) -> Option<Edge> {
         let (table, class) = (self.table, self.class);
-        self.edges.locate(self.frame, probe, |codes| table.class_of(codes) == class)
+        self.edges.locate(self.frame, probe, fineness, |codes| table.class_of(codes) == class)
     }
 
     /// The edges along a tube's outline, and what of it could be seen.
@@ -339,7 +359,7 @@ impl Bench<'_> {
                 continue;
             }
             found.visible[place.part()] += 1.0;
-            let Some(edge) = self.locate(probe) else { continue };
+            let Some(edge) = self.locate(probe, look.fineness) else { continue };
             let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
             found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
         }
@@ -369,6 +389,7 @@ impl Bench<'_> {
             length_sigma_mm: 0.0,
             seen_share: 1.0,
             ends_seen: true,
+            smear_px: 0.0,
         }
     }
 }
