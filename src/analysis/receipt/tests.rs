@@ -97,7 +97,7 @@ fn answers_out_of_turn_are_refused() {
         vec![Answer::Frames { times_s: vec![f64::NAN], seen: vec![] }],
         vec![Answer::Frames { times_s: vec![1e9], seen: vec![] }],
         vec![Answer::Preview(b"<script>".to_vec())],
-        vec![Answer::Quality(QualityShape { frames: 3, tools: vec![] })],
+        vec![Answer::Quality(QualityShape { frames: 3, tools: vec![], light: vec![] })],
         vec![Answer::Calibration(CalibrationShape { camera_json: "{}".into() })],
         vec![Answer::Done, Answer::Done],
         vec![Answer::Problem(Problem::new("no such name!", "", ""))],
