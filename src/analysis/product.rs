@@ -145,3 +145,58 @@ pub(super) fn calibration(is_video: bool, heard: Heard) -> Result<NewCalibration
     let source = if is_video { CalibrationSource::Video } else { CalibrationSource::Photos };
     Ok(NewCalibration { camera: CameraFile::parse(&shape.camera_json)?, source })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::protocol::{PathRow, QualityShape, ToolQualityShape};
+    use crate::domain::blob::{Blob, BlobHash};
+    use crate::ids::{CalibrationId, PaletteId};
+
+    const FRAMES: u64 = 100;
+
+    /// What a child says of a tool that goes to the right at 20 mm/s and is seen on some frames.
+    fn tracked(seen: impl Fn(u64) -> bool) -> Tracked {
+        let row = |frame: u64| PathRow {
+            frame,
+            time_s: frame as f64 * 0.04,
+            tool: 0,
+            tip_mm: [0.8 * frame as f64, 0.0, 150.0],
+            velocity_mm_s: Some([20.0, 0.0, 0.0]),
+            axis: None,
+            tip_px: None,
+            sigma_xy_mm: Some(0.1),
+            sigma_z_mm: Some(0.5),
+            observed: true,
+        };
+        let smoothed: Vec<PathRow> = (0..FRAMES).filter(|frame| seen(*frame)).map(row).collect();
+        let observed = smoothed.len() as u64;
+        let tool = ToolQualityShape {
+            observed_predicted_missing: [observed, 0, FRAMES - observed],
+            reasons: vec![],
+            border_residual_px: Some(0.2),
+            gaps: vec![],
+        };
+        let heard = Heard {
+            size: Some((1280, 720)),
+            times_s: (0..FRAMES).map(|frame| frame as f64 * 0.04).collect(),
+            smoothed,
+            quality: Some(QualityShape { frames: FRAMES, tools: vec![tool], light: vec![] }),
+            ..Heard::default()
+        };
+        let video = Blob { hash: BlobHash::of(b"a recording"), bytes: 11 };
+        let input = TrackInput { video, calibration: CalibrationId::at(0), palette: PaletteId::at(0) };
+        Tracked::new(&input, vec!["orange".into()], Some(0.3), heard).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn a_refused_session_is_stored_without_a_single_value() {
+        let (seen, hidden) = (tracked(|_| true), tracked(|frame| frame % 5 < 2));
+        let values = |tracked: &Tracked| tracked.features.iter().filter(|feature| feature.value.is_ok()).count();
+        assert_eq!((&seen.quality["verdict"], values(&seen) > 10), (&"usable_with_care".into(), true), "it ends in motion");
+        assert_eq!((&hidden.quality["verdict"], values(&hidden)), (&"refused".into(), 0));
+        assert_eq!(seen.quality["recording"]["calibration_rms_px"], 0.3);
+        assert_eq!(hidden.quality["reasons"][0]["name"], "coverage");
+        assert_eq!(hidden.features.len(), seen.features.len(), "each says why it has no value");
+    }
+}

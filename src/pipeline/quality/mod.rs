@@ -126,4 +126,4 @@ pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {}
+mod tests;
