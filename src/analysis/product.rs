@@ -150,8 +150,8 @@ pub(super) fn calibration(is_video: bool, heard: Heard) -> Result<NewCalibration
 mod tests {
     use super::*;
     use crate::analysis::protocol::{PathRow, QualityShape, ToolQualityShape};
-    use crate::domain::blob::{Blob, BlobHash};
-    use crate::ids::{CalibrationId, PaletteId};
+    use crate::domain::blob::Blob;
+    use crate::ids::{CalibrationId, PaletteId, SessionId};
 
     const FRAMES: u64 = 100;
 
@@ -184,8 +184,9 @@ mod tests {
             quality: Some(QualityShape { frames: FRAMES, tools: vec![tool], light: vec![] }),
             ..Heard::default()
         };
-        let video = Blob { hash: BlobHash::of(b"a recording"), bytes: 11 };
-        let input = TrackInput { video, calibration: CalibrationId::at(0), palette: PaletteId::at(0) };
+        let video = Blob::of(b"a recording");
+        let (session, calibration, palette) = (SessionId::at(0), CalibrationId::at(0), PaletteId::at(0));
+        let input = TrackInput { session, video, calibration, palette };
         Tracked::new(&input, vec!["orange".into()], Some(0.3), heard).unwrap_or_else(|e| panic!("{e}"))
     }
 
@@ -193,7 +194,11 @@ mod tests {
     fn a_refused_session_is_stored_without_a_single_value() {
         let (seen, hidden) = (tracked(|_| true), tracked(|frame| frame % 5 < 2));
         let values = |tracked: &Tracked| tracked.features.iter().filter(|feature| feature.value.is_ok()).count();
-        assert_eq!((&seen.quality["verdict"], values(&seen) > 10), (&"usable_with_care".into(), true), "it ends in motion");
+        assert_eq!(
+            (&seen.quality["verdict"], values(&seen) > 10),
+            (&"usable_with_care".into(), true),
+            "it ends in motion"
+        );
         assert_eq!((&hidden.quality["verdict"], values(&hidden)), (&"refused".into(), 0));
         assert_eq!(seen.quality["recording"]["calibration_rms_px"], 0.3);
         assert_eq!(hidden.quality["reasons"][0]["name"], "coverage");

@@ -41,7 +41,7 @@ impl LightWatch {
             self.changes.iter_mut().zip(change).for_each(|(all, one)| all.push(one));
         }
         if self.changes[0].len() >= FEWEST {
-            let [luma_ratio, blue, red] = self.changes.each_mut().map(median);
+            let [luma_ratio, blue, red] = self.changes.each_mut().map(|values| median(values));
             self.samples.push(LightSample { time_s: frame.time_s, luma_ratio, chroma_shift: [blue, red] });
         }
     }
@@ -62,7 +62,7 @@ fn pixels<'a>(frame: &'a Frame<'_>) -> impl Iterator<Item = [f64; 3]> + 'a {
     })
 }
 
-fn median(values: &mut Vec<f64>) -> f64 {
+fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
