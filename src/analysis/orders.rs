@@ -3,7 +3,8 @@
 use std::fs::File;
 
 use super::protocol::{
-    self, BoardShape, CalibrateWork, MarkShape, PaletteShape, PaletteWork, ToolShape, TrackWork, ViewShape, Work,
+    self, BoardShape, CalibrateWork, CameraShape, MarkShape, PaletteShape, PaletteWork, ToolShape, TrackWork,
+    ViewShape, Work,
 };
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
@@ -23,6 +24,8 @@ pub(super) struct Orders {
     pub(super) work: Work,
     /// On which files.
     pub(super) inputs: Vec<File>,
+    /// RMS reprojection error of the camera that tracks, pixels, where it is known.
+    pub(super) calibration_rms_px: Option<f64>,
 }
 
 impl Orders {
@@ -36,25 +39,28 @@ impl Orders {
         for blob in blobs {
             inputs.push(vault.open_blob(blob.hash).await?.0);
         }
+        let mut calibration_rms_px = None;
         let work = match job {
-            JobInput::Track(input) => Work::Track(track(input, store).await?),
+            JobInput::Track(input) => {
+                let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
+                calibration_rms_px = calibration.rms_px;
+                Work::Track(track(input, calibration.camera.camera().into(), store).await?)
+            }
             JobInput::Palette(input) => Work::Palette(palette(input)?),
             JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
         };
-        Ok(Self { work, inputs })
+        Ok(Self { work, inputs, calibration_rms_px })
     }
 }
 
-async fn track(input: &TrackInput, store: &Store) -> Result<TrackWork, WorkError> {
-    let scope = Scope::service();
-    let calibration = store.calibrations().get(&scope, input.calibration).await?;
-    let palette = store.palettes().get(&scope, input.palette).await?;
+async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
+    let palette = store.palettes().get(&Scope::service(), input.palette).await?;
     let view = match palette.annotations.view {
         Some(view) => Some(view),
         None => view_of(palette.box_id, store).await?,
     };
     Ok(TrackWork {
-        camera: calibration.camera.camera().into(),
+        camera,
         tools: palette.tools.into_iter().map(ToolShape::from).collect(),
         palette: protocol::decode::<PaletteShape>(&palette.samples).map_err(|_| unreadable_palette())?,
         view: view.map(ViewShape::from),

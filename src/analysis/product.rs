@@ -1,23 +1,25 @@
 //! From what a child said to what is stored: assessed, coded, named by the versions that made it.
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::diagnostics::Diagnostics;
 use super::paths::{Paths, PathsError};
-use super::protocol::{PaletteShape, QualityShape, ToolQualityShape, encode};
+use super::protocol::{PaletteShape, encode};
 use super::receipt::Heard;
 use crate::domain::boxes::BoxTool;
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::{CameraFile, CameraFileError};
+use crate::domain::files::quality::QualityDocument;
 use crate::domain::job::TrackInput;
 use crate::domain::palette::{LabelCount, NewPalette};
 use crate::domain::session::{FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{AssessmentSettings, assess};
 use crate::pipeline::features::{FeatureValue, Space};
-use crate::pipeline::reason::Reason;
-use crate::pipeline::trajectory::Kind;
+use crate::pipeline::quality::{self, Evidence};
+use crate::pipeline::tracker::MotionSettings;
+use crate::pipeline::trajectory::{Kind, Trajectory};
 
 /// Why what a child said makes no result, although each record was in order.
 #[derive(Debug, thiserror::Error)]
@@ -28,9 +30,9 @@ pub(super) enum ProductError {
     /// Paths that cannot be coded.
     #[error(transparent)]
     Paths(#[from] PathsError),
-    /// Diagnostics that cannot be coded.
-    #[error("diagnostics cannot be coded: {0}")]
-    Diagnostics(#[from] serde_json::Error),
+    /// Diagnostics or quality that cannot be coded.
+    #[error("what was seen cannot be coded: {0}")]
+    Seen(#[from] serde_json::Error),
     /// Colours that cannot be coded.
     #[error("colours cannot be coded: {0}")]
     Palette(#[from] postcard::Error),
@@ -52,10 +54,15 @@ pub(super) struct Tracked {
 }
 
 impl Tracked {
-    /// Assesses the smoothed path and codes the rest. Takes a while for an hour of recording: not for an async thread.
-    pub(super) fn new(input: &TrackInput, tools: Vec<String>, heard: Heard) -> Result<Self, ProductError> {
+    /// Judges and assesses the smoothed path and codes the rest. `calibration_rms_px` is the camera's. Takes a while for an hour of recording: not for an async thread.
+    pub(super) fn new(
+        input: &TrackInput,
+        tools: Vec<String>,
+        calibration_rms_px: Option<f64>,
+        heard: Heard,
+    ) -> Result<Self, ProductError> {
         let (width, height) = heard.size.ok_or(ProductError::Missing("a picture size"))?;
-        let quality = heard.quality.ok_or(ProductError::Missing("a summary"))?;
+        let counts = heard.quality.ok_or(ProductError::Missing("a summary"))?.quality(&tools);
         let diagnostics = Diagnostics::new((width, height), &tools, &heard.seen).to_json()?;
         let video = facts(width, height, &heard.times_s);
         let paths = Paths {
@@ -65,11 +72,22 @@ impl Tracked {
             filtered: heard.filtered,
             smoothed: heard.smoothed,
         };
+        let [smoothed, filtered, raw] = [Kind::Smoothed, Kind::Filtered, Kind::Raw].map(|kind| paths.trajectory(kind));
+        let figures = quality::measure(&Evidence {
+            smoothed: &smoothed,
+            filtered: Some(&filtered),
+            raw: Some(&raw),
+            tracker: Some(&counts),
+            motion: MotionSettings::default(),
+            calibration_rms_px,
+            frames_expected: heard.frames_expected,
+        });
+        let verdict = quality::judge(&figures);
         Ok(Self {
             versions: versions(input),
             video,
-            features: features(&paths),
-            quality: quality_document(&quality, &tools),
+            features: features(&smoothed, verdict.is_refused()),
+            quality: serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?,
             paths: paths.to_bytes()?,
             diagnostics,
             preview: heard.preview,
@@ -88,9 +106,11 @@ fn facts(width: u32, height: u32, times_s: &[f64]) -> VideoFacts {
     VideoFacts { width, height, frames: times_s.len() as u64, duration_s }
 }
 
-fn features(paths: &Paths) -> Vec<FeatureRow> {
-    let assessment = assess(&paths.trajectory(Kind::Smoothed), &AssessmentSettings::default());
-    assessment.features.iter().map(|value| feature_row(value, &paths.tools)).collect()
+/// Every feature; without its value where the session is refused.
+fn features(path: &Trajectory, is_refused: bool) -> Vec<FeatureRow> {
+    let assessment = assess(path, &AssessmentSettings::default());
+    let assessment = if is_refused { assessment.withheld() } else { assessment };
+    assessment.features.iter().map(|value| feature_row(value, &path.tools)).collect()
 }
 
 fn feature_row(value: &FeatureValue, tools: &[String]) -> FeatureRow {
@@ -105,20 +125,6 @@ fn feature_row(value: &FeatureValue, tools: &[String]) -> FeatureRow {
         },
         value: value.value.map_err(|reason| reason.to_string()),
     }
-}
-
-fn quality_document(quality: &QualityShape, tools: &[String]) -> Value {
-    let tool = |(shape, name): (&ToolQualityShape, &String)| {
-        let [observed, predicted, missing] = shape.observed_predicted_missing;
-        let reasons: serde_json::Map<String, Value> =
-            shape.reasons.iter().map(|&(reason, n)| (Reason::from(reason).name().to_owned(), n.into())).collect();
-        json!({
-            "tool": name, "observed": observed, "predicted": predicted, "missing": missing, "reasons": reasons,
-            "border_residual_px": shape.border_residual_px,
-        })
-    };
-    let tools: Vec<Value> = quality.tools.iter().zip(tools).map(tool).collect();
-    json!({ "frames": quality.frames, "tools": tools })
 }
 
 /// Colours as a box keeps them.
@@ -138,4 +144,64 @@ pub(super) fn calibration(is_video: bool, heard: Heard) -> Result<NewCalibration
     let shape = heard.calibration.ok_or(ProductError::Missing("a calibration"))?;
     let source = if is_video { CalibrationSource::Video } else { CalibrationSource::Photos };
     Ok(NewCalibration { camera: CameraFile::parse(&shape.camera_json)?, source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::protocol::{PathRow, QualityShape, ToolQualityShape};
+    use crate::domain::blob::Blob;
+    use crate::ids::{CalibrationId, PaletteId, SessionId};
+
+    const FRAMES: u64 = 100;
+
+    /// What a child says of a tool that goes to the right at 20 mm/s and is seen on some frames.
+    fn tracked(seen: impl Fn(u64) -> bool) -> Tracked {
+        let row = |frame: u64| PathRow {
+            frame,
+            time_s: frame as f64 * 0.04,
+            tool: 0,
+            tip_mm: [0.8 * frame as f64, 0.0, 150.0],
+            velocity_mm_s: Some([20.0, 0.0, 0.0]),
+            axis: None,
+            tip_px: None,
+            sigma_xy_mm: Some(0.1),
+            sigma_z_mm: Some(0.5),
+            observed: true,
+        };
+        let smoothed: Vec<PathRow> = (0..FRAMES).filter(|frame| seen(*frame)).map(row).collect();
+        let observed = smoothed.len() as u64;
+        let tool = ToolQualityShape {
+            observed_predicted_missing: [observed, 0, FRAMES - observed],
+            reasons: vec![],
+            border_residual_px: Some(0.2),
+            gaps: vec![],
+        };
+        let heard = Heard {
+            size: Some((1280, 720)),
+            times_s: (0..FRAMES).map(|frame| frame as f64 * 0.04).collect(),
+            smoothed,
+            quality: Some(QualityShape { frames: FRAMES, tools: vec![tool], light: vec![] }),
+            ..Heard::default()
+        };
+        let video = Blob::of(b"a recording");
+        let (session, calibration, palette) = (SessionId::at(0), CalibrationId::at(0), PaletteId::at(0));
+        let input = TrackInput { session, video, calibration, palette };
+        Tracked::new(&input, vec!["orange".into()], Some(0.3), heard).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn a_refused_session_is_stored_without_a_single_value() {
+        let (seen, hidden) = (tracked(|_| true), tracked(|frame| frame % 5 < 2));
+        let values = |tracked: &Tracked| tracked.features.iter().filter(|feature| feature.value.is_ok()).count();
+        assert_eq!(
+            (&seen.quality["verdict"], values(&seen) > 10),
+            (&"usable_with_care".into(), true),
+            "it ends in motion"
+        );
+        assert_eq!((&hidden.quality["verdict"], values(&hidden)), (&"refused".into(), 0));
+        assert_eq!(seen.quality["recording"]["calibration_rms_px"], 0.3);
+        assert_eq!(hidden.quality["reasons"][0]["name"], "coverage");
+        assert_eq!(hidden.features.len(), seen.features.len(), "each says why it has no value");
+    }
 }

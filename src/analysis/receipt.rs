@@ -26,6 +26,8 @@ pub struct Heard {
     pub landlock: Option<bool>,
     /// Width and height as displayed, pixels.
     pub size: Option<(u32, u32)>,
+    /// Frames that the container announces, if it does.
+    pub frames_expected: Option<u64>,
     /// Presentation time of every decoded frame, s.
     pub times_s: Vec<f64>,
     /// What was seen, a row per frame and tool.
@@ -55,7 +57,6 @@ pub(super) struct Receipt {
     work: Kind,
     tools: usize,
     limits: Limits,
-    frames_expected: Option<u64>,
     heard: Heard,
 }
 
@@ -79,7 +80,7 @@ impl Receipt {
             Work::Palette(_) => (Kind::Palette, 0),
             Work::Calibrate(_) => (Kind::Calibrate, 0),
         };
-        Self { work, tools, limits, frames_expected: None, heard: Heard::default() }
+        Self { work, tools, limits, heard: Heard::default() }
     }
 
     /// Takes one record; an error ends the child.
@@ -128,7 +129,7 @@ impl Receipt {
         if !(1..=longest).contains(&width) || !(1..=longest).contains(&height) {
             return Err(format!("a picture of {width}×{height} pixels"));
         }
-        self.frames_expected = frames_expected.filter(|&n| n > 0);
+        self.heard.frames_expected = frames_expected.filter(|&n| n > 0);
         once(&mut self.heard.size, (width, height), "recording")
     }
 
@@ -155,7 +156,7 @@ impl Receipt {
             return Err("a row of what was seen that cannot be".into());
         }
         self.heard.seen.extend(seen);
-        Ok(share(after, self.frames_expected))
+        Ok(share(after, self.heard.frames_expected))
     }
 
     fn path(&mut self, kind: KindShape, rows: Vec<PathRow>) -> Result<(), String> {
@@ -188,7 +189,11 @@ impl Receipt {
                     && tool.reasons.is_sorted_by(|a, b| a.0 < b.0)
                     && tool.reasons.iter().all(|&(_, n)| n <= frames)
                     && tool.border_residual_px.is_none_or(sensible)
-            });
+                    && tool.gaps.iter().all(|gap| gap.0 <= gap.1 && gap.1 < frames)
+                    && tool.gaps.is_sorted_by(|a, b| a.1 < b.0)
+            })
+            && quality.light.len() as u64 <= frames
+            && quality.light.iter().flatten().all(|&x| sensible(x));
         if !consistent {
             return Err("a summary that contradicts its frames".into());
         }

@@ -4,14 +4,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::watch;
+use tokio::task::JoinError;
 
 use super::attempt::{Attempt, Failure, attempt};
 use super::orders::Orders;
-use super::product::{self, Tracked};
+use super::product::{self, ProductError, Tracked};
 use super::protocol::{Request, Work};
 use super::receipt::Heard;
 use super::settings::AnalysisSettings;
-use crate::domain::job::{JobInput, TrackInput};
+use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
 use crate::domain::session::NewResult;
 use crate::queue::{Held, Queue, is_lost};
@@ -106,9 +107,9 @@ impl Workshop {
             Ok(orders) => orders,
             Err(error) => return self.stumble(held, error).await,
         };
-        let tools = tool_names(&orders.work);
+        let (tools, rms_px) = (tool_names(&orders.work), orders.calibration_rms_px);
         match self.accompany(&mut held, orders, shutdown).await {
-            Ok(Ok(heard)) => self.save(held, tools, heard).await,
+            Ok(Ok(heard)) => self.save(held, tools, rms_px, heard).await,
             Ok(Err(Failure::Explained(problem))) => Ok(held.fail(problem).await.map(drop)?),
             Ok(Err(Failure::Crashed(reason))) => Ok(held.crashed(crashed(&reason)).await.map(drop)?),
             Ok(Err(Failure::Stopped)) => Ok(held.give_back().await?),
@@ -181,9 +182,12 @@ impl Workshop {
     }
 
     /// Stores what came of the job and ends it, in one transaction; files first, row second.
-    async fn save(&self, held: Held, tools: Vec<String>, heard: Heard) -> Result<(), WorkError> {
+    async fn save(&self, held: Held, tools: Vec<String>, rms_px: Option<f64>, heard: Heard) -> Result<(), WorkError> {
         match held.job().input.clone() {
-            JobInput::Track(input) => self.save_tracking(held, input, tools, heard).await,
+            JobInput::Track(input) => {
+                let assess = move || Tracked::new(&input, tools, rms_px, heard);
+                self.save_tracking(held, tokio::task::spawn_blocking(assess).await).await
+            }
             JobInput::Palette(input) => match product::palette(&input.annotations, heard) {
                 Ok(new) => {
                     held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await?;
@@ -204,11 +208,8 @@ impl Workshop {
     async fn save_tracking(
         &self,
         held: Held,
-        input: TrackInput,
-        tools: Vec<String>,
-        heard: Heard,
+        assessed: Result<Result<Tracked, ProductError>, JoinError>,
     ) -> Result<(), WorkError> {
-        let assessed = tokio::task::spawn_blocking(move || Tracked::new(&input, tools, heard)).await;
         let tracked = match assessed {
             Ok(Ok(tracked)) => tracked,
             Ok(Err(error)) => return Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),

@@ -24,6 +24,7 @@ pub mod serve;
 pub mod simulate;
 mod table;
 mod track;
+mod verdict;
 
 /// Measures how surgeons move in a laparoscopic box trainer.
 #[derive(Parser)]

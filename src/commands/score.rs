@@ -1,4 +1,4 @@
-//! `trocar score`: trajectories in, features out.
+//! `trocar score`: trajectories in, features out; of a trajectory that must not be believed, the reasons instead.
 
 use std::path::{Path, PathBuf};
 
@@ -6,10 +6,13 @@ use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 
 use super::table::Table;
-use super::{Failure, print_result, read_trajectory};
+use super::{Failure, print_result, read_trajectory, verdict};
+use crate::domain::files::quality::ConcernDocument;
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
+use crate::pipeline::quality::{self, Evidence, Verdict};
+use crate::pipeline::trajectory::Trajectory;
 
 /// Arguments of `trocar score`.
 #[derive(clap::Args)]
@@ -34,19 +37,35 @@ pub fn run(args: Args) -> Result<(), Failure> {
         return Err(Failure::Input(anyhow!("--window-s is {}; expected at least 1 second", args.window_s)));
     }
     let settings = AssessmentSettings { window_s: args.window_s, ..AssessmentSettings::default() };
-    let assessed = |path: &PathBuf| Ok((path.clone(), assess(&read_trajectory(path)?, &settings)));
-    let sessions = args.tracks.iter().map(assessed).collect::<Result<Vec<(PathBuf, Assessment)>, Failure>>()?;
+    let scored = |path: &PathBuf| Ok(Scored::new(path, &read_trajectory(path)?, &settings));
+    let sessions = args.tracks.iter().map(scored).collect::<Result<Vec<Scored>, Failure>>()?;
     let task = args.task.as_deref();
     if args.json {
-        let all: Vec<Value> = sessions.iter().map(|(path, a)| session_json(path, task, a)).collect();
+        let all: Vec<Value> = sessions.iter().map(|session| session_json(session, task)).collect();
         print_result(&(serde_json::to_string_pretty(&all).context("writing JSON")? + "\n"))
     } else {
-        let blocks: Vec<String> = sessions.iter().map(|(path, a)| session_text(path, task, a)).collect();
+        let blocks: Vec<String> = sessions.iter().map(|session| session_text(session, task)).collect();
         print_result(&blocks.join("\n"))
     }
 }
 
-fn session_json(path: &Path, task: Option<&str>, assessment: &Assessment) -> Value {
+/// One trajectory's features and whether they may be believed, as far as its rows tell.
+struct Scored {
+    path: PathBuf,
+    assessment: Assessment,
+    verdict: Verdict,
+}
+
+impl Scored {
+    fn new(path: &Path, trajectory: &Trajectory, settings: &AssessmentSettings) -> Self {
+        let verdict = quality::judge(&quality::measure(&Evidence::of_path(trajectory)));
+        let assessment = assess(trajectory, settings);
+        let assessment = if verdict.is_refused() { assessment.withheld() } else { assessment };
+        Self { path: path.to_owned(), assessment, verdict }
+    }
+}
+
+fn session_json(Scored { path, assessment, verdict }: &Scored, task: Option<&str>) -> Value {
     let values = |values: &[FeatureValue]| values.iter().map(|v| value_json(v, &assessment.tools)).collect::<Vec<_>>();
     let windows = assessment.windows.iter().map(
         |window| json!({ "start_s": window.start_s, "end_s": window.end_s, "features": values(&window.features) }),
@@ -56,6 +75,8 @@ fn session_json(path: &Path, task: Option<&str>, assessment: &Assessment) -> Val
         "task": task,
         "pipeline": PIPELINE_VERSION,
         "tools": assessment.tools,
+        "verdict": verdict.name(),
+        "reasons": verdict.concerns().iter().map(ConcernDocument::from).collect::<Vec<_>>(),
         "start_s": assessment.task_s.map(|(start, _)| start),
         "end_s": assessment.task_s.map(|(_, end)| end),
         "features": values(&assessment.features),
@@ -80,15 +101,16 @@ fn tool_name<'a>(value: &FeatureValue, tools: &'a [String]) -> Option<&'a str> {
     value.tool.and_then(|tool| tools.get(tool)).map(String::as_str)
 }
 
-/// A head line, the table, and under it why a value is missing.
-fn session_text(path: &Path, task: Option<&str>, assessment: &Assessment) -> String {
+/// A head line, the verdict, and, unless it is refused, the table and under it why a value is missing.
+fn session_text(Scored { path, assessment, verdict }: &Scored, task: Option<&str>) -> String {
     let task = task.map(|task| format!(", task {task}")).unwrap_or_default();
     let when = match assessment.task_s {
         Some((start, end)) => format!("from {start:.2} s to {end:.2} s"),
         None => "nothing was seen".to_owned(),
     };
     let head = format!("{}{task}, pipeline {PIPELINE_VERSION}: {when}\n", path.display());
-    head + &table(assessment).text() + &reasons(assessment)
+    let values = if verdict.is_refused() { String::new() } else { table(assessment).text() + &reasons(assessment) };
+    head + &verdict::text(verdict) + &values
 }
 
 /// One row per feature and space, one column per tool, and one for the session as a whole.

@@ -1,4 +1,5 @@
-//! `trocar track`: the whole tracker without a server. Recording, camera and annotations in; trajectory out.
+//! `trocar track`: the whole tracker without a server. Recording, camera and annotations in; trajectory out, and on stderr
+//! whether it may be believed. A refused session was tracked all the same: its path is written, and the status is 0.
 
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
@@ -9,13 +10,15 @@ use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
 use rustix::time::ClockId;
 
-use super::Failure;
+use super::{Failure, verdict};
 use crate::domain::files::annotations::{self, AnnotationsFile};
 use crate::domain::files::camera::CameraFile;
+use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
 use crate::media::{Limits, MediaError, VideoFile};
+use crate::pipeline::quality::{self, Evidence};
 use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
-use crate::pipeline::tracker::{PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking, View};
+use crate::pipeline::tracker::{MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking, View};
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
@@ -41,6 +44,9 @@ pub struct Args {
     /// Write the CPU time of each stage to this file (JSON, milliseconds).
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
+    /// Write how the session was seen, and whether its numbers may be believed, to this file (JSON).
+    #[arg(long, value_name = "FILE")]
+    quality: Option<PathBuf>,
     /// Say nothing but errors.
     #[arg(long)]
     quiet: bool,
@@ -59,13 +65,13 @@ enum Pose {
 /// Runs the command.
 pub fn run(args: Args) -> Result<(), Failure> {
     let mut clock = StageClock::start();
-    let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?.camera();
+    let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     clock.lap_of(Stage::Samples);
     let samples = collect_samples(&marked, &args, &mut clock)?;
     let mut video = open(&args.video)?;
     clock.lap_of(Stage::Decoding);
-    let mut settings = TrackerSettings::new(camera, tools(&marked, &args.annotations)?, samples);
+    let mut settings = TrackerSettings::new(camera.camera(), tools(&marked, &args.annotations)?, samples);
     settings.view = marked.view.map(|view| match view {
         annotations::View::Top => View::Top,
         annotations::View::Side => View::Side,
@@ -88,8 +94,21 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if let Some(path) = &args.timings {
         clock.save(create(path)?).with_context(|| format!("writing {}", path.display()))?;
     }
+    let evidence = Evidence {
+        calibration_rms_px: camera.rms_px(),
+        frames_expected: video.info().frames_expected,
+        ..Evidence::of_tracking(&tracking, MotionSettings::default())
+    };
+    let figures = quality::measure(&evidence);
+    let judged = quality::judge(&figures);
+    if let Some(path) = &args.quality {
+        let document = QualityDocument::new(&tracking.quality, &figures, &judged);
+        let text = serde_json::to_string_pretty(&document).context("writing JSON")?;
+        writeln!(create(path)?, "{text}").with_context(|| format!("writing {}", path.display()))?;
+    }
     if !args.quiet {
         report(&tracking);
+        eprint!("{}", verdict::text(&judged));
     }
     Ok(())
 }
@@ -333,6 +352,7 @@ mod tests {
                 raw: false,
                 pose: Pose::Planes,
                 timings: None,
+                quality: None,
                 quiet: true,
                 video: folder.join("video.mp4"),
             };

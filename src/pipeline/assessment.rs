@@ -50,6 +50,15 @@ pub struct Window {
     pub features: Vec<FeatureValue>,
 }
 
+impl Assessment {
+    /// The same without a single value: of a session whose numbers must not be believed ([`super::quality`]).
+    pub fn withheld(mut self) -> Self {
+        let of_windows = self.windows.iter_mut().flat_map(|window| &mut window.features);
+        self.features.iter_mut().chain(of_windows).for_each(|value| value.value = Err(NotEnough::Refused));
+        self
+    }
+}
+
 /// Measures a session. Never fails: what cannot be measured carries its reason.
 pub fn assess(trajectory: &Trajectory, settings: &AssessmentSettings) -> Assessment {
     let motions = motions(trajectory, &settings.features);

@@ -14,6 +14,7 @@
 //! | filter | poses on real time stamps | causal and smoothed states | `filter/` | 5 |
 //! | trajectory | states | [`trajectory::Trajectory`] | `trajectory.rs` | 5 |
 //! | features | trajectory | [`features::Feature`] values with units | `features/` | 6 |
+//! | quality | trajectories, counts and reasons | figures and a [`quality::Verdict`] | `quality/` | 6, 8 |
 //! | score | features | place in a reference cohort | `score/` | 7 |
 
 pub mod assessment;
@@ -25,6 +26,7 @@ pub mod features;
 pub mod filter;
 pub mod frame;
 pub mod pose;
+pub mod quality;
 pub mod reason;
 pub mod score;
 pub mod segmentation;

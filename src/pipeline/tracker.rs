@@ -1,5 +1,7 @@
 //! The flow: what happens to each frame, and what a whole recording becomes.
 
+mod gaps;
+mod light;
 mod measure;
 mod report;
 mod session;
@@ -7,7 +9,7 @@ mod settings;
 mod starts;
 mod tool;
 
-pub use report::{FrameReport, Observation, Quality, ToolQuality, ToolReport, Tracking};
+pub use report::{Absence, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality, ToolReport, Tracking};
 pub use settings::{MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings, View};
 
 use crate::pipeline::edges::edge_model::EdgeModel;
@@ -17,6 +19,7 @@ use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 use crate::pipeline::tube::Outline;
+use light::LightWatch;
 use measure::Measurement;
 use session::Instant;
 use tool::{Scene, Seen, ToolTracker};
@@ -27,6 +30,7 @@ pub struct Tracker {
     table: ColourTable,
     tools: Vec<ToolTracker>,
     instants: Vec<Instant>,
+    light: LightWatch,
 }
 
 impl Tracker {
@@ -48,12 +52,13 @@ impl Tracker {
             let tape = settings.samples.mean_codes(&spec.name, encoding);
             ToolTracker::new(spec.clone(), i as u8 + 1, EdgeModel::new(tape, encoding))
         });
-        Ok(Self { tools: tools.collect(), table, settings, instants: Vec::new() })
+        Ok(Self { tools: tools.collect(), table, settings, instants: Vec::new(), light: LightWatch::default() })
     }
 
     /// Looks at the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
+        self.light.look(frame);
         let outlines = self.expected_outlines(frame.time_s);
         let tools = (0..self.tools.len())
             .map(|i| {
@@ -73,7 +78,8 @@ impl Tracker {
         let frame_times_s: Vec<f64> = self.instants.iter().map(|i| i.1).collect();
         let motion = &self.settings.motion;
         let mut paths = [Vec::new(), Vec::new(), Vec::new()];
-        let mut quality = Quality { frames: self.instants.len() as u64, tools: Vec::new() };
+        let mut quality =
+            Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
         for (i, tool) in self.tools.iter().enumerate() {
             let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, motion);
             quality.tools.push(reworked.quality);

@@ -95,7 +95,7 @@ pub(super) async fn insert(
          SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM calibration WHERE box_id = $2
          RETURNING id, box_id, version, source, camera, rms_px, created_at_ms",
     );
-    let rms_px = new.camera.more.get("rms_px").and_then(|rms| rms.as_f64()).filter(|rms| *rms >= 0.0);
+    let rms_px = new.camera.rms_px();
     let (width, height) = (new.camera.width, new.camera.height);
     let row = row.bind(CalibrationId::at(now_ms)).bind(of).bind(new.source).bind(Json(new.camera));
     let row = row.bind(width).bind(height).bind(rms_px).bind(now_ms);

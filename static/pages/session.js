@@ -11,6 +11,7 @@ import { Confirm } from '../parts/dialog.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Review } from '../parts/review.js';
 import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
+import { Verdict } from '../parts/verdict.js';
 
 const words = t.session;
 
@@ -40,6 +41,7 @@ export default function Session({ person, route }) {
       ${isMoving(session) && html`<${Waiting} session=${session} progress=${progress} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
+      ${session.status === 'done' && html`<${Verdict} quality=${session.quality} />`}
       <${Loaded} key=${`${session.id} ${session.status}`} session=${session}
         start=${Number(route.query.get('t')) || 0} />
     </div>`;

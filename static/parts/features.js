@@ -17,8 +17,9 @@ export function featureRows(features, space) {
   return [...rows.values()];
 }
 
-export function Features({ features, tools }) {
+export function Features({ features, tools, withheld }) {
   const [space, setSpace] = useState('3d');
+  if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
   if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
   const rows = featureRows(features, space);
   const shared = rows.some(row => row.byTool.has(null));

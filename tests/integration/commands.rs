@@ -66,6 +66,49 @@ fn a_recording_becomes_a_path_that_can_be_judged_and_scored() {
     assert!(scored.status.success() && !scored.stdout.is_empty(), "{scored:?}");
 }
 
+/// Keeps two rows of five, so that too little of the path was seen.
+fn thin(folder: &Path) {
+    let text = fs::read_to_string(folder.join("track.csv")).unwrap();
+    let kept = text.lines().enumerate().filter(|(line, _)| line % 5 < 2).map(|(_, row)| format!("{row}\n"));
+    fs::write(folder.join("thin.csv"), kept.collect::<String>()).unwrap();
+}
+
+#[test]
+fn a_refused_path_has_reasons_instead_of_features() {
+    let folder = scene();
+    let track =
+        trocar(folder.path(), &format!("{} --out track.csv --quality quality.json", TRACK.replace("--quiet ", "")));
+    assert!(String::from_utf8_lossy(&track.stderr).contains("verdict: valid"), "{track:?}");
+    let quality: Value = serde_json::from_slice(&fs::read(folder.path().join("quality.json")).unwrap()).unwrap();
+    assert_eq!((&quality["verdict"], &quality["tools"][0]["coverage"]), (&"valid".into(), &1.0.into()), "{quality:#}");
+    thin(folder.path());
+    let scored = trocar(folder.path(), "score --json thin.csv");
+    assert!(scored.status.success(), "it was judged: {scored:?}");
+    let sessions: Value = serde_json::from_slice(&scored.stdout).unwrap();
+    assert_eq!((&sessions[0]["verdict"], &sessions[0]["reasons"][0]["name"]), (&"refused".into(), &"coverage".into()));
+    let features = sessions[0]["features"].as_array().unwrap();
+    assert!(!features.is_empty() && features.iter().all(|feature| feature["value"].is_null()), "{sessions:#}");
+    let text = String::from_utf8(trocar(folder.path(), "score thin.csv").stdout).unwrap();
+    assert!(text.contains("refused") && !text.contains("path_length"), "{text}");
+}
+
+#[test]
+fn a_tool_in_another_colour_is_refused_but_what_was_tracked_is_written() {
+    let folder = scene();
+    change(folder.path(), "annotations.json", |marks| {
+        let labels = marks["labels"].as_array_mut().unwrap();
+        labels.retain(|label| label["label"] != "orange");
+        let background = labels.iter().find(|label| label["label"] == "background").unwrap().clone();
+        labels.push(background);
+        labels.last_mut().unwrap()["label"] = "orange".into();
+    });
+    let track = trocar(folder.path(), &format!("{} --out track.csv", TRACK.replace("--quiet ", "")));
+    let said = String::from_utf8(track.stderr).unwrap();
+    assert_eq!(track.status.code(), Some(0), "{said}");
+    assert!(said.contains("verdict: refused"), "{said}");
+    assert!(fs::read_to_string(folder.path().join("track.csv")).unwrap().starts_with("frame,time_s,tool"), "{said}");
+}
+
 #[test]
 fn without_a_file_to_write_to_the_path_goes_to_stdout_and_nothing_else_does() {
     let output = trocar(SCENE.path(), TRACK);

@@ -9,6 +9,7 @@ mod commands;
 mod dependencies;
 mod faults;
 mod process;
+mod quality;
 mod readme;
 mod support;
 mod truth;

@@ -7,7 +7,7 @@ use crate::domain::files::annotations;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, Rectangle};
-use crate::pipeline::tracker::{Quality, ToolQuality, ToolSpec, View};
+use crate::pipeline::tracker::{Absence, Gap, LightSample, Quality, ToolQuality, ToolSpec, View};
 
 /// [`Camera`]: `width height` and `fx fy cx cy k1 k2 p1 p2 k3`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -164,6 +164,8 @@ pub struct QualityShape {
     pub frames: u64,
     /// Per tool.
     pub tools: Vec<ToolQualityShape>,
+    /// The scene's light: time, s, ratio of luma, shift of blue and red.
+    pub light: Vec<[f64; 4]>,
 }
 
 /// [`ToolQuality`].
@@ -175,6 +177,8 @@ pub struct ToolQualityShape {
     pub reasons: Vec<(ReasonShape, u64)>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
+    /// First and last frame of each gap, and why it was lost; `None`: it had left the view.
+    pub gaps: Vec<(u64, u64, Option<ReasonShape>)>,
 }
 
 impl From<&Quality> for QualityShape {
@@ -183,8 +187,51 @@ impl From<&Quality> for QualityShape {
             observed_predicted_missing: [t.observed, t.predicted, t.missing],
             reasons: t.reasons.iter().map(|(&reason, &n)| (reason.into(), n)).collect(),
             border_residual_px: t.border_residual_px,
+            gaps: t.gaps.iter().map(gap_shape).collect(),
         };
-        Self { frames: quality.frames, tools: quality.tools.iter().map(tool).collect() }
+        let light = |l: &LightSample| [l.time_s, l.luma_ratio, l.chroma_shift[0], l.chroma_shift[1]];
+        Self {
+            frames: quality.frames,
+            tools: quality.tools.iter().map(tool).collect(),
+            light: quality.light.iter().map(light).collect(),
+        }
+    }
+}
+
+fn gap_shape(gap: &Gap) -> (u64, u64, Option<ReasonShape>) {
+    let reason = match gap.absence {
+        Absence::LeftView => None,
+        Absence::Lost(reason) => Some(reason.into()),
+    };
+    (gap.first, gap.last, reason)
+}
+
+impl QualityShape {
+    /// The quality, for the pipeline, of tools of these names.
+    pub fn quality(&self, tools: &[String]) -> Quality {
+        let tool = |(name, shape): (&String, &ToolQualityShape)| {
+            let [observed, predicted, missing] = shape.observed_predicted_missing;
+            let gap = |&(first, last, reason): &(u64, u64, Option<ReasonShape>)| {
+                let absence = reason.map_or(Absence::LeftView, |reason| Absence::Lost(reason.into()));
+                Gap { first, last, absence }
+            };
+            ToolQuality {
+                tool: name.clone(),
+                observed,
+                predicted,
+                missing,
+                reasons: shape.reasons.iter().map(|&(reason, n)| (reason.into(), n)).collect(),
+                border_residual_px: shape.border_residual_px,
+                gaps: shape.gaps.iter().map(gap).collect(),
+            }
+        };
+        let light =
+            |&[time_s, luma_ratio, blue, red]: &[f64; 4]| LightSample { time_s, luma_ratio, chroma_shift: [blue, red] };
+        Quality {
+            frames: self.frames,
+            tools: tools.iter().zip(&self.tools).map(tool).collect(),
+            light: self.light.iter().map(light).collect(),
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::analysis::protocol::{CameraShape, ToolShape, TrackWork, encode};
+use crate::analysis::protocol::{CameraShape, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::ColourSamples;
@@ -97,7 +97,7 @@ fn answers_out_of_turn_are_refused() {
         vec![Answer::Frames { times_s: vec![f64::NAN], seen: vec![] }],
         vec![Answer::Frames { times_s: vec![1e9], seen: vec![] }],
         vec![Answer::Preview(b"<script>".to_vec())],
-        vec![Answer::Quality(QualityShape { frames: 3, tools: vec![] })],
+        vec![Answer::Quality(QualityShape { frames: 3, tools: vec![], light: vec![] })],
         vec![Answer::Calibration(CalibrationShape { camera_json: "{}".into() })],
         vec![Answer::Done, Answer::Done],
         vec![Answer::Problem(Problem::new("no such name!", "", ""))],
@@ -105,6 +105,24 @@ fn answers_out_of_turn_are_refused() {
     for answers in cases {
         let said = format!("{answers:?}");
         assert!(hear(answers).is_err(), "{said}");
+    }
+}
+
+#[test]
+fn a_summary_is_of_the_frames_that_were_told() {
+    let gap = |first, last| (first, last, None);
+    let hear = |gaps: Vec<(u64, u64, Option<ReasonShape>)>, light: Vec<[f64; 4]>| {
+        let tool =
+            ToolQualityShape { observed_predicted_missing: [1, 0, 1], reasons: vec![], border_residual_px: None, gaps };
+        hear(vec![Answer::Quality(QualityShape { frames: 2, tools: vec![tool], light })])
+    };
+    assert!(hear(vec![gap(0, 0), gap(1, 1)], vec![[0.0, 1.0, 0.0, 0.0]]).is_ok());
+    let gaps = [vec![gap(1, 0)], vec![gap(0, 2)], vec![gap(0, 1), gap(1, 1)], vec![gap(1, 1), gap(0, 0)]];
+    for gaps in gaps {
+        assert!(hear(gaps.clone(), vec![]).is_err(), "{gaps:?}");
+    }
+    for light in [vec![[0.0, f64::NAN, 0.0, 0.0]], vec![[0.0; 4]; 3]] {
+        assert!(hear(vec![], light.clone()).is_err(), "{light:?}");
     }
 }
 

@@ -89,6 +89,11 @@ impl CameraFile {
         }
     }
 
+    /// RMS reprojection error of its calibration, pixels, where it says one.
+    pub fn rms_px(&self) -> Option<f64> {
+        self.more.get("rms_px").and_then(Value::as_f64).filter(|rms| *rms >= 0.0)
+    }
+
     fn check(&self) -> Result<(), CameraFileError> {
         let positive =
             [("width", f64::from(self.width)), ("height", f64::from(self.height)), ("fx", self.fx), ("fy", self.fy)];

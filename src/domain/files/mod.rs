@@ -3,5 +3,6 @@
 pub mod annotations;
 pub mod calibration;
 pub mod camera;
+pub mod quality;
 pub mod trajectory;
 pub mod truth;

@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{FeatureRow, FeatureSpace, SessionStatus, Versions};
 use crate::http::error::ProblemDocument;
@@ -38,7 +39,9 @@ pub struct Session {
     features: Vec<Feature>,
     /// Place in a reference cohort, if a model scored it.
     score: Option<Value>,
-    /// What was observed, predicted and missed, and why.
+    /// What was observed, predicted and missed, and whether the features may be believed: those of a refused session have
+    /// no values. Results of earlier versions have fewer fields.
+    #[schema(value_type = Option<QualityDocument>)]
     quality: Option<Value>,
     /// What the result was made with.
     versions: Option<Versions>,

@@ -41,6 +41,8 @@ pub enum NotEnough {
     UnusableSamples,
     /// A setting that nothing can be measured with.
     UnusableSetting(&'static str),
+    /// The whole session is refused: its quality says why.
+    Refused,
     /// What came out lies outside the feature's valid range, so the path cannot have been a hand's.
     OutOfRange,
 }
@@ -58,6 +60,7 @@ impl NotEnough {
             NotEnough::OtherTool => "other_tool",
             NotEnough::UnusableSamples => "unusable_samples",
             NotEnough::UnusableSetting(_) => "unusable_setting",
+            NotEnough::Refused => "refused",
             NotEnough::OutOfRange => "out_of_range",
         }
     }
@@ -84,6 +87,7 @@ impl fmt::Display for NotEnough {
             NotEnough::OtherTool => f.write_str("the other tool's path could not be measured"),
             NotEnough::UnusableSamples => f.write_str("the samples are not finite numbers in time order"),
             NotEnough::UnusableSetting(name) => write!(f, "the setting {name} cannot be used"),
+            NotEnough::Refused => f.write_str("the session is refused; its quality says why"),
             NotEnough::OutOfRange => f.write_str("the path is not one that a hand can make"),
         }
     }

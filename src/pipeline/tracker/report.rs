@@ -49,6 +49,37 @@ pub struct FrameReport {
     pub tools: Vec<ToolReport>,
 }
 
+/// Why a tool has no position for a while.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Absence {
+    /// Its band was at the picture's rim before or after, and nothing of it was in the picture meanwhile.
+    LeftView,
+    /// It was lost in the midst of the picture; the reason is the most frequent one of the gap.
+    Lost(Reason),
+}
+
+/// Frames in a row on which a tool has no position, neither measured nor bridged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// First frame without a position.
+    pub first: u64,
+    /// Last frame without one.
+    pub last: u64,
+    /// Why.
+    pub absence: Absence,
+}
+
+/// The scene's light at one moment, against the first frame's. Medians over the picture: tools that move in it do not count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Presentation time, s.
+    pub time_s: f64,
+    /// Gamma-coded luma over the first frame's.
+    pub luma_ratio: f64,
+    /// Blue and red differences less the first frame's, as shares of the full code range.
+    pub chroma_shift: [f64; 2],
+}
+
 /// How one tool fared over a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ToolQuality {
@@ -64,6 +95,8 @@ pub struct ToolQuality {
     pub reasons: BTreeMap<Reason, u64>,
     /// RMS distance of border points from the fitted outline, pixels; `None` when never measured.
     pub border_residual_px: Option<f64>,
+    /// Where it has no position, in order.
+    pub gaps: Vec<Gap>,
 }
 
 /// How a whole recording fared.
@@ -73,6 +106,8 @@ pub struct Quality {
     pub frames: u64,
     /// One entry per tool.
     pub tools: Vec<ToolQuality>,
+    /// The scene's light, about once a second; empty where the first frame is too dark to compare with.
+    pub light: Vec<LightSample>,
 }
 
 /// A whole recording, tracked.

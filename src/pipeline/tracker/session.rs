@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix3, Point2};
 
+use super::gaps::{self, Rim};
 use super::report::ToolQuality;
 use super::settings::MotionSettings;
 use super::tool::{self, ToolTracker};
@@ -49,10 +50,12 @@ pub fn rework(
     };
     let mut following = Thread::default();
     let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
+    let mut reasons = Vec::with_capacity(instants.len());
     for (record, instant) in tool.records.iter().zip(instants) {
         let pose = record.estimate.map(|e| fulcrum.and_then(|f| fulcrum::steady(&e, &f)).unwrap_or(e));
         let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
         let advance = following.advance(instant.1, measured, &hindsight);
+        reasons.push(record.reason.or(advance.refused));
         count(&mut paths.quality, advance.observed, advance.step.is_some(), record.reason.or(advance.refused));
         let believed = pose.filter(|_| advance.observed);
         if advance.disowns {
@@ -71,6 +74,7 @@ pub fn rework(
     }
     run.close(&mut paths, index, camera, fulcrum.as_ref());
     paths.quality.border_residual_px = rms(estimates.iter().map(|e| e.residual_px));
+    paths.quality.gaps = gaps::find(&paths.smoothed, instants, &reasons, &Rim::new(camera, tool.spec.band_length_mm));
     paths
 }
 

@@ -73,6 +73,13 @@ impl Default for MotionSettings {
     }
 }
 
+impl MotionSettings {
+    /// Spectral density of the acceleration, mm²/s³: what the filter takes for the hand's own motion.
+    pub fn noise_density(&self) -> f64 {
+        self.acceleration_mm_s2.powi(2) * self.acceleration_lasts_s
+    }
+}
+
 /// Everything a [`super::Tracker`] is told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackerSettings {

@@ -1,0 +1,200 @@
+//! How a session was seen and whether its numbers may be believed, as JSON: of `trocar track --quality`, and with a
+//! session over REST.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::pipeline::quality::{Concern, Figures, NoiseFloor, SessionFigures, ToolFigures, Verdict};
+use crate::pipeline::reason::Reason;
+use crate::pipeline::tracker::{Quality, ToolQuality};
+
+/// How a session was seen. Shares are 0 to 1; `null` where it is not known.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct QualityDocument {
+    /// `valid`, `usable_with_care` or `refused`; a refused session's features are withheld.
+    pub verdict: &'static str,
+    /// Why; the worst first.
+    pub reasons: Vec<ConcernDocument>,
+    /// Decoded frames.
+    pub frames: u64,
+    /// The recording as such.
+    pub recording: RecordingDocument,
+    /// One entry per tool.
+    pub tools: Vec<ToolDocument>,
+}
+
+/// Why a session is to be used with care, or is refused.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct ConcernDocument {
+    /// Stable name of what is wrong, such as `coverage`.
+    pub name: &'static str,
+    /// What it does: `care` or `refuse`.
+    pub severity: &'static str,
+    /// The tool; `null` for the session as a whole.
+    pub tool: Option<String>,
+    /// The figure.
+    pub figure: f64,
+    /// The limit that it broke.
+    pub limit: f64,
+    /// Unit of both; `1` for shares and counts.
+    pub unit: &'static str,
+    /// What was found, for people.
+    pub finding: String,
+    /// What to do about it.
+    pub advice: &'static str,
+}
+
+/// The recording as such.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct RecordingDocument {
+    /// Frames a second.
+    pub frame_rate_hz: Option<f64>,
+    /// Share of frames that are missing between others.
+    pub dropped_share: Option<f64>,
+    /// Longest time between two frames, s.
+    pub longest_interval_s: Option<f64>,
+    /// Share of the announced frames that are not in the file.
+    pub cut_share: Option<f64>,
+    /// Speed of the fastest tool as it begins, mm/s.
+    pub first_speed_mm_s: Option<f64>,
+    /// Speed of the fastest tool as it ends, mm/s.
+    pub last_speed_mm_s: Option<f64>,
+    /// Largest change of brightness, as a share.
+    pub exposure_drift: Option<f64>,
+    /// Largest change of white, codes.
+    pub white_drift_codes: Option<f64>,
+    /// RMS reprojection error of the camera's calibration, pixels.
+    pub calibration_rms_px: Option<f64>,
+}
+
+/// How one tool was seen.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct ToolDocument {
+    /// Its marker's name.
+    pub tool: String,
+    /// Frames on which it was measured.
+    pub observed: u64,
+    /// Frames that are bridged.
+    pub predicted: u64,
+    /// Frames without a position.
+    pub missing: u64,
+    /// How often each reason kept a measurement away.
+    pub reasons: BTreeMap<&'static str, u64>,
+    /// Share of the session's frames on which it was measured.
+    pub coverage: Option<f64>,
+    /// The same between its own first and last sight.
+    pub coverage_while_there: Option<f64>,
+    /// The same of all frames.
+    pub coverage_of_recording: Option<f64>,
+    /// Share of its positions that are bridged.
+    pub predicted_share: Option<f64>,
+    /// Share of the session's frames on which it was out of view.
+    pub left_view_share: Option<f64>,
+    /// Share of the session's frames on which it was in view, but not followed.
+    pub lost_share: Option<f64>,
+    /// Frames on which it was in view but not followed, by reason.
+    pub lost_frames: BTreeMap<&'static str, u64>,
+    /// Longest time without a measurement, s.
+    pub longest_gap_s: Option<f64>,
+    /// RMS distance of border points from the fitted outline, pixels.
+    pub border_residual_px: Option<f64>,
+    /// Share of measurements that contradict its motion.
+    pub rejected_share: Option<f64>,
+    /// Speed that it would seem to have at rest.
+    pub noise_floor: Option<NoiseDocument>,
+    /// Stated standard deviation of its positions: half of them are surer, mm.
+    pub error_median_mm: Option<f64>,
+    /// 95 % of them are surer, mm.
+    pub error_p95_mm: Option<f64>,
+}
+
+/// Speed that a resting tool would seem to have.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct NoiseDocument {
+    /// In the smoothed path, RMS, mm/s.
+    pub smoothed_mm_s: f64,
+    /// In the causal path, RMS, mm/s.
+    pub causal_mm_s: Option<f64>,
+    /// `rest`: measured while it rested; `measurements`: from how much they differ from frame to frame.
+    pub basis: &'static str,
+}
+
+impl QualityDocument {
+    /// Of a recording that was tracked here.
+    pub fn new(tracker: &Quality, figures: &Figures, verdict: &Verdict) -> Self {
+        Self {
+            verdict: verdict.name(),
+            reasons: verdict.concerns().iter().map(ConcernDocument::from).collect(),
+            frames: tracker.frames,
+            recording: RecordingDocument::from(&figures.session),
+            tools: tracker.tools.iter().zip(&figures.tools).map(|(counts, tool)| tool_document(counts, tool)).collect(),
+        }
+    }
+}
+
+impl From<&Concern> for ConcernDocument {
+    fn from(concern: &Concern) -> Self {
+        Self {
+            name: concern.cause.name(),
+            severity: concern.severity.name(),
+            tool: concern.tool.clone(),
+            figure: concern.figure,
+            limit: concern.limit,
+            unit: concern.cause.unit(),
+            finding: concern.finding(),
+            advice: concern.advice(),
+        }
+    }
+}
+
+impl From<&SessionFigures> for RecordingDocument {
+    fn from(session: &SessionFigures) -> Self {
+        Self {
+            frame_rate_hz: session.frame_rate_hz,
+            dropped_share: session.dropped_share,
+            longest_interval_s: session.longest_interval_s,
+            cut_share: session.cut_share,
+            first_speed_mm_s: session.first_speed_mm_s,
+            last_speed_mm_s: session.last_speed_mm_s,
+            exposure_drift: session.exposure_drift,
+            white_drift_codes: session.white_drift_codes,
+            calibration_rms_px: session.calibration_rms_px,
+        }
+    }
+}
+
+impl From<NoiseFloor> for NoiseDocument {
+    fn from(noise: NoiseFloor) -> Self {
+        let NoiseFloor { smoothed_mm_s, causal_mm_s, basis } = noise;
+        Self { smoothed_mm_s, causal_mm_s, basis: basis.name() }
+    }
+}
+
+fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
+    ToolDocument {
+        tool: figures.tool.clone(),
+        observed: counts.observed,
+        predicted: counts.predicted,
+        missing: counts.missing,
+        reasons: by_name(&counts.reasons),
+        coverage: figures.coverage,
+        coverage_while_there: figures.coverage_while_there,
+        coverage_of_recording: figures.coverage_of_recording,
+        predicted_share: figures.predicted_share,
+        left_view_share: figures.left_view_share,
+        lost_share: figures.lost_share,
+        lost_frames: by_name(&figures.lost_frames),
+        longest_gap_s: figures.longest_gap_s,
+        border_residual_px: figures.border_residual_px,
+        rejected_share: figures.rejected_share,
+        noise_floor: figures.noise_floor.map(NoiseDocument::from),
+        error_median_mm: figures.error_bar.map(|bar| bar.median_mm),
+        error_p95_mm: figures.error_bar.map(|bar| bar.p95_mm),
+    }
+}
+
+fn by_name(counts: &BTreeMap<Reason, u64>) -> BTreeMap<&'static str, u64> {
+    counts.iter().map(|(reason, count)| (reason.name(), *count)).collect()
+}

@@ -1,0 +1,187 @@
+//! What can be wrong with a session: a closed set, so that each has its sentence and says what to do.
+
+/// What can be wrong with a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Cause {
+    /// No tool was ever measured.
+    NothingSeen,
+    /// A tool was never in the picture.
+    NeverInPicture,
+    /// A tool was measured on too few frames.
+    Coverage,
+    /// A tool was out of view for too long.
+    LeftView,
+    /// A tool was in view, and not followed, for too long.
+    Lost,
+    /// Too many of a tool's positions are bridged.
+    Predicted,
+    /// A tool was not measured for too long at a stretch.
+    LongGap,
+    /// Too many measurements contradict a tool's motion.
+    Rejected,
+    /// A band's borders are not where its tube would have them.
+    BorderResidual,
+    /// A resting tool would seem to move.
+    NoiseFloor,
+    /// Positions are too unsure.
+    ErrorBar,
+    /// The camera's calibration does not fit its own photos.
+    Calibration,
+    /// The file ends before the recording does.
+    CutFile,
+    /// Too few frames a second.
+    FrameRate,
+    /// Too many frames were dropped.
+    DroppedFrames,
+    /// The recording breaks off and goes on later, or its clock jumps.
+    Break,
+    /// The recording begins after the task did.
+    BeginsInMotion,
+    /// The recording ends before the task does.
+    EndsInMotion,
+    /// The picture's brightness changes.
+    Exposure,
+    /// The picture's white changes.
+    WhiteBalance,
+}
+
+impl Cause {
+    /// Every cause, in the order in which people should mend them.
+    pub const ALL: [Cause; 20] = [
+        Cause::NothingSeen,
+        Cause::NeverInPicture,
+        Cause::Coverage,
+        Cause::LeftView,
+        Cause::Lost,
+        Cause::Predicted,
+        Cause::LongGap,
+        Cause::Rejected,
+        Cause::BorderResidual,
+        Cause::NoiseFloor,
+        Cause::ErrorBar,
+        Cause::Calibration,
+        Cause::CutFile,
+        Cause::FrameRate,
+        Cause::DroppedFrames,
+        Cause::Break,
+        Cause::BeginsInMotion,
+        Cause::EndsInMotion,
+        Cause::Exposure,
+        Cause::WhiteBalance,
+    ];
+
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Cause::NothingSeen => "nothing_seen",
+            Cause::NeverInPicture => "never_in_picture",
+            Cause::Coverage => "coverage",
+            Cause::LeftView => "left_view",
+            Cause::Lost => "lost",
+            Cause::Predicted => "predicted",
+            Cause::LongGap => "long_gap",
+            Cause::Rejected => "rejected",
+            Cause::BorderResidual => "border_residual",
+            Cause::NoiseFloor => "noise_floor",
+            Cause::ErrorBar => "error_bar",
+            Cause::Calibration => "calibration",
+            Cause::CutFile => "cut_file",
+            Cause::FrameRate => "frame_rate",
+            Cause::DroppedFrames => "dropped_frames",
+            Cause::Break => "break",
+            Cause::BeginsInMotion => "begins_in_motion",
+            Cause::EndsInMotion => "ends_in_motion",
+            Cause::Exposure => "exposure",
+            Cause::WhiteBalance => "white_balance",
+        }
+    }
+
+    /// Unit of its figure; `1` for shares and counts.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Cause::LongGap | Cause::Break => "s",
+            Cause::BorderResidual | Cause::Calibration => "px",
+            Cause::NoiseFloor | Cause::BeginsInMotion | Cause::EndsInMotion => "mm/s",
+            Cause::ErrorBar => "mm",
+            Cause::FrameRate => "Hz",
+            Cause::WhiteBalance => "codes",
+            _ => "1",
+        }
+    }
+
+    /// What was found, with the limit that it broke; after the tool's name, where it is about one.
+    pub fn finding(self, figure: f64, limit: f64) -> String {
+        let (percent, percents) = (100.0 * figure, 100.0 * limit);
+        match self {
+            Cause::NothingSeen => "no tool was measured on any frame".to_owned(),
+            Cause::NeverInPicture => "it was never in the picture".to_owned(),
+            Cause::Coverage => format!("measured on {percent:.0} % of the frames; needs {percents:.0} %"),
+            Cause::LeftView => format!("out of view for {percent:.0} % of the session; at most {percents:.0} %"),
+            Cause::Lost => format!("in view but not followed on {percent:.0} % of the frames; at most {percents:.0} %"),
+            Cause::Predicted => {
+                format!("{percent:.0} % of the positions are bridged, not measured; at most {percents:.0} %")
+            }
+            Cause::LongGap => format!("not measured for {figure:.1} s at a stretch; at most {limit:.1} s"),
+            Cause::Rejected => {
+                format!("{percent:.1} % of the measurements contradict the motion; at most {percents:.1} %")
+            }
+            Cause::BorderResidual => {
+                format!("its borders lie {figure:.2} px off those of a straight tube; at most {limit:.2} px")
+            }
+            Cause::NoiseFloor => format!("at rest it would seem to move at {figure:.1} mm/s; at most {limit:.1} mm/s"),
+            Cause::ErrorBar => {
+                format!("half of its positions are less sure than {figure:.1} mm; at most {limit:.1} mm")
+            }
+            Cause::Calibration => {
+                format!("the calibration misses its own photos by {figure:.2} px; at most {limit:.2} px")
+            }
+            Cause::CutFile => {
+                format!("{percent:.0} % of the recording's frames are not in the file; at most {percents:.0} %")
+            }
+            Cause::FrameRate => format!("{figure:.1} frames a second; needs {limit:.0}"),
+            Cause::DroppedFrames => format!("{percent:.0} % of the frames were dropped; at most {percents:.0} %"),
+            Cause::Break => format!("no frame for {figure:.1} s; at most {limit:.1} s"),
+            Cause::BeginsInMotion => {
+                format!("a tool moves at {figure:.0} mm/s as the recording begins; at most {limit:.0} mm/s")
+            }
+            Cause::EndsInMotion => {
+                format!("a tool moves at {figure:.0} mm/s as the recording ends; at most {limit:.0} mm/s")
+            }
+            Cause::Exposure => format!("the picture's brightness changes by {percent:.0} %; at most {percents:.0} %"),
+            Cause::WhiteBalance => format!("the picture's white changes by {figure:.1} codes; at most {limit:.1}"),
+        }
+    }
+
+    /// What to do about it.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Cause::NothingSeen => "mark the tape again on a frame of this recording, in this light",
+            Cause::NeverInPicture => {
+                "if the task needs this tool, mark its tape again in this light; if not, nothing is lost"
+            }
+            Cause::Coverage => "keep the tape in sight of the camera; what hid it is listed with what was seen",
+            Cause::LeftView => "keep the tip in the picture, or move the camera so that the whole task is in view",
+            Cause::Lost => {
+                "look in the recording at what hides or dazzles the tape there; mark its colour in that light"
+            }
+            Cause::Predicted | Cause::LongGap => {
+                "sums such as the path's length miss what happened there; look at the gaps"
+            }
+            Cause::Rejected => "look for something else of the tape's colour in the picture, and mark it as background",
+            Cause::BorderResidual => "focus the camera, avoid glare on the tape, and renew tape that is creased",
+            Cause::NoiseFloor => {
+                "use more light, a larger picture or a camera nearer to the tools, and give the tape's length"
+            }
+            Cause::ErrorBar => "bring the camera nearer, record a larger picture, and give the tape's length",
+            Cause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
+            Cause::CutFile => "send the recording again, whole; it was cut or damaged on the way",
+            Cause::FrameRate => "record at 25 frames a second or more",
+            Cause::DroppedFrames => "record to a faster disk or over a better line, or in a smaller picture",
+            Cause::Break => "record the task in one piece",
+            Cause::BeginsInMotion => "start the recording before the tools move; duration and sums miss the beginning",
+            Cause::EndsInMotion => "end the recording after the tools rest; duration and sums miss the end",
+            Cause::Exposure => "switch off the camera's automatic exposure, and keep the light as it is",
+            Cause::WhiteBalance => "switch off the camera's automatic white balance, and keep the light as it is",
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! The gate: every figure against its limits; the worst of them is the session's.
+
+use super::limits::Better;
+use super::{Cause, Figures, ToolFigures};
+
+/// May a session's numbers be believed?
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// Yes.
+    Valid,
+    /// Yes, by a reader who knows these.
+    UsableWithCare(Vec<Concern>),
+    /// No: features are withheld. Those that refuse come first.
+    Refused(Vec<Concern>),
+}
+
+/// What a concern does to a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// It is to be used with care.
+    Care,
+    /// It is refused.
+    Refuse,
+}
+
+impl Severity {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Severity::Care => "care",
+            Severity::Refuse => "refuse",
+        }
+    }
+}
+
+/// A figure beyond its limit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Concern {
+    /// What is wrong.
+    pub cause: Cause,
+    /// With which tool; `None` for the session as a whole.
+    pub tool: Option<String>,
+    /// The figure, in the cause's unit.
+    pub figure: f64,
+    /// The limit that it broke.
+    pub limit: f64,
+    /// What it does.
+    pub severity: Severity,
+}
+
+impl Concern {
+    /// What was found, in one sentence.
+    pub fn finding(&self) -> String {
+        let whose = self.tool.as_ref().map(|tool| format!("{tool}: ")).unwrap_or_default();
+        whose + &self.cause.finding(self.figure, self.limit)
+    }
+
+    /// What to do about it.
+    pub fn advice(&self) -> &'static str {
+        self.cause.advice()
+    }
+}
+
+impl Verdict {
+    /// Stable name for files, API and pages.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Verdict::Valid => "valid",
+            Verdict::UsableWithCare(_) => "usable_with_care",
+            Verdict::Refused(_) => "refused",
+        }
+    }
+
+    /// For people.
+    pub fn title(&self) -> &'static str {
+        match self {
+            Verdict::Valid => "valid",
+            Verdict::UsableWithCare(_) => "usable with care",
+            Verdict::Refused(_) => "refused",
+        }
+    }
+
+    /// Are its features withheld?
+    pub fn is_refused(&self) -> bool {
+        matches!(self, Verdict::Refused(_))
+    }
+
+    /// Why; the worst first.
+    pub fn concerns(&self) -> &[Concern] {
+        match self {
+            Verdict::Valid => &[],
+            Verdict::UsableWithCare(concerns) | Verdict::Refused(concerns) => concerns,
+        }
+    }
+}
+
+/// Holds every figure against its limits. A figure that is not known breaks none.
+pub fn judge(figures: &Figures) -> Verdict {
+    let of_tools = figures.tools.iter().flat_map(|tool| Cause::ALL.map(|cause| (cause, Some(tool))));
+    let of_session = Cause::ALL.map(|cause| (cause, None));
+    let concern = |(cause, tool): (Cause, Option<&ToolFigures>)| {
+        let figure = tool.map_or_else(|| of_the_session(figures, cause), |tool| of_a_tool(tool, cause))?;
+        let (severity, limit) = breach(cause, figure)?;
+        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), figure, limit, severity })
+    };
+    let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
+    concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));
+    match concerns.first().map(|worst| worst.severity) {
+        None => Verdict::Valid,
+        Some(Severity::Care) => Verdict::UsableWithCare(concerns),
+        Some(Severity::Refuse) => Verdict::Refused(concerns),
+    }
+}
+
+/// What a figure does, and the limit that it breaks; one that is no number keeps none.
+fn breach(cause: Cause, figure: f64) -> Option<(Severity, f64)> {
+    let limits = cause.limits();
+    let keeps = |limit: f64| match limits.better {
+        Better::More => figure >= limit,
+        Better::Less => figure <= limit,
+    };
+    let broken = |limit: Option<f64>, severity| limit.filter(|limit| !keeps(*limit)).map(|limit| (severity, limit));
+    broken(limits.refuse, Severity::Refuse).or_else(|| broken(limits.care, Severity::Care))
+}
+
+fn of_the_session(figures: &Figures, cause: Cause) -> Option<f64> {
+    let session = &figures.session;
+    match cause {
+        Cause::NothingSeen => Some(session.observed as f64),
+        Cause::Calibration => session.calibration_rms_px,
+        Cause::CutFile => session.cut_share,
+        Cause::FrameRate => session.frame_rate_hz,
+        Cause::DroppedFrames => session.dropped_share,
+        Cause::Break => session.longest_interval_s,
+        Cause::BeginsInMotion => session.first_speed_mm_s,
+        Cause::EndsInMotion => session.last_speed_mm_s,
+        Cause::Exposure => session.exposure_drift,
+        Cause::WhiteBalance => session.white_drift_codes,
+        _ => None,
+    }
+}
+
+/// A tool that was never in the picture is nothing but that.
+fn of_a_tool(tool: &ToolFigures, cause: Cause) -> Option<f64> {
+    if tool.never_in_picture {
+        return (cause == Cause::NeverInPicture).then_some(0.0);
+    }
+    match cause {
+        Cause::Coverage => tool.coverage,
+        Cause::LeftView => tool.left_view_share,
+        Cause::Lost => tool.lost_share,
+        Cause::Predicted => tool.predicted_share,
+        Cause::LongGap => tool.longest_gap_s,
+        Cause::Rejected => tool.rejected_share,
+        Cause::BorderResidual => tool.border_residual_px,
+        Cause::NoiseFloor => tool.noise_floor.map(|noise| noise.smoothed_mm_s),
+        Cause::ErrorBar => tool.error_bar.map(|bar| bar.median_mm),
+        _ => None,
+    }
+}

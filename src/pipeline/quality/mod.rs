@@ -1,0 +1,129 @@
+//! May a session's numbers be believed? Figures of how it was seen, and a gate that says *valid*, *usable with care* or
+//! *refused*, because ….
+//!
+//! **In:** [`Evidence`]: the paths and what is known of how they came about; what is not known is not judged, so that the
+//! path of any other tracker can be judged too. **Out:** [`Figures`], with units, and of them a [`Verdict`]. **Method:**
+//! counts and percentiles, but for the noise floor ([`noise_floor`]); limits and their grounds stand in one place,
+//! [`limits`]. A wrong number that looks right is worse than none: a refused session's features are withheld
+//! ([`super::assessment::Assessment::withheld`]).
+//!
+//! | file | what |
+//! |---|---|
+//! | [`noise_floor`] | speed that a resting tool would be given |
+//! | [`tool`] | how one tool was seen |
+//! | [`session`] | the recording as such: its frames' times, its light, its ends |
+//! | [`cause`] | what can be wrong: a closed set, each with a sentence and what to do about it |
+//! | [`limits`] | from which figure on, and why from there |
+//! | [`gate`] | the verdict |
+
+pub mod cause;
+pub mod gate;
+pub mod limits;
+pub mod noise_floor;
+pub mod session;
+pub mod tool;
+
+pub use cause::Cause;
+pub use gate::{Concern, Severity, Verdict, judge};
+pub use noise_floor::{Basis, NoiseFloor};
+pub use session::SessionFigures;
+pub use tool::ToolFigures;
+
+use super::tracker::{MotionSettings, Quality, Tracking};
+use super::trajectory::{SampleState, Trajectory};
+
+/// All that is known of a session when it is judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence<'a> {
+    /// The path that is scored.
+    pub smoothed: &'a Trajectory,
+    /// The causal path.
+    pub filtered: Option<&'a Trajectory>,
+    /// Each frame's own measurement.
+    pub raw: Option<&'a Trajectory>,
+    /// How the tracker fared.
+    pub tracker: Option<&'a Quality>,
+    /// The filter's motion model.
+    pub motion: MotionSettings,
+    /// RMS reprojection error of the camera's calibration, pixels.
+    pub calibration_rms_px: Option<f64>,
+    /// Frames that the recording's container announces.
+    pub frames_expected: Option<u64>,
+}
+
+impl<'a> Evidence<'a> {
+    /// Of a recording that was tracked here.
+    pub fn of_tracking(tracking: &'a Tracking, motion: MotionSettings) -> Self {
+        Self {
+            smoothed: &tracking.smoothed,
+            filtered: Some(&tracking.filtered),
+            raw: Some(&tracking.raw),
+            tracker: Some(&tracking.quality),
+            motion,
+            calibration_rms_px: None,
+            frames_expected: None,
+        }
+    }
+
+    /// Of a path alone.
+    pub fn of_path(path: &'a Trajectory) -> Self {
+        Self {
+            smoothed: path,
+            filtered: None,
+            raw: None,
+            tracker: None,
+            motion: MotionSettings::default(),
+            calibration_rms_px: None,
+            frames_expected: None,
+        }
+    }
+}
+
+/// How a session was seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figures {
+    /// The recording as such.
+    pub session: SessionFigures,
+    /// One entry per tool, in the trajectory's order.
+    pub tools: Vec<ToolFigures>,
+}
+
+/// Works out every figure that the evidence supports.
+pub fn measure(evidence: &Evidence<'_>) -> Figures {
+    let shown = Shown::of(evidence.smoothed);
+    Figures {
+        session: session::measure(evidence),
+        tools: (0..evidence.smoothed.tools.len()).map(|index| tool::measure(evidence, index, shown)).collect(),
+    }
+}
+
+/// The frames between the first and the last on which any tool was measured: the session without its lead-in and end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Shown {
+    first: u64,
+    last: u64,
+    first_s: f64,
+    last_s: f64,
+}
+
+impl Shown {
+    fn of(path: &Trajectory) -> Option<Self> {
+        let mut seen = path.samples.iter().filter(|sample| sample.state == SampleState::Observed);
+        let first = seen.next()?;
+        let last = seen.next_back().unwrap_or(first);
+        Some(Self { first: first.frame, last: last.frame, first_s: first.time_s, last_s: last.time_s })
+    }
+
+    fn frames(self) -> u64 {
+        self.last - self.first + 1
+    }
+}
+
+/// The value below which a share of the values lies, 0 to 1; `None` of nothing.
+pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    let place = (values.len().checked_sub(1)? as f64 * share).round() as usize;
+    Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,219 @@
+use nalgebra::{Point2, Point3, Vector3};
+
+use super::limits::Better;
+use super::*;
+use crate::pipeline::reason::Reason;
+use crate::pipeline::tracker::{Absence, Gap, LightSample, ToolQuality};
+use crate::pipeline::trajectory::Sample;
+use crate::simulation::random::Dice;
+
+const FRAME_S: f64 = 0.04;
+const FRAMES: u64 = 500;
+
+/// A tool that circles at 24 mm/s, seen on some frames.
+fn path(seen: impl Fn(u64) -> bool) -> Trajectory {
+    let sample = |frame: u64| {
+        let time_s = frame as f64 * FRAME_S;
+        let (sin, cos) = (1.2 * time_s).sin_cos();
+        Sample {
+            frame,
+            time_s,
+            tool: 0,
+            tip_mm: Point3::new(20.0 * cos, 20.0 * sin, 150.0),
+            velocity_mm_s: Some(Vector3::new(-24.0 * sin, 24.0 * cos, 0.0)),
+            axis: None,
+            tip_px: Some(Point2::new(640.0 + 120.0 * cos, 360.0 + 120.0 * sin)),
+            sigma_xy_mm: Some(0.2),
+            sigma_z_mm: Some(1.0),
+            state: SampleState::Observed,
+        }
+    };
+    let samples = (0..FRAMES).filter(|frame| seen(*frame)).map(sample).collect();
+    Trajectory { tools: vec!["orange".into()], samples, frame_times_s: Vec::new() }
+}
+
+fn judged(path: &Trajectory) -> Verdict {
+    judge(&measure(&Evidence::of_path(path)))
+}
+
+fn rank(verdict: &Verdict) -> Option<Severity> {
+    verdict.concerns().first().map(|concern| concern.severity)
+}
+
+fn causes(verdict: &Verdict) -> Vec<Cause> {
+    verdict.concerns().iter().map(|concern| concern.cause).collect()
+}
+
+fn counts(gaps: Vec<Gap>) -> Quality {
+    let tool = ToolQuality { tool: "orange".into(), gaps, ..ToolQuality::default() };
+    Quality { frames: FRAMES, tools: vec![tool], light: Vec::new() }
+}
+
+#[test]
+fn a_path_that_is_seen_all_the_time_is_valid() {
+    assert_eq!(judged(&path(|_| true)), Verdict::Valid);
+}
+
+#[test]
+fn every_figure_that_gets_worse_makes_no_verdict_better() {
+    for cause in Cause::ALL {
+        let limits = cause.limits();
+        let worse = |a: f64, b: f64| if limits.better == Better::More { a < b } else { a > b };
+        if let (Some(care), Some(refuse)) = (limits.care, limits.refuse) {
+            assert!(worse(refuse, care), "{cause:?} is refused before it asks for care");
+        }
+        assert!(limits.care.or(limits.refuse).is_some(), "{cause:?} has no limit");
+    }
+}
+
+#[test]
+fn less_coverage_never_makes_a_better_verdict() {
+    let mut last = None;
+    let mut verdicts = Vec::new();
+    for hidden in 0..100 {
+        // The first and the last frame stay, so that the session stays as long.
+        let verdict = judged(&path(|frame| frame % 100 >= hidden || frame == 0 || frame == FRAMES - 1));
+        assert!(rank(&verdict) >= last, "{hidden} % hidden: {verdict:?}");
+        last = rank(&verdict);
+        verdicts.push(verdict.name());
+    }
+    verdicts.dedup();
+    assert_eq!(verdicts, ["valid", "usable_with_care", "refused"]);
+}
+
+#[test]
+fn a_tool_that_is_seen_less_than_half_of_the_time_is_refused_for_its_coverage() {
+    let verdict = judged(&path(|frame| frame % 5 < 2));
+    let Verdict::Refused(concerns) = &verdict else { panic!("{verdict:?}") };
+    assert_eq!(
+        (concerns[0].cause, concerns[0].limit, concerns[0].tool.as_deref()),
+        (Cause::Coverage, 0.5, Some("orange"))
+    );
+    assert!(concerns[0].finding().contains("orange: measured on 40 % of the frames"), "{}", concerns[0].finding());
+}
+
+#[test]
+fn what_left_the_view_and_what_was_lost_are_told_apart_within_the_session() {
+    let path = path(|frame| (50..200).contains(&frame) || (300..400).contains(&frame));
+    let gap = |first, last, absence| Gap { first, last, absence };
+    let counts = counts(vec![
+        gap(0, 49, Absence::LeftView),
+        gap(200, 269, Absence::LeftView),
+        gap(270, 299, Absence::Lost(Reason::ImpossiblePose)),
+        gap(400, 499, Absence::LeftView),
+    ]);
+    let figures = measure(&Evidence { tracker: Some(&counts), ..Evidence::of_path(&path) });
+    let tool = &figures.tools[0];
+    assert_eq!((tool.coverage, tool.coverage_of_recording), (Some(250.0 / 350.0), Some(0.5)));
+    assert_eq!((tool.left_view_share, tool.lost_share), (Some(70.0 / 350.0), Some(30.0 / 350.0)));
+    assert_eq!(tool.lost_frames.get(&Reason::ImpossiblePose), Some(&30));
+    assert!((tool.longest_gap_s.unwrap() - 101.0 * FRAME_S).abs() < 1e-9);
+    let verdict = judge(&figures);
+    assert_eq!(causes(&verdict), [Cause::Coverage, Cause::LeftView, Cause::Lost, Cause::LongGap]);
+    assert_eq!(rank(&verdict), Some(Severity::Care));
+}
+
+#[test]
+fn a_tool_that_the_task_does_not_need_is_no_reason_to_refuse() {
+    let mut path = path(|_| true);
+    path.tools.push("cyan".into());
+    let mut counts = counts(Vec::new());
+    let absence = |absence| vec![Gap { first: 0, last: FRAMES - 1, absence }];
+    counts.tools.push(ToolQuality { tool: "cyan".into(), gaps: absence(Absence::LeftView), ..ToolQuality::default() });
+    let judged = |counts: &Quality| judge(&measure(&Evidence { tracker: Some(counts), ..Evidence::of_path(&path) }));
+    assert_eq!(causes(&judged(&counts)), [Cause::NeverInPicture]);
+    assert_eq!(rank(&judged(&counts)), Some(Severity::Care));
+    counts.tools[1].gaps = absence(Absence::Lost(Reason::WrongShape));
+    assert_eq!(causes(&judged(&counts))[..2], [Cause::Coverage, Cause::Lost], "its colour was there");
+    assert!(judged(&counts).is_refused());
+}
+
+#[test]
+fn nothing_seen_is_refused() {
+    let verdict = judged(&path(|_| false));
+    assert_eq!((causes(&verdict), rank(&verdict)), (vec![Cause::NothingSeen], Some(Severity::Refuse)));
+}
+
+#[test]
+fn dropped_frames_breaks_and_cut_files_are_told_apart() {
+    let with_times = |time_of: fn(u64) -> f64, frames_expected: Option<u64>| {
+        let mut path = path(|_| true);
+        path.frame_times_s = (0..FRAMES).map(time_of).collect();
+        let evidence = Evidence { frames_expected, ..Evidence::of_path(&path) };
+        measure(&evidence).session
+    };
+    let even = with_times(|frame| frame as f64 * FRAME_S, Some(FRAMES));
+    assert_eq!((even.dropped_share, even.cut_share), (Some(0.0), Some(0.0)));
+    assert!((even.frame_rate_hz.unwrap() - 25.0).abs() < 1e-6);
+    let dropped = with_times(|frame| (frame + frame / 10) as f64 * FRAME_S, None);
+    assert!((dropped.dropped_share.unwrap() - 49.0 / 549.0).abs() < 1e-9, "every eleventh: {dropped:?}");
+    let broken = with_times(|frame| frame as f64 * FRAME_S + if frame < 250 { 0.0 } else { 30.0 }, Some(1000));
+    assert_eq!((broken.dropped_share, broken.cut_share), (Some(0.0), Some(0.5)));
+    assert!((broken.longest_interval_s.unwrap() - 30.04).abs() < 1e-9);
+}
+
+#[test]
+fn light_is_held_against_its_median() {
+    let path = path(|_| true);
+    let mut counts = counts(Vec::new());
+    let sample = |second: u32| LightSample {
+        time_s: f64::from(second),
+        luma_ratio: if second < 2 { 0.8 } else { 1.0 },
+        chroma_shift: [0.0, if second == 7 { 5.6 / 224.0 } else { 0.0 }],
+    };
+    counts.light = (0..20).map(sample).collect();
+    let figures = measure(&Evidence { tracker: Some(&counts), ..Evidence::of_path(&path) });
+    assert!((figures.session.exposure_drift.unwrap() - 0.2).abs() < 1e-12);
+    assert!((figures.session.white_drift_codes.unwrap() - 5.6).abs() < 1e-9);
+    assert_eq!(causes(&judge(&figures)), [Cause::Exposure, Cause::WhiteBalance]);
+}
+
+#[test]
+fn a_recording_that_ends_while_a_tool_moves_is_not_whole() {
+    let mut path = path(|frame| frame >= 100);
+    path.frame_times_s = (0..FRAMES).map(|frame| frame as f64 * FRAME_S).collect();
+    let figures = measure(&Evidence::of_path(&path));
+    assert_eq!(figures.session.first_speed_mm_s, None, "it came later");
+    assert!((figures.session.last_speed_mm_s.unwrap() - 24.0).abs() < 1e-6);
+    assert_eq!(causes(&judge(&figures)), [Cause::EndsInMotion]);
+}
+
+#[test]
+fn independent_errors_make_the_speed_that_one_of_them_tells() {
+    use crate::pipeline::filter::kalman::State;
+    use crate::pipeline::filter::smoother::{Step, smooth};
+    let (noise, stated) = (Vector3::new(0.05, 0.03, 0.4), Vector3::new(0.2, 0.2, 1.5));
+    let covariance = nalgebra::Matrix3::from_diagonal(&stated.component_mul(&stated));
+    let density = MotionSettings::default().noise_density();
+    let mut dice = Dice::new(5, "errors of a rest");
+    let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
+    let mut run = vec![Step { time_s: 0.0, predicted: state, updated: state }];
+    for step in 1..8000 {
+        let predicted = state.predicted(FRAME_S, density);
+        state = predicted.updated(Point3::from(dice.gauss3().component_mul(&noise)), covariance);
+        run.push(Step { time_s: f64::from(step) * FRAME_S, predicted, updated: state });
+    }
+    let rms = |states: &[State]| {
+        let inner = &states[100..states.len() - 100];
+        (inner.iter().map(|s| s.velocity().norm_squared()).sum::<f64>() / inner.len() as f64).sqrt()
+    };
+    let drawn = (rms(&smooth(&run)), rms(&run.iter().map(|step| step.updated).collect::<Vec<_>>()));
+    let told = noise_floor::speeds(noise, stated, FRAME_S, density);
+    assert!((told.0 / drawn.0 - 1.0).abs() < 0.1, "smoothed: {} told, {} drawn", told.0, drawn.0);
+    assert!((told.1 / drawn.1 - 1.0).abs() < 0.1, "causal: {} told, {} drawn", told.1, drawn.1);
+    assert!(told.0 < told.1, "hindsight is calmer");
+}
+
+#[test]
+fn a_rest_counts_without_the_motion_around_it() {
+    let mut path = path(|_| true);
+    for sample in path.samples.iter_mut().filter(|s| (200..300).contains(&s.frame)) {
+        sample.tip_px = Some(Point2::new(600.0, 300.0));
+        let settled = (213..287).contains(&sample.frame); // half a second after it stopped, and before it goes on
+        sample.velocity_mm_s = Some(Vector3::new(0.0, 0.0, if settled { 1.5 } else { 20.0 }));
+    }
+    let noise = measure(&Evidence::of_path(&path)).tools[0].noise_floor.unwrap();
+    let Basis::Rest(rest_s) = noise.basis else { panic!("{noise:?}") };
+    assert!((rest_s - 2.96).abs() < 1e-6, "{rest_s}");
+    assert!((noise.smoothed_mm_s - 1.5).abs() < 1e-9, "{noise:?}");
+}

@@ -1,0 +1,126 @@
+//! How one tool was seen.
+
+use std::collections::BTreeMap;
+
+use super::noise_floor::{self, NoiseFloor};
+use super::{Evidence, Shown, quantile};
+use crate::pipeline::reason::Reason;
+use crate::pipeline::tracker::{Absence, ToolQuality};
+use crate::pipeline::trajectory::{Sample, SampleState};
+
+/// How one tool was seen. Shares are 0 to 1; `None` where the evidence does not tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolFigures {
+    /// The tool's name.
+    pub tool: String,
+    /// Frames on which it was measured.
+    pub observed: u64,
+    /// Share of the frames of the session, from the first to the last sight of any tool, on which it was measured.
+    pub coverage: Option<f64>,
+    /// The same between its own first and last sight.
+    pub coverage_while_there: Option<f64>,
+    /// The same of all frames of the recording.
+    pub coverage_of_recording: Option<f64>,
+    /// Share of its positions that are bridged, not measured.
+    pub predicted_share: Option<f64>,
+    /// Share of the session's frames on which it was out of view.
+    pub left_view_share: Option<f64>,
+    /// Share of the session's frames on which it was in view but has no position.
+    pub lost_share: Option<f64>,
+    /// Frames of the session in gaps that are the tracker's, by their main reason.
+    pub lost_frames: BTreeMap<Reason, u64>,
+    /// Longest stretch of the session without a measurement, s.
+    pub longest_gap_s: Option<f64>,
+    /// RMS distance of border points from the fitted outline, pixels.
+    pub border_residual_px: Option<f64>,
+    /// Measurements that contradict the tool's motion, as a share of all measurements.
+    pub rejected_share: Option<f64>,
+    /// What a resting tool would seem to move.
+    pub noise_floor: Option<NoiseFloor>,
+    /// How unsure the path is of its own positions.
+    pub error_bar: Option<ErrorBar>,
+    /// It was never measured, and nothing of its colour was ever in the picture.
+    pub never_in_picture: bool,
+}
+
+/// The stated standard deviation of measured positions in space, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorBar {
+    /// Half of the positions are surer.
+    pub median_mm: f64,
+    /// 95 % are.
+    pub p95_mm: f64,
+}
+
+pub(super) fn measure(evidence: &Evidence<'_>, index: usize, shown: Option<Shown>) -> ToolFigures {
+    let path: Vec<&Sample> = evidence.smoothed.of_tool(index).collect();
+    let seen: Vec<&Sample> = path.iter().copied().filter(|s| s.state == SampleState::Observed).collect();
+    let tracker = evidence.tracker.and_then(|quality| quality.tools.get(index));
+    let observed = seen.len() as u64;
+    let ends = seen.first().zip(seen.last());
+    let recorded = evidence.tracker.map(|quality| quality.frames);
+    let gaps = tracker.zip(shown).map(|(tool, shown)| Gaps::within(tool, shown));
+    let of_session = |frames: u64| shown.and_then(|shown| share(frames, shown.frames()));
+    ToolFigures {
+        tool: evidence.smoothed.tools[index].clone(),
+        observed,
+        coverage: of_session(observed),
+        coverage_while_there: ends.and_then(|(first, last)| share(observed, last.frame - first.frame + 1)),
+        coverage_of_recording: recorded.and_then(|frames| share(observed, frames)),
+        predicted_share: share(path.len() as u64 - observed, path.len() as u64),
+        left_view_share: gaps.as_ref().and_then(|gaps| of_session(gaps.left_view)),
+        lost_share: gaps.as_ref().and_then(|gaps| of_session(gaps.lost.values().sum())),
+        lost_frames: gaps.map(|gaps| gaps.lost).unwrap_or_default(),
+        longest_gap_s: shown.map(|shown| longest_gap_s(&seen, shown)),
+        border_residual_px: tracker.and_then(|tool| tool.border_residual_px),
+        rejected_share: tracker.and_then(|tool| {
+            let rejected = tool.reasons.get(&Reason::GateRejected).copied().unwrap_or(0);
+            share(rejected, rejected + observed)
+        }),
+        noise_floor: noise_floor::estimate(evidence, index),
+        error_bar: error_bar(&seen),
+        never_in_picture: observed == 0 && tracker.is_some_and(never_in_picture),
+    }
+}
+
+fn share(part: u64, whole: u64) -> Option<f64> {
+    (whole > 0).then(|| part as f64 / whole as f64)
+}
+
+fn never_in_picture(tool: &ToolQuality) -> bool {
+    tool.gaps.iter().all(|gap| gap.absence == Absence::LeftView)
+}
+
+/// The gaps of a tool within the session, by whose doing they are, in frames.
+struct Gaps {
+    left_view: u64,
+    lost: BTreeMap<Reason, u64>,
+}
+
+impl Gaps {
+    fn within(tool: &ToolQuality, shown: Shown) -> Self {
+        let mut gaps = Self { left_view: 0, lost: BTreeMap::new() };
+        for gap in &tool.gaps {
+            let (first, last) = (gap.first.max(shown.first), gap.last.min(shown.last));
+            let frames = (last + 1).saturating_sub(first);
+            match gap.absence {
+                _ if frames == 0 => {}
+                Absence::LeftView => gaps.left_view += frames,
+                Absence::Lost(reason) => *gaps.lost.entry(reason).or_default() += frames,
+            }
+        }
+        gaps
+    }
+}
+
+fn longest_gap_s(seen: &[&Sample], shown: Shown) -> f64 {
+    let times = [shown.first_s].into_iter().chain(seen.iter().map(|s| s.time_s)).chain([shown.last_s]);
+    let times: Vec<f64> = times.collect();
+    times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+}
+
+fn error_bar(seen: &[&Sample]) -> Option<ErrorBar> {
+    let sigma = |s: &&Sample| s.sigma_xy_mm.zip(s.sigma_z_mm).map(|(xy, z)| (2.0 * xy * xy + z * z).sqrt());
+    let sigmas: Vec<f64> = seen.iter().filter_map(sigma).collect();
+    Some(ErrorBar { median_mm: quantile(sigmas.clone(), 0.5)?, p95_mm: quantile(sigmas, 0.95)? })
+}

@@ -1,0 +1,149 @@
+//! Where a tool has no position, and whose doing that is: did it leave the view, or did the tracker lose it?
+
+use super::report::{Absence, Gap};
+use super::session::Instant;
+use crate::pipeline::camera::Camera;
+use crate::pipeline::reason::Reason;
+use crate::pipeline::space::CameraPoint;
+use crate::pipeline::trajectory::Sample;
+
+/// A band's usual length, mm, where nobody measured it.
+const USUAL_BAND_MM: f64 = 25.0;
+
+/// A band's end that is nearer to the picture's rim than this share of the picture's height is at the rim: in two frames a
+/// hand at 200 mm/s goes as far.
+const RIM_SHARE: f64 = 0.08;
+
+/// The picture's rim, as a band meets it.
+pub struct Rim<'a> {
+    camera: &'a Camera,
+    band_mm: f64,
+}
+
+impl<'a> Rim<'a> {
+    /// The rim for a band of this length, mm.
+    pub fn new(camera: &'a Camera, band_mm: Option<f64>) -> Self {
+        Self { camera, band_mm: band_mm.unwrap_or(USUAL_BAND_MM) }
+    }
+
+    /// Does the tip or the band's other end lie near the rim or beyond it?
+    fn is_near(&self, sample: &Sample) -> bool {
+        let back = sample.axis.map(|axis| sample.tip_mm - axis * self.band_mm);
+        [Some(sample.tip_mm), back].into_iter().flatten().any(|end| !self.is_well_inside(CameraPoint(end)))
+    }
+
+    fn is_well_inside(&self, point: CameraPoint) -> bool {
+        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        let margin = RIM_SHARE * height;
+        let inside = |at: f64, size: f64| (margin..size - margin).contains(&at);
+        self.camera.project(point).is_some_and(|at| inside(at.u(), width) && inside(at.v(), height))
+    }
+}
+
+/// The gaps of a path, in order. `reasons` are those of all frames, why each was not measured.
+pub fn find(path: &[Sample], instants: &[Instant], reasons: &[Option<Reason>], rim: &Rim<'_>) -> Vec<Gap> {
+    let mut gaps = Vec::new();
+    let mut before: Option<&Sample> = None;
+    let mut next = 0; // the first frame, as a place among the instants, that no sample has reached yet
+    for after in path.iter().map(Some).chain([None]) {
+        let end = after.map_or(instants.len(), |sample| instants.partition_point(|instant| instant.0 < sample.frame));
+        if next < end {
+            let absence = absence(before, after, &reasons[next..end.min(reasons.len())], rim);
+            gaps.push(Gap { first: instants[next].0, last: instants[end - 1].0, absence });
+        }
+        (next, before) = (end + 1, after);
+    }
+    gaps
+}
+
+fn absence(before: Option<&Sample>, after: Option<&Sample>, reasons: &[Option<Reason>], rim: &Rim<'_>) -> Absence {
+    let main = most_frequent(reasons).unwrap_or(Reason::NoMarkerColour);
+    let vanished = matches!(main, Reason::NoMarkerColour | Reason::TooSmall | Reason::TipHidden);
+    let by_the_rim = [before, after].into_iter().flatten().any(|sample| rim.is_near(sample));
+    let never_there = before.is_none() && after.is_none() && main == Reason::NoMarkerColour;
+    if never_there || (vanished && by_the_rim) { Absence::LeftView } else { Absence::Lost(main) }
+}
+
+/// The most frequent reason; of equally frequent ones the one that got farthest.
+fn most_frequent(reasons: &[Option<Reason>]) -> Option<Reason> {
+    let count = |reason: Reason| reasons.iter().filter(|r| **r == Some(reason)).count();
+    let mut kinds: Vec<Reason> = reasons.iter().flatten().copied().collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds.into_iter().max_by_key(|reason| (count(*reason), *reason))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+    use crate::pipeline::trajectory::SampleState;
+
+    const CAMERA: Camera = Camera {
+        width: 1280,
+        height: 720,
+        fx: 900.0,
+        fy: 900.0,
+        cx: 639.5,
+        cy: 359.5,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    };
+
+    /// A tip at 150 mm whose tube comes from below: 6 px a mm, so its band ends 150 px further down.
+    fn at(frame: u64, y_px: f64) -> Sample {
+        Sample {
+            frame,
+            time_s: frame as f64 * 0.04,
+            tool: 0,
+            tip_mm: Point3::new(0.0, (y_px - CAMERA.cy) / 6.0, 150.0),
+            velocity_mm_s: None,
+            axis: Some(-Vector3::y()),
+            tip_px: None,
+            sigma_xy_mm: None,
+            sigma_z_mm: None,
+            state: SampleState::Observed,
+        }
+    }
+
+    fn gaps(path: &[Sample], frames: u64, reason: Reason) -> Vec<Gap> {
+        let instants: Vec<Instant> = (0..frames).map(|frame| (frame, frame as f64 * 0.04)).collect();
+        let reason_of = |frame: u64| path.iter().all(|s| s.frame != frame).then_some(reason);
+        let reasons: Vec<Option<Reason>> = (0..frames).map(reason_of).collect();
+        find(path, &instants, &reasons, &Rim::new(&CAMERA, Some(25.0)))
+    }
+
+    #[test]
+    fn a_band_that_slides_out_below_has_left_the_view() {
+        let path = [at(0, 300.0), at(1, 560.0), at(5, 300.0)];
+        let gap = Gap { first: 2, last: 4, absence: Absence::LeftView };
+        assert_eq!(gaps(&path, 6, Reason::NoMarkerColour), [gap]);
+    }
+
+    #[test]
+    fn a_band_that_vanishes_in_the_midst_of_the_picture_is_lost() {
+        let path = [at(0, 300.0), at(5, 300.0)];
+        let lost = |reason| [Gap { first: 1, last: 4, absence: Absence::Lost(reason) }];
+        assert_eq!(gaps(&path, 6, Reason::NoMarkerColour), lost(Reason::NoMarkerColour));
+    }
+
+    #[test]
+    fn a_band_that_is_there_but_cannot_be_measured_is_lost_even_at_the_rim() {
+        let path = [at(0, 560.0), at(5, 560.0)];
+        let lost = Gap { first: 1, last: 4, absence: Absence::Lost(Reason::ImpossiblePose) };
+        assert_eq!(gaps(&path, 6, Reason::ImpossiblePose), [lost]);
+    }
+
+    #[test]
+    fn gaps_reach_to_the_recordings_ends_and_a_tool_that_never_came_was_out_of_view() {
+        let ends = gaps(&[at(2, 300.0)], 5, Reason::NoMarkerColour);
+        assert_eq!(ends.iter().map(|g| (g.first, g.last)).collect::<Vec<_>>(), [(0, 1), (3, 4)]);
+        let never = gaps(&[], 5, Reason::NoMarkerColour);
+        assert_eq!(never, [Gap { first: 0, last: 4, absence: Absence::LeftView }]);
+        assert!(gaps(&[at(0, 300.0)], 1, Reason::NoMarkerColour).is_empty());
+    }
+}

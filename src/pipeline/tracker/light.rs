@@ -1,0 +1,118 @@
+//! Does the scene's light change? A coarse grid of pixels, looked at about once a second and held against the first
+//! frame. Exposure and white balance move the whole picture, tools only parts of it: so the median over the grid counts.
+
+use super::report::LightSample;
+use crate::pipeline::frame::Frame;
+
+/// Between two looks, s: automatic exposure takes about as long to settle.
+const EVERY_S: f64 = 1.0;
+
+/// Columns and rows of the grid: 0.01 ms a look.
+const GRID: (usize, usize) = (32, 18);
+
+/// Luma of pixels that say something of the light, as shares of white: neither noise nor burnt out.
+const TELLING: std::ops::RangeInclusive<f64> = 0.08..=0.92;
+
+/// Pixels that a median needs.
+const FEWEST: usize = 64;
+
+/// Watches a recording's light.
+#[derive(Default)]
+pub struct LightWatch {
+    first: Vec<[f64; 3]>,
+    last_s: Option<f64>,
+    changes: [Vec<f64>; 3],
+    samples: Vec<LightSample>,
+}
+
+impl LightWatch {
+    /// Looks at a frame, if it is time to.
+    pub fn look(&mut self, frame: &Frame<'_>) {
+        if self.last_s.is_some_and(|last_s| frame.time_s < last_s + EVERY_S) {
+            return;
+        }
+        if self.last_s.is_none() {
+            self.first = pixels(frame).collect();
+        }
+        self.last_s = Some(frame.time_s);
+        self.changes.iter_mut().for_each(Vec::clear);
+        for (now, first) in pixels(frame).zip(&self.first).filter(|(_, first)| TELLING.contains(&first[0])) {
+            let change = [now[0] / first[0], now[1] - first[1], now[2] - first[2]];
+            self.changes.iter_mut().zip(change).for_each(|(all, one)| all.push(one));
+        }
+        if self.changes[0].len() >= FEWEST {
+            let [luma_ratio, blue, red] = self.changes.each_mut().map(|values| median(values));
+            self.samples.push(LightSample { time_s: frame.time_s, luma_ratio, chroma_shift: [blue, red] });
+        }
+    }
+
+    /// What was seen, in time order.
+    pub fn into_samples(self) -> Vec<LightSample> {
+        self.samples
+    }
+}
+
+/// The grid's pixels, gamma-coded `[Y', Pb, Pr]`.
+fn pixels<'a>(frame: &'a Frame<'_>) -> impl Iterator<Item = [f64; 3]> + 'a {
+    let place = |index: usize, of: usize, size: usize| (2 * index + 1) * size / (2 * of);
+    let places = (0..GRID.1).flat_map(|row| (0..GRID.0).map(move |column| (column, row)));
+    places.map(move |(column, row)| {
+        let (x, y) = (place(column, GRID.0, frame.width()), place(row, GRID.1, frame.height()));
+        frame.encoding.colour_of(frame.yuv_at(x, y))
+    })
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
+
+    const WIDTH: usize = 64;
+    const HEIGHT: usize = 36;
+
+    /// A picture of one colour, the left part of it hidden by something black.
+    fn look_at(watch: &mut LightWatch, time_s: f64, yuv: [u8; 3], hidden_columns: usize) {
+        let mut luma = vec![yuv[0]; WIDTH * HEIGHT];
+        luma.chunks_mut(WIDTH).for_each(|row| row[..hidden_columns].fill(16));
+        let (blue, red) = (vec![yuv[1]; WIDTH * HEIGHT], vec![yuv[2]; WIDTH * HEIGHT]);
+        let plane = |data| Plane { data, stride: WIDTH, width: WIDTH, height: HEIGHT };
+        let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
+        let (y, u, v) = (plane(&luma), plane(&blue), plane(&red));
+        watch.look(&Frame { index: 0, time_s, y, u, v, shift_x: 0, shift_y: 0, encoding });
+    }
+
+    #[test]
+    fn dimmer_light_and_another_white_are_seen_for_what_they_are_once_a_second() {
+        let mut watch = LightWatch::default();
+        look_at(&mut watch, 0.0, [116, 128, 128], 0);
+        look_at(&mut watch, 0.5, [20, 128, 128], 0);
+        look_at(&mut watch, 1.0, [96, 128, 128], 0);
+        look_at(&mut watch, 2.0, [116, 120, 139], 0);
+        let samples = watch.into_samples();
+        assert_eq!(samples.iter().map(|s| s.time_s).collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
+        assert!((samples[1].luma_ratio - 0.8).abs() < 1e-12 && samples[1].chroma_shift == [0.0, 0.0]);
+        let [blue, red] = samples[2].chroma_shift.map(|shift| 224.0 * shift);
+        assert!((blue + 8.0).abs() < 1e-9 && (red - 11.0).abs() < 1e-9 && samples[2].luma_ratio == 1.0);
+    }
+
+    #[test]
+    fn what_moves_through_the_picture_is_no_light() {
+        let mut watch = LightWatch::default();
+        look_at(&mut watch, 0.0, [116, 128, 128], 0);
+        look_at(&mut watch, 1.0, [116, 128, 128], WIDTH * 2 / 5);
+        assert_eq!(watch.into_samples()[1].luma_ratio, 1.0);
+    }
+
+    #[test]
+    fn a_dark_first_frame_is_nothing_to_compare_with() {
+        let mut watch = LightWatch::default();
+        look_at(&mut watch, 0.0, [17, 128, 128], 0);
+        look_at(&mut watch, 1.0, [116, 128, 128], 0);
+        assert!(watch.into_samples().is_empty());
+    }
+}

@@ -1,0 +1,38 @@
+// May the numbers of this session be believed? One line, and under it why not, with what to do about it.
+import { html } from './preact.js';
+import { t } from '../texts.js';
+import { icons } from './icons.js';
+
+const words = t.session.verdict;
+const LOOKS = {
+  valid: { tone: 'good', icon: icons.good },
+  usable_with_care: { tone: 'warn', icon: icons.warning },
+  refused: { tone: 'bad', icon: icons.warning },
+};
+const SHOWN = 3; // Those that weigh most; the others are behind a click.
+
+/** Results of earlier versions have no verdict. */
+export function Verdict({ quality }) {
+  const look = LOOKS[quality?.verdict];
+  if (!look) return null;
+  const reasons = quality.reasons ?? [];
+  const [first, more] = [reasons.slice(0, SHOWN), reasons.slice(SHOWN)];
+  return html`
+    <section class=${`notice ${look.tone} verdict`} aria-label=${words.name}>
+      <${look.icon} />
+      <div>
+        <strong>${words[quality.verdict]}</strong>
+        <${Reasons} reasons=${first} />
+        ${more.length > 0 && html`<details><summary>${words.more(more.length)}</summary>
+          <${Reasons} reasons=${more} /></details>`}
+      </div>
+    </section>`;
+}
+
+const Reasons = ({ reasons }) => reasons.length > 0 && html`
+  <ul>
+    ${reasons.map(reason => html`<li key=${reason.name + reason.tool}>${reason.finding}.
+      <span class="small muted"> ${capital(reason.advice)}.</span></li>`)}
+  </ul>`;
+
+const capital = text => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,0 +1,178 @@
+//! Pictures with known faults through the tracker and the gate: what is wrong is named, and what is right passes.
+
+use trocar::pipeline::camera::Camera;
+use trocar::pipeline::frame::{Frame, Plane};
+use trocar::pipeline::quality::{Basis, Cause, Evidence, Figures, Severity, Verdict, judge, measure};
+use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
+use trocar::pipeline::space::CameraPoint;
+use trocar::pipeline::tracker::{MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::simulation::random::Dice;
+use trocar::simulation::render::{Rendered, Renderer};
+use trocar::simulation::{Scenario, Setup, Skill, World, marks, truth};
+
+const FRAME_S: f64 = 0.04;
+
+/// Columns of the window through which a picture is seen.
+const WINDOW: usize = 480;
+
+/// A tool at rest, and pictures of it that differ by the sensor's noise alone.
+struct Rest {
+    world: World,
+    pictures: Vec<Rendered>,
+}
+
+impl Rest {
+    fn of(pictures: usize) -> Self {
+        let world = World::new(&Setup::new(Scenario::Rest, Skill::INTERMEDIATE, 21));
+        let renderer = Renderer::new(&world);
+        let pictures = (0..pictures).map(|i| renderer.render(i as f64 * FRAME_S)).collect();
+        Self { world, pictures }
+    }
+
+    fn samples(&self) -> ColourSamples {
+        let first = self.pictures[0].frame(0, 0.0);
+        let mut samples = ColourSamples::new(first.encoding);
+        for mark in marks::of_recording(&self.world, &[0.0]) {
+            let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
+            samples.collect(&first, &Rectangle { label: mark.label.to_owned(), x, y, w, h });
+        }
+        samples
+    }
+
+    fn settings(&self, camera: Camera) -> TrackerSettings {
+        let design = &self.world.tools[0].design;
+        let spec = ToolSpec {
+            name: design.tape.name.to_owned(),
+            diameter_mm: design.diameter_mm,
+            band_length_mm: Some(design.band_mm),
+        };
+        TrackerSettings::new(camera, vec![spec], self.samples())
+    }
+
+    fn track(&self) -> Tracking {
+        let mut tracker = self.tracker(self.settings(self.world.rig.camera));
+        for (index, picture) in self.pictures.iter().enumerate() {
+            tracker.observe(&picture.frame(index as u64, index as f64 * FRAME_S));
+        }
+        tracker.finish()
+    }
+
+    fn tracker(&self, settings: TrackerSettings) -> Tracker {
+        let (width, height) = (settings.camera.width, settings.camera.height);
+        Tracker::new(settings, width, height, self.pictures[0].frame(0, 0.0).encoding).unwrap()
+    }
+
+    /// The first picture seen through a window that is `left_of(frame)` pixels from its left edge.
+    fn track_through_a_window(&self, frames: u64, left_of: impl Fn(u64) -> usize) -> Tracking {
+        let whole = self.pictures[0].frame(0, 0.0);
+        let width = WINDOW;
+        let camera = Camera { width: width as u32, ..self.world.rig.camera };
+        let mut tracker = self.tracker(self.settings(camera));
+        for index in 0..frames {
+            let left = left_of(index) / 2 * 2;
+            let luma = window(whole.y, left, width);
+            let [u, v] = [whole.u, whole.v].map(|plane| window(plane, left / 2, width / 2));
+            tracker.observe(&Frame { index, time_s: index as f64 * FRAME_S, y: luma, u, v, ..whole });
+        }
+        tracker.finish()
+    }
+}
+
+fn window(plane: Plane<'_>, left: usize, width: usize) -> Plane<'_> {
+    Plane { data: &plane.data[left..], width, ..plane }
+}
+
+fn figures(tracking: &Tracking) -> Figures {
+    measure(&Evidence::of_tracking(tracking, MotionSettings::default()))
+}
+
+fn judged(tracking: &Tracking) -> Verdict {
+    judge(&figures(tracking))
+}
+
+fn refusing(verdict: &Verdict) -> Vec<Cause> {
+    verdict.concerns().iter().filter(|c| c.severity == Severity::Refuse).map(|c| c.cause).collect()
+}
+
+/// Grain that no sensor has any more.
+fn with_grain(mut picture: Rendered, codes: f64, dice: &mut Dice) -> Rendered {
+    for plane in [&mut picture.y, &mut picture.u, &mut picture.v] {
+        plane.iter_mut().for_each(|c| *c = (f64::from(*c) + codes * dice.gauss()).round().clamp(16.0, 235.0) as u8);
+    }
+    picture
+}
+
+#[test]
+fn a_clean_clip_is_valid_and_both_ways_to_its_noise_floor_agree() {
+    let rest = Rest::of(90);
+    let mut tracking = rest.track();
+    assert_eq!(judged(&tracking), Verdict::Valid);
+    let measured = figures(&tracking).tools[0].noise_floor.unwrap();
+    let speeds = tracking.smoothed.samples[13..77].iter().map(|s| s.velocity_mm_s.unwrap().norm_squared());
+    let truth = (speeds.sum::<f64>() / 64.0).sqrt(); // the tool stands still: whatever speed it has is noise
+    assert!(matches!(measured.basis, Basis::Rest(_)), "{measured:?}");
+    assert!((measured.smoothed_mm_s / truth - 1.0).abs() < 0.1, "{measured:?}, truth {truth}");
+
+    // Without knowing that it rests, from the scatter of the measurements alone:
+    tracking.smoothed.samples.iter_mut().for_each(|sample| sample.tip_px = None);
+    let worked_out = figures(&tracking).tools[0].noise_floor.unwrap();
+    eprintln!("noise floor: measured {measured:?}, worked out {worked_out:?}, truth {truth:.3} mm/s");
+    assert_eq!(worked_out.basis, Basis::Measurements);
+    let factor = worked_out.smoothed_mm_s / truth;
+    assert!((0.4..2.5).contains(&factor), "{worked_out:?}, truth {truth}");
+}
+
+#[test]
+fn a_tool_that_is_out_of_view_for_most_of_the_session_refuses_it_and_says_so() {
+    let rest = Rest::of(1);
+    let tip_mm = truth::at(&rest.world, 0.0)[0].tip_mm;
+    let tip = rest.world.rig.camera.project(CameraPoint(tip_mm)).unwrap();
+    let start = tip.u() as usize - WINDOW / 2; // the tip in the window's middle
+    let room_on_the_right = start + 400 + WINDOW <= rest.pictures[0].width;
+    let away = |frame: u64| {
+        // 15 frames here, 20 on the way out, 100 away, and back
+        let step = 20 * frame.saturating_sub(15).min(155u64.saturating_sub(frame)).min(20) as usize;
+        if room_on_the_right { start + step } else { start - step }
+    };
+    let verdict = judged(&rest.track_through_a_window(170, away));
+    eprintln!("{verdict:?}");
+    assert_eq!(refusing(&verdict), [Cause::Coverage, Cause::LeftView]);
+    let still = judged(&rest.track_through_a_window(170, |_| start));
+    assert!(!still.is_refused(), "{still:?}");
+}
+
+#[test]
+fn grain_that_shakes_the_edges_raises_the_noise_floor_until_it_is_refused() {
+    let rest = Rest::of(1);
+    let with = |codes: f64| {
+        let mut dice = Dice::new(7, "grain");
+        let noisy = (0..80).map(|_| with_grain(rest.pictures[0].clone(), codes, &mut dice)).collect();
+        let noisy = Rest { world: rest.world.clone(), pictures: noisy };
+        let mut tracker = noisy.tracker(rest.settings(rest.world.rig.camera));
+        for (index, picture) in noisy.pictures.iter().enumerate() {
+            tracker.observe(&picture.frame(index as u64, index as f64 * FRAME_S));
+        }
+        let tracking = tracker.finish();
+        (figures(&tracking).tools[0].noise_floor.map(|noise| noise.smoothed_mm_s), judged(&tracking))
+    };
+    let [clean, grainy, blizzard] = [0.5, 8.0, 60.0].map(with);
+    eprintln!("{clean:?}\n{grainy:?}\n{blizzard:?}");
+    assert_eq!(clean.1, Verdict::Valid);
+    assert!(grainy.0 > clean.0, "{:?} against {:?}", grainy.0, clean.0);
+    assert!(blizzard.1.is_refused(), "{:?}", blizzard.1);
+}
+
+#[test]
+fn a_wrong_colour_is_refused_as_nothing_seen() {
+    let rest = Rest::of(3);
+    let mut settings = rest.settings(rest.world.rig.camera);
+    let tool = settings.samples.labels.iter().position(|l| *l == settings.tools[0].name).unwrap();
+    for sample in settings.samples.samples.iter_mut().filter(|s| s.label == tool) {
+        sample.yuv.swap(1, 2); // orange marked as its complement
+    }
+    let mut tracker = rest.tracker(settings);
+    for (index, picture) in rest.pictures.iter().enumerate() {
+        tracker.observe(&picture.frame(index as u64, index as f64 * FRAME_S));
+    }
+    assert_eq!(refusing(&judged(&tracker.finish())), [Cause::NothingSeen]);
+}
