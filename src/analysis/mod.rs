@@ -9,6 +9,7 @@
 
 pub mod calibration;
 pub mod child;
+pub mod marked;
 pub mod paths;
 pub mod protocol;
 

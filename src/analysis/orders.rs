@@ -3,8 +3,7 @@
 use std::fs::File;
 
 use super::protocol::{
-    self, BoardShape, CalibrateWork, CameraShape, MarkShape, PaletteShape, PaletteWork, ToolShape, TrackWork,
-    ViewShape, Work,
+    BoardShape, CalibrateWork, CameraShape, MarkShape, PaletteShape, PaletteWork, ToolShape, TrackWork, ViewShape, Work,
 };
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
@@ -62,7 +61,7 @@ async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result
     Ok(TrackWork {
         camera,
         tools: palette.tools.into_iter().map(ToolShape::from).collect(),
-        palette: protocol::decode::<PaletteShape>(&palette.samples).map_err(|_| unreadable_palette())?,
+        palette: PaletteShape::stored(&palette.samples).map_err(|_| unreadable_palette())?,
         view: view.map(ViewShape::from),
     })
 }
@@ -73,7 +72,8 @@ async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
 
 fn palette(input: &PaletteInput) -> Result<PaletteWork, WorkError> {
     let marks = input.annotations.labels.iter().map(mark).collect::<Result<_, _>>()?;
-    Ok(PaletteWork { marks, frames: (!input.is_video).then(|| input.frames.clone()) })
+    let tools = input.annotations.marked_tools().unwrap_or_default().into_iter().map(|tool| tool.name).collect();
+    Ok(PaletteWork { marks, tools, frames: (!input.is_video).then(|| input.frames.clone()) })
 }
 
 fn mark(label: &LabelledRectangle) -> Result<MarkShape, Problem> {

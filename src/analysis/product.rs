@@ -136,6 +136,7 @@ pub(super) fn palette(annotations: &AnnotationsFile, heard: Heard) -> Result<New
         annotations: annotations.clone(),
         counts: palette.counts().into_iter().map(count).collect(),
         samples: encode(&palette)?,
+        report: heard.palette_report.ok_or(ProductError::Missing("a report on the colours"))?,
     })
 }
 

@@ -4,6 +4,7 @@
 //! are checked here; what is accepted can be stored and shown.
 
 use super::protocol::{self, Answer, CalibrationShape, KindShape, PaletteShape, PathRow, QualityShape, SeenRow, Work};
+use crate::domain::palette::PaletteReport;
 use crate::domain::problem::Problem;
 use crate::media::Limits;
 
@@ -44,6 +45,8 @@ pub struct Heard {
     pub preview: Option<Vec<u8>>,
     /// Collected colours.
     pub palette: Option<PaletteShape>,
+    /// What they are worth.
+    pub palette_report: Option<PaletteReport>,
     /// A calibration.
     pub calibration: Option<CalibrationShape>,
     /// Why the work cannot be done.
@@ -110,6 +113,7 @@ impl Receipt {
             Answer::Quality(quality) => self.quality(quality)?,
             Answer::Preview(jpeg) => self.preview(jpeg)?,
             Answer::Palette(palette) => self.palette(palette)?,
+            Answer::PaletteReport(report) => self.palette_report(report)?,
             Answer::Calibration(calibration) => {
                 self.only(&[Kind::Calibrate])?;
                 once(&mut self.heard.calibration, calibration, "calibration")?;
@@ -218,6 +222,14 @@ impl Receipt {
             return Err("colours that cannot be".into());
         }
         once(&mut self.heard.palette, palette, "palette")
+    }
+
+    fn palette_report(&mut self, report: PaletteReport) -> Result<(), String> {
+        self.only(&[Kind::Palette])?;
+        if !report.numbers().all(sensible) || report.texts().any(|text| text.chars().count() > TEXTS[2]) {
+            return Err("a report on colours that cannot be".into());
+        }
+        once(&mut self.heard.palette_report, report, "report on colours")
     }
 }
 

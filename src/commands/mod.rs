@@ -18,6 +18,7 @@ mod calibrate;
 mod child;
 mod demonstration;
 mod evaluate;
+mod palette;
 mod progress;
 mod score;
 pub mod serve;
@@ -40,6 +41,8 @@ enum Command {
     Serve(serve::Args),
     /// Make a camera.json from photos or a video of a checkerboard.
     Calibrate(calibrate::Args),
+    /// Find the best tape for a box, or judge the colours that were marked.
+    Palette(palette::Args),
     /// Track the tools in a recording.
     Track(track::Args),
     /// Compute features of trajectories.
@@ -60,6 +63,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
         Command::Serve(args) => serve::run(args),
         Command::Calibrate(args) => calibrate::run(args),
+        Command::Palette(args) => palette::run(args),
         Command::Track(args) => track::run(args),
         Command::Score(args) => score::run(args),
         Command::Simulate(args) => simulate::run(args),

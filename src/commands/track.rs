@@ -11,12 +11,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rustix::time::ClockId;
 
 use super::{Failure, verdict};
-use crate::domain::files::annotations::{self, AnnotationsFile};
+use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
 use crate::media::{Limits, MediaError, VideoFile};
 use crate::pipeline::quality::{self, Evidence};
+use crate::pipeline::segmentation::palette::{self, Verdict};
 use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use crate::pipeline::tracker::{MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking, View};
 
@@ -69,6 +70,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     clock.lap_of(Stage::Samples);
     let samples = collect_samples(&marked, &args, &mut clock)?;
+    if !args.quiet {
+        warn_of_colours(&marked, &samples);
+        clock.lap_of(Stage::Samples);
+    }
     let mut video = open(&args.video)?;
     clock.lap_of(Stage::Decoding);
     let mut settings = TrackerSettings::new(camera.camera(), tools(&marked, &args.annotations)?, samples);
@@ -111,6 +116,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
         eprint!("{}", verdict::text(&judged));
     }
     Ok(())
+}
+
+/// A line for each colour that is not good; `trocar palette --check` tells more.
+fn warn_of_colours(marked: &AnnotationsFile, samples: &ColourSamples) {
+    let tools: Vec<String> = marked.marked_tools().into_iter().flatten().map(|tool| tool.name).collect();
+    for warning in palette::verdicts(samples, &tools).iter().filter_map(Verdict::warning) {
+        eprintln!("warning: {warning}");
+    }
 }
 
 /// Tracks every frame of the recording.
@@ -163,14 +176,19 @@ fn collect_samples(marked: &AnnotationsFile, args: &Args, clock: &mut StageClock
         let frame = picture.frame();
         let samples = samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
         for label in marked.labels.iter().filter(|l| l.frame == decoded) {
-            let size = |n: i64| usize::try_from(n).unwrap_or(0); // inside the frame: checked above
-            let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(size);
-            samples.collect(&frame, &Rectangle { label: label.label.clone(), x, y, w, h });
+            samples.collect(&frame, &rectangle(label));
         }
         decoded += 1;
         clock.lap_of(Stage::Samples);
     }
     samples.ok_or_else(|| about(&path, MediaError::NoFrames))
+}
+
+/// A marked rectangle that has been checked to lie inside the frame.
+pub(super) fn rectangle(label: &LabelledRectangle) -> Rectangle {
+    let size = |n: i64| usize::try_from(n).unwrap_or(0);
+    let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(size);
+    Rectangle { label: label.label.clone(), x, y, w, h }
 }
 
 fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, Failure> {
@@ -196,11 +214,11 @@ fn report(tracking: &Tracking) {
     }
 }
 
-fn read(path: &Path) -> Result<String, Failure> {
+pub(super) fn read(path: &Path) -> Result<String, Failure> {
     std::fs::read_to_string(path).map_err(|e| about(path, e))
 }
 
-fn open(path: &Path) -> Result<VideoFile, Failure> {
+pub(super) fn open(path: &Path) -> Result<VideoFile, Failure> {
     let file = File::open(path).map_err(|e| about(path, e))?;
     VideoFile::open(file, Limits::default()).map_err(|e| about(path, e))
 }
@@ -210,7 +228,7 @@ fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
 }
 
 /// Input that cannot be used, with the file it came from.
-fn about(path: &Path, error: impl Into<anyhow::Error>) -> Failure {
+pub(super) fn about(path: &Path, error: impl Into<anyhow::Error>) -> Failure {
     Failure::Input(error.into().context(path.display().to_string()))
 }
 

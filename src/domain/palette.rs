@@ -1,8 +1,13 @@
 //! One version of a box's colour samples: never changed, only followed by the next.
 
+use serde::{Deserialize, Serialize};
+
 use super::boxes::BoxTool;
 use super::files::annotations::AnnotationsFile;
-use serde::{Deserialize, Serialize};
+use super::named;
+use crate::pipeline::segmentation::palette::confusion::{Confusion, Margin, Row};
+use crate::pipeline::segmentation::palette::light::Light;
+use crate::pipeline::segmentation::palette::{FalseArea, Grade, Verdict, verdict};
 
 /// Colour samples to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +20,8 @@ pub struct NewPalette {
     pub counts: Vec<LabelCount>,
     /// The samples themselves, in the form that the tracker reads back; opaque to the store.
     pub samples: Vec<u8>,
+    /// What they are worth.
+    pub report: PaletteReport,
 }
 
 /// How many colour samples a label gave.
@@ -24,4 +31,178 @@ pub struct LabelCount {
     pub label: String,
     /// Pixels sampled.
     pub samples: u64,
+}
+
+/// What a palette's colours are worth: found before anything is recorded.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct PaletteReport {
+    /// What the marked pixels of each label are taken for when their own rectangle has no say.
+    pub confusion: Vec<ConfusionRow>,
+    /// Each tool's colour, in the tools' order.
+    pub verdicts: Vec<ColourVerdict>,
+    /// A line for each colour that is not good: what speaks against it.
+    pub warnings: Vec<String>,
+}
+
+/// What one label's pixels are taken for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ConfusionRow {
+    /// Marker's name, or `background`, `shaft`, …
+    pub label: String,
+    /// Rectangles that were marked; with only one, its own pixels vote for each other and the shares flatter.
+    pub rectangles: u64,
+    /// Pixels asked about.
+    pub pixels: u64,
+    /// Shares in each light: as marked, and when it changes.
+    pub lights: Vec<LightShares>,
+}
+
+/// What one label's pixels are taken for in one light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct LightShares {
+    /// `as marked`, `30 % darker`, `30 % brighter`, `500 K warmer`, `500 K cooler`.
+    pub light: String,
+    /// Share taken for no tool, 0..1.
+    pub no_tool: f64,
+    /// Share taken for each tool, 0..1; with `no_tool` they add up to 1.
+    pub tools: Vec<ToolShare>,
+}
+
+/// A share of pixels that is taken for a tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ToolShare {
+    /// Marker's name.
+    pub tool: String,
+    /// 0..1.
+    pub share: f64,
+}
+
+named! {
+    /// How well a colour can be relied on.
+    ColourGrade: "colour grade" {
+        /// Known as itself in every light tried, and nothing else is taken for it.
+        Good = "good",
+        /// Fails in another light, or nearly fails in this one.
+        AtRisk = "at_risk",
+        /// Fails in the light in which it was marked.
+        Bad = "bad",
+    }
+}
+
+/// How well a tool's colour can be relied on, and why.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ColourVerdict {
+    /// Marker's name.
+    pub tool: String,
+    /// Good, at risk or bad.
+    pub grade: ColourGrade,
+    /// What speaks against it, worst first.
+    pub reasons: Vec<String>,
+    /// How far its colour is from what else was marked; absent where nothing else or only one pixel was.
+    pub margin: Option<ColourMargin>,
+    /// What of the marked frames has its colour outside its band, worst frame; absent where its band was not found.
+    pub false_area: Option<ColourFalseArea>,
+}
+
+/// How far a colour is from the others, in steps of 1/255 of the full range.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ColourMargin {
+    /// The shift that all but 5 % of its pixels stand before another label is nearer; negative: it is already.
+    pub margin_steps: f64,
+    /// RMS distance of its pixels from their mean.
+    pub spread_steps: f64,
+    /// The label that is nearest.
+    pub nearest: String,
+}
+
+/// What of a frame has a tool's colour and is not the tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ColourFalseArea {
+    /// The frame.
+    pub frame: u64,
+    /// Share of the frame outside the band, 0..1.
+    pub share: f64,
+    /// Area of the largest such region, as a multiple of the band's.
+    pub largest_of_band: f64,
+}
+
+impl PaletteReport {
+    /// From the pipeline's findings.
+    pub fn new(confusion: &Confusion, verdicts: &[Verdict], false_areas: &[FalseArea]) -> Self {
+        let verdict = |(verdict, margin): (&Verdict, &Option<Margin>)| ColourVerdict {
+            tool: verdict.tool.clone(),
+            grade: verdict.grade.into(),
+            reasons: verdict.causes.iter().map(|(_, cause)| cause.to_string()).collect(),
+            margin: margin.as_ref().map(Into::into),
+            false_area: verdict::worst(false_areas, &verdict.tool).map(Into::into),
+        };
+        Self {
+            confusion: confusion.rows.iter().map(|row| confusion_row(row, &confusion.tools)).collect(),
+            verdicts: verdicts.iter().zip(&confusion.margins).map(verdict).collect(),
+            warnings: verdicts.iter().filter_map(Verdict::warning).collect(),
+        }
+    }
+}
+
+impl PaletteReport {
+    /// Every number that can be other than a count.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let lights = self.confusion.iter().flat_map(|row| &row.lights);
+        let shares = lights.flat_map(|light| light.tools.iter().map(|of| of.share).chain([light.no_tool]));
+        let margins = self.verdicts.iter().filter_map(|of| of.margin.as_ref());
+        let areas = self.verdicts.iter().filter_map(|of| of.false_area.as_ref());
+        let of_margins = margins.flat_map(|margin| [margin.margin_steps, margin.spread_steps]);
+        shares.chain(of_margins).chain(areas.flat_map(|area| [area.share, area.largest_of_band]))
+    }
+
+    /// Every text.
+    pub fn texts(&self) -> impl Iterator<Item = &str> {
+        let lights = self.confusion.iter().flat_map(|row| &row.lights);
+        let in_lights = lights.flat_map(|light| light.tools.iter().map(|of| &of.tool).chain([&light.light]));
+        let labels = self.confusion.iter().map(|row| &row.label);
+        let texts = labels.chain(in_lights).chain(self.verdicts.iter().flat_map(texts_of)).chain(&self.warnings);
+        texts.map(String::as_str)
+    }
+}
+
+fn texts_of(verdict: &ColourVerdict) -> impl Iterator<Item = &String> {
+    verdict.reasons.iter().chain([&verdict.tool]).chain(verdict.margin.as_ref().map(|margin| &margin.nearest))
+}
+
+fn confusion_row(row: &Row, tools: &[String]) -> ConfusionRow {
+    let tool_share = |(tool, share): (&String, &f64)| ToolShare { tool: tool.clone(), share: *share };
+    let shares = |(light, shares): (Light, &Vec<f64>)| LightShares {
+        light: light.name().to_owned(),
+        no_tool: shares[0],
+        tools: tools.iter().zip(&shares[1..]).map(tool_share).collect(),
+    };
+    ConfusionRow {
+        label: row.label.clone(),
+        rectangles: row.rectangles as u64,
+        pixels: row.asked as u64,
+        lights: Light::ALL.into_iter().zip(&row.shares).map(shares).collect(),
+    }
+}
+
+impl From<Grade> for ColourGrade {
+    fn from(grade: Grade) -> Self {
+        match grade {
+            Grade::Good => Self::Good,
+            Grade::AtRisk => Self::AtRisk,
+            Grade::Bad => Self::Bad,
+        }
+    }
+}
+
+impl From<&Margin> for ColourMargin {
+    fn from(margin: &Margin) -> Self {
+        let Margin { margin_steps, spread_steps, nearest } = margin.clone();
+        Self { margin_steps, spread_steps, nearest }
+    }
+}
+
+impl From<&FalseArea> for ColourFalseArea {
+    fn from(area: &FalseArea) -> Self {
+        Self { frame: area.frame, share: area.share, largest_of_band: area.largest_of_band }
+    }
 }

@@ -75,7 +75,7 @@ impl Picture {
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
         let [mut y, mut u, mut v] = [const { Vec::new() }; 3];
         for &[r, g, b] in rgb.as_chunks().0 {
-            let codes = codes_of_rgb(encoding, [r, g, b].map(|c| f64::from(c) / 255.0));
+            let codes = encoding.codes_of(encoding.colour_of_rgb([r, g, b].map(|c| f64::from(c) / 255.0)));
             y.push(codes[0]);
             u.push(codes[1]);
             v.push(codes[2]);
@@ -107,13 +107,6 @@ impl OwnedPlane {
     fn borrow(&self) -> Plane<'_> {
         Plane { data: &self.data, stride: self.width, width: self.width, height: self.height }
     }
-}
-
-/// Gamma-coded R', G', B' in 0..1 as the codes of an encoding.
-fn codes_of_rgb(encoding: ColourEncoding, [r, g, b]: [f64; 3]) -> [u8; 3] {
-    let [kr, kg, kb] = encoding.luma_weights();
-    let luma = kr * r + kg * g + kb * b;
-    encoding.codes_of([luma, (b - luma) / (2.0 * (1.0 - kb)), (r - luma) / (2.0 * (1.0 - kr))])
 }
 
 fn plane_of(video: &frame::Video, i: usize) -> Plane<'_> {

@@ -8,7 +8,7 @@ use super::visibility::{AskedBy, sees_box};
 use super::{Scope, Store};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
-use crate::domain::palette::{LabelCount, NewPalette};
+use crate::domain::palette::{LabelCount, NewPalette, PaletteReport};
 use crate::ids::{BoxId, PaletteId};
 
 /// The boxes' colours. New ones come from a palette job ([`super::Jobs::finish_palette`]).
@@ -34,6 +34,9 @@ pub struct Palette {
     pub counts: Vec<LabelCount>,
     /// The samples, in the tracker's own form.
     pub samples: Vec<u8>,
+    /// What they are worth; `None` where they were learned before that was asked.
+    #[sqlx(json(nullable))]
+    pub report: Option<PaletteReport>,
     /// When it was stored, epoch ms.
     pub created_at_ms: i64,
 }
@@ -42,7 +45,7 @@ impl Palettes<'_> {
     /// The version in use, if the box has one.
     pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<Palette>> {
         let row = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, annotations, tools, counts, samples, created_at_ms FROM palette
+            "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
              WHERE box_id = $3 AND ",
             sees_box!("box_id"),
             " ORDER BY version DESC LIMIT 1"
@@ -53,7 +56,7 @@ impl Palettes<'_> {
     /// One version.
     pub async fn get(&self, scope: &Scope, id: PaletteId) -> StoreResult<Palette> {
         let row = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, annotations, tools, counts, samples, created_at_ms FROM palette
+            "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
              WHERE id = $3 AND ",
             sees_box!("box_id")
         ));
@@ -64,7 +67,7 @@ impl Palettes<'_> {
     /// The last hundred versions, newest first.
     pub async fn list(&self, scope: &Scope, of: BoxId) -> StoreResult<Vec<Palette>> {
         let rows = sqlx::query_as(concat!(
-            "SELECT id, box_id, version, annotations, tools, counts, samples, created_at_ms FROM palette
+            "SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
              WHERE box_id = $3 AND ",
             sees_box!("box_id"),
             " ORDER BY version DESC LIMIT 100"
@@ -81,11 +84,11 @@ pub(super) async fn insert(tx: &mut SqliteConnection, of: BoxId, new: NewPalette
         .execute(&mut *tx)
         .await?;
     let row = sqlx::query_as(
-        "INSERT INTO palette (id, box_id, version, annotations, tools, counts, samples, created_at_ms)
-         SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7 FROM palette WHERE box_id = $2
-         RETURNING id, box_id, version, annotations, tools, counts, samples, created_at_ms",
+        "INSERT INTO palette (id, box_id, version, annotations, tools, counts, samples, report, created_at_ms)
+         SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM palette WHERE box_id = $2
+         RETURNING id, box_id, version, annotations, tools, counts, samples, report, created_at_ms",
     );
     let row = row.bind(PaletteId::at(now_ms)).bind(of).bind(Json(new.annotations)).bind(Json(new.tools));
-    let row = row.bind(Json(new.counts)).bind(new.samples).bind(now_ms);
+    let row = row.bind(Json(new.counts)).bind(new.samples).bind(Json(new.report)).bind(now_ms);
     row.fetch_one(tx).await.map_err(missing("box"))
 }

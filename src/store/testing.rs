@@ -9,7 +9,7 @@ use crate::domain::blob::Blob;
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::job::{JobInput, PaletteInput};
-use crate::domain::palette::NewPalette;
+use crate::domain::palette::{NewPalette, PaletteReport};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -72,7 +72,8 @@ impl Centre {
         self.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
         let lease = self.claim().await.unwrap();
         let tools = annotations.marked_tools().unwrap().into_iter().map(Into::into).collect();
-        let new = NewPalette { annotations, tools, counts: vec![], samples: vec![1, 2, 3] };
+        let new =
+            NewPalette { annotations, tools, counts: vec![], samples: vec![1, 2, 3], report: PaletteReport::default() };
         self.store.jobs().finish_palette(&lease, new).await.unwrap();
     }
 

@@ -43,8 +43,21 @@ export function PaletteSummary({ palette }) {
             <tr key=${label}><th scope="row">${label}</th><td class="number">${samples}</td></tr>`)}
         </tbody>
       </table>
-    </div>`;
+    </div>
+    ${palette.verdicts && html`<${Verdicts} verdicts=${palette.verdicts} />`}`;
 }
+
+const GRADES = { good: 'good', at_risk: 'warn', bad: 'bad' };
+
+/** What the colours are worth, before anything is recorded with them. */
+const Verdicts = ({ verdicts }) => html`
+  <ul class="stack">
+    ${verdicts.map(({ tool, grade, reasons }) => html`
+      <li key=${tool}>
+        <span class=${`pill ${GRADES[grade]}`}>${tool}: ${words.grades[grade]}</span>
+        ${reasons.map(reason => html`<p key=${reason} class="small muted">${reason}</p>`)}
+      </li>`)}
+  </ul>`;
 
 const Tool = ({ tool }) => html`
   <tr>

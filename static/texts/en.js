@@ -386,6 +386,7 @@ export default {
     clipHint: 'The video named in the annotations; or send images of the frames instead.',
     frames: 'Or images of the frames',
     framesHint: 'One image per marked frame, with the frame’s number as the last number of the name.',
+    grades: { good: 'good colour', at_risk: 'colour at risk', bad: 'bad colour' },
     learn: 'Learn the colours',
     learned: 'The tape colours are learned.',
     learnedAs: (version, when) => `Version ${version}, learned ${when}`,

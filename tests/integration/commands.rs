@@ -186,3 +186,67 @@ fn what_the_service_writes_is_its_owners_alone() {
     }
     assert!(seen >= 4, "database, ballast, blobs, uploads");
 }
+
+/// Calls every second background rectangle the tool: its colour becomes the box's.
+fn spoil_colours(folder: &Path) {
+    change(folder, "annotations.json", |marks| {
+        let labels = marks["labels"].as_array_mut().unwrap();
+        let tool = labels.iter().find(|l| l["label"] != "background" && l["label"] != "shaft" && l["label"] != "jaw");
+        let tool = tool.unwrap()["label"].clone();
+        let background = labels.iter_mut().filter(|label| label["label"] == "background");
+        background.step_by(2).for_each(|label| label["label"] = tool.clone());
+    });
+}
+
+#[test]
+fn good_colours_are_told_in_a_table_or_as_json() {
+    let check = "palette --check annotations.json";
+    let output = trocar(SCENE.path(), check);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{text}");
+    assert!(text.contains("background") && text.contains("30 % darker") && text.contains("good"), "{text}");
+    let report: Value = serde_json::from_slice(&trocar(SCENE.path(), &format!("{check} --json")).stdout).unwrap();
+    assert_eq!((&report["verdicts"][0]["grade"], &report["warnings"]), (&"good".into(), &Value::Array(vec![])));
+    let row = &report["confusion"][0]["lights"][0];
+    let shares = [&row["no_tool"], &row["tools"][0]["share"]].map(|share| share.as_f64().unwrap());
+    assert!((shares[0] + shares[1] - 1.0).abs() < 1e-9, "{row}");
+}
+
+#[test]
+fn a_bad_colour_fails_the_check_after_its_table_and_is_told_before_tracking() {
+    let folder = scene();
+    spoil_colours(folder.path());
+    let output = trocar(folder.path(), "palette --check annotations.json");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(String::from_utf8(output.stdout).unwrap().contains("is bad: "));
+    let track = trocar(folder.path(), &TRACK.replace("--quiet ", ""));
+    let said = String::from_utf8(track.stderr).unwrap();
+    assert!(said.starts_with("warning: the colour `") && said.contains("is bad: "), "{said}");
+}
+
+#[test]
+fn advice_takes_a_photo_or_a_video() {
+    let folder = scene();
+    image::RgbImage::from_pixel(64, 48, image::Rgb([204, 6, 5])).save(folder.path().join("red.png")).unwrap();
+    let text = String::from_utf8(trocar(folder.path(), "palette --advise red.png").stdout).unwrap();
+    assert!(text.contains("For one tool take ") && text.contains("Do not take red: 100.00 %"), "{text}");
+    let advice: Value =
+        serde_json::from_slice(&trocar(folder.path(), "palette --advise clip.mp4 --json").stdout).unwrap();
+    assert_eq!((advice["tapes"].as_array().unwrap().len(), advice["pairs"].as_array().unwrap().len()), (10, 45));
+}
+
+#[test]
+fn what_the_palette_command_cannot_use_is_named() {
+    let folder = scene();
+    for name in ["annotations.json", "absent.png"] {
+        let said = refusal(folder.path(), &format!("palette --advise {name}"));
+        assert!(said.contains(name), "{said}");
+    }
+    change(folder.path(), "annotations.json", |marks| drop(marks.as_object_mut().unwrap().remove("video")));
+    let said = refusal(folder.path(), "palette --check annotations.json");
+    assert!(said.contains("names no `video`"), "{said}");
+    assert!(trocar(folder.path(), "palette --check annotations.json clip.mp4").status.success());
+    assert_eq!(trocar(folder.path(), "palette").status.code(), Some(2));
+}

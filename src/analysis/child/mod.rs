@@ -77,11 +77,12 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
     match request.work {
         Work::Probe => probe::run(open(inputs, limits)?, reporter),
         Work::Track(work) => track::run(work, open(inputs, limits)?, reporter),
-        Work::Palette(PaletteWork { marks, frames: None }) => {
-            palette::from_clip(&marks, open(inputs, limits)?, reporter)
+        Work::Palette(PaletteWork { marks, tools, frames: None }) => {
+            palette::from_clip(&marks, &tools, open(inputs, limits)?, reporter)
         }
-        Work::Palette(PaletteWork { marks, frames: Some(frames) }) => {
-            palette::from_pictures(&marks, &frames, inputs, limits, reporter)
+        Work::Palette(PaletteWork { marks, tools, frames: Some(frames) }) => {
+            let pictures = palette::Pictures { frames: &frames, inputs, limits };
+            palette::from_pictures(&marks, &tools, pictures, reporter)
         }
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
     }

@@ -4,7 +4,7 @@
 //! ```text
 //! probe      Confined  Recording  Frames*  Preview                              Done
 //! track      Confined  Recording  Frames*  Path*  Quality  Preview              Done
-//! palette    Confined  Recording? Alive*   Palette                              Done
+//! palette    Confined  Recording? Alive*   Palette  PaletteReport               Done
 //! calibrate  Confined  Recording? Alive*   Calibration                          Done
 //! any        …                                                    Problem
 //! ```
@@ -21,6 +21,7 @@ pub use shapes::{
     ViewShape,
 };
 
+use crate::domain::palette::PaletteReport;
 use crate::domain::problem::Problem;
 use crate::pipeline::trajectory::Kind;
 
@@ -40,7 +41,7 @@ pub enum Work {
     Probe,
     /// Track one recording.
     Track(TrackWork),
-    /// Collect colours: from one clip, or from one picture per frame.
+    /// Collect colours and judge them: from one clip, or from one picture per frame.
     Palette(PaletteWork),
     /// Calibrate from one video, or from photos.
     Calibrate(CalibrateWork),
@@ -64,6 +65,8 @@ pub struct TrackWork {
 pub struct PaletteWork {
     /// Marked rectangles.
     pub marks: Vec<MarkShape>,
+    /// Labels that are tools.
+    pub tools: Vec<String>,
     /// Frame shown by each input; `None`: the one input is a clip.
     pub frames: Option<Vec<u64>>,
 }
@@ -123,6 +126,8 @@ pub enum Answer {
     Preview(Vec<u8>),
     /// Collected colours.
     Palette(PaletteShape),
+    /// What they are worth.
+    PaletteReport(PaletteReport),
     /// A calibration.
     Calibration(CalibrationShape),
     /// Why the work cannot be done; the last word.

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::decode;
 use super::rows::ReasonShape;
 use crate::domain::files::annotations;
 use crate::pipeline::camera::Camera;
@@ -103,6 +104,8 @@ pub struct PaletteShape {
     pub labels: Vec<String>,
     /// Label index and codes of each sample.
     pub samples: Vec<(u32, [u8; 3])>,
+    /// How many samples each marked rectangle gave, in order; empty in palettes stored before rectangles were kept.
+    rectangles: Vec<u32>,
 }
 
 impl From<&ColourSamples> for PaletteShape {
@@ -117,12 +120,23 @@ impl From<&ColourSamples> for PaletteShape {
             matrix,
             labels: palette.labels.clone(),
             samples: palette.samples.iter().map(|s| (s.label as u32, s.yuv)).collect(),
+            rectangles: palette.samples.chunk_by(|a, b| a.rectangle == b.rectangle).map(|of| of.len() as u32).collect(),
         }
     }
 }
 
 impl PaletteShape {
-    /// The samples, for the pipeline; `None` if a sample names no label or the standard is unknown.
+    /// A palette as it is stored.
+    ///
+    /// # Errors
+    /// Bytes that no version of this program has stored.
+    pub fn stored(bytes: &[u8]) -> Result<Self, postcard::Error> {
+        let without_rectangles = || decode(&[bytes, &[0]].concat()); // an empty list is one zero
+        decode(bytes).or_else(|_| without_rectangles())
+    }
+
+    /// The samples, for the pipeline; `None` if a sample names no label, the rectangles do not add up, or the standard is
+    /// unknown.
     pub fn colour_samples(&self) -> Option<ColourSamples> {
         let matrix = match self.matrix {
             601 => Matrix::Bt601,
@@ -131,12 +145,21 @@ impl PaletteShape {
             _ => return None,
         };
         let range = if self.full_range { Range::Full } else { Range::Limited };
-        let sample = |&(label, yuv): &(u32, [u8; 3])| {
-            let label = label as usize;
-            (label < self.labels.len()).then_some(ColourSample { label, yuv })
+        let sample = |(&(label, yuv), rectangle): (&(u32, [u8; 3]), u32)| {
+            ((label as usize) < self.labels.len()).then_some(ColourSample { label: label as usize, rectangle, yuv })
         };
-        let samples = self.samples.iter().map(sample).collect::<Option<_>>()?;
+        let samples = self.samples.iter().zip(self.rectangle_of_samples()?).map(sample).collect::<Option<_>>()?;
         Some(ColourSamples { encoding: ColourEncoding { range, matrix }, labels: self.labels.clone(), samples })
+    }
+
+    /// The rectangle of each sample; one a label where they were not kept.
+    fn rectangle_of_samples(&self) -> Option<Vec<u32>> {
+        if self.rectangles.is_empty() {
+            return Some(self.samples.iter().map(|(label, _)| *label).collect());
+        }
+        let all: u64 = self.rectangles.iter().map(|n| u64::from(*n)).sum();
+        let of_each = |(rectangle, n): (u32, &u32)| std::iter::repeat_n(rectangle, *n as usize);
+        (all == self.samples.len() as u64).then(|| (0..).zip(&self.rectangles).flat_map(of_each).collect())
     }
 
     /// How many samples each label has, in the labels' order.
@@ -240,4 +263,39 @@ impl QualityShape {
 pub struct CalibrationShape {
     /// The file's content.
     pub camera_json: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::encode;
+    use super::*;
+
+    fn samples() -> ColourSamples {
+        let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt709 };
+        let sample = |label, rectangle, y| ColourSample { label, rectangle, yuv: [y, 100, 150] };
+        let samples = vec![sample(0, 0, 10), sample(0, 0, 11), sample(1, 1, 12), sample(0, 2, 13)];
+        ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples }
+    }
+
+    #[test]
+    fn a_stored_palette_keeps_its_rectangles() {
+        let bytes = encode(&PaletteShape::from(&samples())).unwrap();
+        assert_eq!(PaletteShape::stored(&bytes).unwrap().colour_samples().unwrap(), samples());
+    }
+
+    #[test]
+    fn a_palette_stored_before_rectangles_has_one_a_label() {
+        let PaletteShape { full_range, matrix, labels, samples, .. } = PaletteShape::from(&samples());
+        let bytes = encode(&(full_range, matrix, labels, samples)).unwrap();
+        let read = PaletteShape::stored(&bytes).unwrap().colour_samples().unwrap();
+        let rectangles: Vec<u32> = read.samples.iter().map(|s| s.rectangle).collect();
+        assert_eq!(rectangles, [0, 0, 1, 0]);
+    }
+
+    #[test]
+    fn rectangles_that_do_not_add_up_are_no_palette() {
+        let shape = PaletteShape { rectangles: vec![4_000_000_000, 1], ..PaletteShape::from(&samples()) };
+        assert_eq!(shape.colour_samples(), None);
+        assert!(PaletteShape::stored(&[7; 9]).is_err());
+    }
 }

@@ -3,7 +3,10 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::analysis::protocol::{CameraShape, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode};
+use crate::analysis::protocol::{
+    CameraShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
+};
+use crate::domain::palette::{ConfusionRow, LightShares};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::ColourSamples;
@@ -124,6 +127,30 @@ fn a_summary_is_of_the_frames_that_were_told() {
     for light in [vec![[0.0, f64::NAN, 0.0, 0.0]], vec![[0.0; 4]; 3]] {
         assert!(hear(vec![], light.clone()).is_err(), "{light:?}");
     }
+}
+
+#[test]
+fn a_report_on_colours_is_heard_once_and_only_with_numbers_that_can_be() {
+    let work = || Work::Palette(PaletteWork { marks: vec![], tools: vec![], frames: None });
+    let report = |no_tool: f64, label: &str| {
+        let light = LightShares { light: "as marked".into(), no_tool, tools: vec![] };
+        let row = ConfusionRow { label: label.into(), rectangles: 1, pixels: 4, lights: vec![light] };
+        PaletteReport { confusion: vec![row], ..PaletteReport::default() }
+    };
+    let palette_hears = |reports: &[PaletteReport]| {
+        let mut receipt = Receipt::new(&work(), Limits::default());
+        receipt.take(&encode(&Answer::Confined { landlock: true }).unwrap())?;
+        for report in reports {
+            receipt.take(&encode(&Answer::PaletteReport(report.clone())).unwrap())?;
+        }
+        Ok::<_, String>(receipt.into_heard().palette_report)
+    };
+    let honest = report(0.25, "background");
+    assert_eq!(palette_hears(std::slice::from_ref(&honest)).unwrap().unwrap(), honest);
+    assert!(palette_hears(&[honest.clone(), honest.clone()]).is_err());
+    assert!(palette_hears(&[report(f64::NAN, "background")]).is_err());
+    assert!(palette_hears(&[report(0.25, &"x".repeat(5000))]).is_err());
+    assert!(hear(vec![Answer::PaletteReport(honest)]).is_err());
 }
 
 #[test]

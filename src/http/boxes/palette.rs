@@ -10,7 +10,7 @@ use super::form::{Form, Pictures};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::job::{JobInput, PaletteInput};
-use crate::domain::palette::LabelCount;
+use crate::domain::palette::{ColourVerdict, ConfusionRow, LabelCount, PaletteReport};
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{Answer, Problem};
 use crate::http::jobs::Queued;
@@ -30,6 +30,13 @@ pub struct Palette {
     tools: Vec<BoxTool>,
     /// How many samples each label gave.
     counts: Vec<LabelCount>,
+    /// What the marked pixels of each label are taken for when their own rectangle has no say; null where the colours were
+    /// learned before that was asked, as are `verdicts` and `warnings`.
+    confusion: Option<Vec<ConfusionRow>>,
+    /// Each tool's colour: good, at risk or bad, and why.
+    verdicts: Option<Vec<ColourVerdict>>,
+    /// A line for each colour that is not good: what speaks against it.
+    warnings: Option<Vec<String>>,
     /// What was marked.
     annotations: AnnotationsFile,
     created_at: Time,
@@ -37,8 +44,13 @@ pub struct Palette {
 
 impl From<store::Palette> for Palette {
     fn from(found: store::Palette) -> Self {
-        let store::Palette { id, version, annotations, tools, counts, created_at_ms, .. } = found;
-        Self { id, version, tools, counts, annotations, created_at: Time(created_at_ms) }
+        let store::Palette { id, version, annotations, tools, counts, report, created_at_ms, .. } = found;
+        let (confusion, verdicts, warnings) = match report {
+            Some(PaletteReport { confusion, verdicts, warnings }) => (Some(confusion), Some(verdicts), Some(warnings)),
+            None => (None, None, None),
+        };
+        let created_at = Time(created_at_ms);
+        Self { id, version, tools, counts, confusion, verdicts, warnings, annotations, created_at }
     }
 }
 

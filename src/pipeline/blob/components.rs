@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn two_blocks_that_touch_at_a_corner_are_one_and_a_third_stays_apart() {
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
-        let sample = |label, yuv| ColourSample { label, yuv };
+        let sample = |label, yuv| ColourSample { label, rectangle: label as u32, yuv };
         let samples = ColourSamples {
             encoding,
             labels: vec!["orange".into(), "background".into()],

@@ -4,6 +4,7 @@
 //! they lie on one line; what is too small or wrongly shaped is dropped, with the reason.
 
 pub mod components;
+pub mod false_area;
 pub mod join;
 pub mod moments;
 pub mod select;

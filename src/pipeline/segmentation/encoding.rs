@@ -39,6 +39,13 @@ impl ColourEncoding {
         Matrix3::new(1.0, 0.0, red, 1.0, -blue * kb / kg, -red * kr / kg, 1.0, blue, 0.0)
     }
 
+    /// Gamma-coded `[R', G', B']` → `[Y', Pb, Pr]`.
+    pub fn colour_of_rgb(&self, [r, g, b]: [f64; 3]) -> [f64; 3] {
+        let [kr, kg, kb] = self.luma_weights();
+        let luma = kr * r + kg * g + kb * b;
+        [luma, (b - luma) / (2.0 * (1.0 - kb)), (r - luma) / (2.0 * (1.0 - kr))]
+    }
+
     /// Gamma-coded `[R', G', B']` in 0..1 of a colour given by its codes; values outside are kept.
     pub fn rgb_of_codes(&self, yuv: [f64; 3]) -> Vector3<f64> {
         self.rgb_from_colour() * Vector3::from(self.colour_of_codes(yuv))
@@ -92,6 +99,15 @@ mod tests {
             for yuv in [[16, 128, 128], [200, 90, 210], [77, 140, 30]] {
                 assert_eq!(encoding.codes_of(encoding.colour_of(yuv)), yuv);
             }
+        }
+    }
+
+    #[test]
+    fn red_green_and_blue_come_back_through_colour() {
+        for encoding in ENCODINGS {
+            let rgb = [0.8, 0.3, 0.1];
+            let back = encoding.rgb_from_colour() * Vector3::from(encoding.colour_of_rgb(rgb));
+            assert!((back - Vector3::from(rgb)).norm() < 1e-12, "{encoding:?}: {back}");
         }
     }
 

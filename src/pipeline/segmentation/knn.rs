@@ -93,7 +93,7 @@ impl Knn {
     }
 }
 
-fn metric_of(colour: [f64; 3]) -> [f32; 3] {
+pub(super) fn metric_of(colour: [f64; 3]) -> [f32; 3] {
     [(colour[0] * LUMA_WEIGHT) as f32, colour[1] as f32, colour[2] as f32]
 }
 
@@ -146,7 +146,8 @@ mod tests {
         let encoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
         let around = |label, yuv: [u8; 3]| {
             (0..27u8)
-                .map(move |i| ColourSample { label, yuv: [yuv[0] + i % 3 * 2, yuv[1] + i / 3 % 3, yuv[2] + i / 9] })
+                .map(move |i| [yuv[0] + i % 3 * 2, yuv[1] + i / 3 % 3, yuv[2] + i / 9])
+                .map(move |yuv| ColourSample { label, rectangle: label as u32, yuv })
         };
         let samples = around(0, [140, 70, 190]).chain(around(1, [90, 128, 128])).collect();
         ColourSamples { encoding, labels: vec!["orange".into(), "background".into()], samples }

@@ -23,6 +23,9 @@ pub struct Rectangle {
 pub struct ColourSample {
     /// Index into [`ColourSamples::labels`].
     pub label: usize,
+    /// Which marked rectangle it comes from, counted over all labels from 0: neighbours on one tape resemble each other
+    /// more than the next frame's tape does.
+    pub rectangle: u32,
     /// Codes as decoded, in the samples' encoding.
     pub yuv: [u8; 3],
 }
@@ -52,6 +55,7 @@ impl ColourSamples {
     /// the samples' gives codes that are brought to theirs.
     pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &Rectangle) {
         let label = self.label_index(&rectangle.label);
+        let number = self.samples.last().map_or(0, |last| last.rectangle + 1);
         let right = rectangle.x.saturating_add(rectangle.w).min(frame.width());
         let bottom = rectangle.y.saturating_add(rectangle.h).min(frame.height());
         let pixels = right.saturating_sub(rectangle.x) * bottom.saturating_sub(rectangle.y);
@@ -59,7 +63,7 @@ impl ColourSamples {
         for y in (rectangle.y..bottom).step_by(step) {
             for x in (rectangle.x..right).step_by(step) {
                 let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));
-                self.samples.push(ColourSample { label, yuv });
+                self.samples.push(ColourSample { label, rectangle: number, yuv });
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use trocar::analysis::protocol::{BoardShape, CalibrateWork, MarkShape, PaletteWork};
 use trocar::domain::files::camera::CameraFile;
+use trocar::domain::palette::ColourGrade;
 
 use super::clips::ffmpeg;
 use super::tracking::{SharedScene, shared};
@@ -74,7 +75,7 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
         pictures.push(picture);
     }
     let colours = |frames, inputs: &[PathBuf]| {
-        let work = Work::Palette(PaletteWork { marks: marks.clone(), frames });
+        let work = Work::Palette(PaletteWork { marks: marks.clone(), tools: scene.tools(), frames });
         ask(work, inputs).unwrap().palette.unwrap()
     };
     let of_pictures = colours(Some(frames.clone()), &pictures);
@@ -94,11 +95,26 @@ fn pictures_of_frames_give_the_colours_that_the_clip_gives() {
 }
 
 #[test]
+fn the_colours_of_the_given_scenes_are_good() {
+    for name in ["V1", "V2", "V3", "V4", "V5"] {
+        let Some(scene) = SharedScene::find(name) else { return };
+        let work = Work::Palette(PaletteWork { marks: scene.marks(), tools: scene.tools(), frames: None });
+        let report = ask(work, &[scene.video()]).unwrap().palette_report.unwrap();
+        assert_eq!(report.warnings, [""; 0], "{name}");
+        assert_eq!(report.verdicts.len(), scene.tools().len());
+        for verdict in report.verdicts {
+            assert_eq!(verdict.grade, ColourGrade::Good, "{name}: {verdict:?}");
+            assert!(verdict.false_area.is_some_and(|area| area.largest_of_band < 0.2), "{name}");
+        }
+    }
+}
+
+#[test]
 fn a_mark_on_a_frame_that_was_not_sent_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("frame_3.png");
     image::RgbImage::new(20, 20).save(&picture).unwrap();
     let mark = MarkShape { frame: 4, label: "orange".into(), x_y_w_h: [1, 1, 2, 2] };
-    let work = Work::Palette(PaletteWork { marks: vec![mark], frames: Some(vec![3]) });
+    let work = Work::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: Some(vec![3]) });
     assert_eq!(problem(ask(work, &[picture])), "mark-without-picture");
 }

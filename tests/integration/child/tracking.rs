@@ -45,6 +45,10 @@ impl SharedScene {
         self.folder.join("video.mp4")
     }
 
+    pub fn tools(&self) -> Vec<String> {
+        self.annotations.marked_tools().unwrap().into_iter().map(|tool| tool.name).collect()
+    }
+
     pub fn marks(&self) -> Vec<MarkShape> {
         let mark = |l: &trocar::domain::files::annotations::LabelledRectangle| MarkShape {
             frame: l.frame,
@@ -55,7 +59,7 @@ impl SharedScene {
     }
 
     fn palette(&self) -> PaletteShape {
-        let work = Work::Palette(PaletteWork { marks: self.marks(), frames: None });
+        let work = Work::Palette(PaletteWork { marks: self.marks(), tools: self.tools(), frames: None });
         ask(work, &self.video()).unwrap().palette.unwrap()
     }
 
@@ -152,7 +156,7 @@ fn marks_that_cannot_be_are_named() {
         (mark(0, [1, 1, 0, 2]), "mark-outside"),
     ];
     for (mark, slug) in cases {
-        let work = Work::Palette(PaletteWork { marks: vec![mark], frames: None });
+        let work = Work::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: None });
         match ask(work, &scene.video()) {
             Err(Failure::Explained(problem)) => assert_eq!(problem.slug, slug, "{problem:?}"),
             other => panic!("{slug}: {other:?}"),

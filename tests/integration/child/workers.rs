@@ -8,6 +8,7 @@ use trocar::domain::calibration::{CalibrationSource, NewCalibration};
 use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
 use trocar::domain::job::{JobInput, JobState, NamedBlob, PaletteInput};
+use trocar::domain::palette::ColourGrade;
 use trocar::domain::scope::Scope;
 use trocar::domain::session::{NewSession, SessionStatus};
 use trocar::domain::text::Key;
@@ -168,6 +169,9 @@ async fn a_recording_becomes_features_path_diagnostics_and_picture() {
     assert!(diagnostics["columns"]["tip_u_px"].as_array().unwrap().iter().any(|tip| tip.is_number()));
     let preview = centre.vault.read(result.preview.unwrap(), 1 << 20).await.unwrap();
     assert!(image::load_from_memory(&preview).unwrap().width() > 100);
+    let colours = centre.store.palettes().latest(&service, centre.the_box.id).await.unwrap().unwrap().report.unwrap();
+    let grades: Vec<_> = colours.verdicts.iter().map(|verdict| verdict.grade).collect();
+    assert_eq!((grades, colours.warnings), (vec![ColourGrade::Good; 2], vec![]));
     centre.close().await;
 }
 

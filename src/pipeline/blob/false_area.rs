@@ -1,0 +1,102 @@
+//! What of a marked frame has a tool's colour and is not the tool: the frame's own confusion, which samples cannot show
+//! where nobody marked the peg that looks like the tape.
+//!
+//! In: a frame, its colour table, the rectangles that mark one tool's band on it. Regions that reach into the rectangle
+//! around those marks are the band; all others are false. A false region that touches the band counts with it.
+
+use super::components::{Component, ComponentFinder};
+use crate::pipeline::frame::Frame;
+use crate::pipeline::segmentation::colour_table::ColourTable;
+use crate::pipeline::segmentation::palette::FalseArea;
+use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
+use crate::pipeline::segmentation::samples::Rectangle;
+
+/// The false area of the tool of this class; `None` where no mark lies on a region of its colour, so that its band is
+/// not known.
+pub fn false_area(frame: &Frame<'_>, table: &ColourTable, class: u8, marks: &[&Rectangle]) -> Option<FalseArea> {
+    let whole = CellBox::whole(frame);
+    let found = ComponentFinder::default().find(frame, table, class, whole, 1);
+    let mark = marks.iter().map(|mark| cells_of(mark)).reduce(joined)?;
+    let cells = |of: &[Component]| of.iter().map(|c| c.moments.cells()).sum::<usize>() as f64;
+    let (band, others): (Vec<Component>, Vec<Component>) = found.into_iter().partition(|c| overlap(&c.bounds, &mark));
+    let largest = others.iter().map(|c| c.moments.cells()).max().unwrap_or(0) as f64;
+    let outside = (whole.width() * whole.height()) as f64 - cells(&band);
+    (!band.is_empty()).then(|| FalseArea {
+        tool: marks[0].label.clone(),
+        frame: frame.index,
+        share: cells(&others) / outside.max(1.0),
+        largest_of_band: largest / cells(&band),
+    })
+}
+
+fn cells_of(mark: &Rectangle) -> CellBox {
+    CellBox {
+        left: mark.x / CELL_PX,
+        top: mark.y / CELL_PX,
+        right: (mark.x + mark.w).div_ceil(CELL_PX),
+        bottom: (mark.y + mark.h).div_ceil(CELL_PX),
+    }
+}
+
+fn joined(a: CellBox, b: CellBox) -> CellBox {
+    CellBox {
+        left: a.left.min(b.left),
+        top: a.top.min(b.top),
+        right: a.right.max(b.right),
+        bottom: a.bottom.max(b.bottom),
+    }
+}
+
+fn overlap(a: &CellBox, b: &CellBox) -> bool {
+    a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::pipeline::segmentation::knn::Knn;
+    use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
+
+    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+
+    /// A picture of cells: `#` has the tape's colour.
+    fn of_picture(cells: &[&str], mark: &Rectangle) -> Option<FalseArea> {
+        let samples = ColourSamples {
+            encoding: ENCODING,
+            labels: vec!["orange".into(), "background".into()],
+            samples: [(0, [150, 60, 200]), (1, [60, 128, 128])]
+                .map(|(label, yuv)| ColourSample { label, rectangle: label as u32, yuv })
+                .repeat(5),
+        };
+        let table = ColourTable::new(Knn::new(&samples, &[1, 0]).unwrap(), ENCODING);
+        let plane = |on: u8, off: u8| -> Vec<u8> {
+            let row = |row: &&str| row.bytes().flat_map(|c| [if c == b'#' { on } else { off }; 2]).collect::<Vec<u8>>();
+            cells.iter().map(row).flat_map(|row| [row.clone(), row].concat()).collect()
+        };
+        let (y, u, v) = (plane(150, 60), plane(60, 128), plane(200, 128));
+        let (width, height) = (2 * cells[0].len(), 2 * cells.len());
+        let plane = |data| Plane { data, stride: width, width, height };
+        let (y, u, v) = (plane(&y), plane(&u), plane(&v));
+        let frame = Frame { index: 7, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING };
+        false_area(&frame, &table, 1, &[mark])
+    }
+
+    fn mark(x: usize, y: usize) -> Rectangle {
+        Rectangle { label: "orange".into(), x, y, w: 2, h: 2 }
+    }
+
+    #[test]
+    fn what_is_marked_is_the_band_and_all_else_is_false() {
+        let picture = ["##......", "##......", "......#.", "......#.", "......#.", "........", "#.......", "........"];
+        let area = of_picture(&picture, &mark(2, 2)).unwrap();
+        assert_eq!((area.tool.as_str(), area.frame), ("orange", 7));
+        assert_eq!(area.largest_of_band, 3.0 / 4.0);
+        assert_eq!(area.share, 4.0 / 60.0);
+    }
+
+    #[test]
+    fn a_mark_beside_its_colour_leaves_the_band_unknown() {
+        assert_eq!(of_picture(&["##......", "........"], &mark(10, 2)), None);
+    }
+}

@@ -1,0 +1,212 @@
+//! The marked colours against each other: what would each rectangle be taken for if it had not been marked?
+//!
+//! Every label's rectangles are dealt into [`GROUPS`]; each group is classified by the others (up to so many rectangles of a
+//! label that is leave-one-out). Pixels of one rectangle never vote for each other, for they resemble each other more than
+//! they do the same tape on the next frame: by pixel, every colour would look perfect. Where a label has only one
+//! rectangle there is no other way than by pixel, and [`Row::rectangles`] says so.
+//!
+//! The judge is the tracker's own classifier, so the columns are its answers: each tool, or none.
+
+use super::light::Light;
+use super::{distance_steps, quantile};
+use crate::pipeline::segmentation::knn::{Knn, metric_of};
+use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
+
+/// Groups into which a label's rectangles are dealt.
+const GROUPS: usize = 8;
+
+/// Most pixels asked about of one rectangle, at even steps: enough for shares good to 1 % with six rectangles.
+const ASKED_OF_RECTANGLE: usize = 32;
+
+/// Pixels asked about of all rectangles together, but at least one of each.
+const ASKED: usize = 2000;
+
+/// Labels of parts that join the band: where they meet it, blur and coarse chroma mix both, on every tool and with every tape.
+const JOINED_TO_THE_BAND: [&str; 2] = ["shaft", "jaw"];
+
+/// The neighbour that decides a vote of five: once the third of another label is nearer, the colour is another's.
+const DECIDING: usize = 3;
+
+/// Share of a tape's pixels that may lie nearer to another colour than the stated margin.
+const MARGIN_QUANTILE: f64 = 0.05;
+
+/// What the marked pixels of every label are taken for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Confusion {
+    /// Tools: the columns, after the one for "no tool".
+    pub tools: Vec<String>,
+    /// A row for each label that has samples.
+    pub rows: Vec<Row>,
+    /// How far each tool's colour is from the others'; in the order of the tools.
+    pub margins: Vec<Option<Margin>>,
+}
+
+/// One label's pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Label.
+    pub label: String,
+    /// Which of the tools it marks, if any.
+    pub tool: Option<usize>,
+    /// Rectangles that were marked; with only one its pixels vote for each other, and the row flatters.
+    pub rectangles: usize,
+    /// Pixels asked about.
+    pub asked: usize,
+    /// In each of [`Light::ALL`]: share taken for no tool, for the first tool, for the second, …; adds up to 1.
+    pub shares: Vec<Vec<f64>>,
+}
+
+/// How far a tape's colour is from all else that was marked, but for the tool's own parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Margin {
+    /// By how much nearer its own third neighbour is than the third of another label, for all but 5 % of its pixels, halved:
+    /// the shift that they stand before the vote turns. Negative where it has turned already. Steps.
+    pub margin_steps: f64,
+    /// RMS distance of its pixels from their mean, steps.
+    pub spread_steps: f64,
+    /// The label that is nearest.
+    pub nearest: String,
+}
+
+/// A pixel that is asked about.
+struct Asked {
+    label: usize,
+    group: usize,
+    colour: [f64; 3],
+}
+
+impl Confusion {
+    /// Judges samples for these tools; labels that are none of them are no tool. Rows are missing for labels without
+    /// samples, all rows where there are no samples at all.
+    pub fn of(samples: &ColourSamples, tools: &[String]) -> Self {
+        let groups = group_of_samples(samples);
+        let asked = ask(samples, &groups);
+        let tool_of = |label: &String| tools.iter().position(|tool| tool == label);
+        let classes: Vec<u8> =
+            samples.labels.iter().map(|label| tool_of(label).map_or(0, |tool| tool as u8 + 1)).collect();
+        let counts = counts(samples, &classes, &groups, &asked, tools.len());
+        let row = |(label, counts): (usize, Vec<Vec<usize>>)| {
+            let asked: usize = counts[0].iter().sum();
+            let shares = counts.iter().map(|of| of.iter().map(|n| *n as f64 / asked as f64).collect()).collect();
+            let rectangles = rectangles_of(samples, label).len();
+            let name = &samples.labels[label];
+            (asked > 0).then(|| Row { label: name.clone(), tool: tool_of(name), rectangles, asked, shares })
+        };
+        let margin = |tool| samples.labels.iter().position(|l| l == tool).and_then(|l| margin(samples, &asked, l));
+        Self {
+            tools: tools.to_vec(),
+            rows: counts.into_iter().enumerate().filter_map(row).collect(),
+            margins: tools.iter().map(margin).collect(),
+        }
+    }
+
+    /// The row of a tool, if it has samples.
+    pub fn row_of(&self, tool: usize) -> Option<&Row> {
+        self.rows.iter().find(|row| row.tool == Some(tool))
+    }
+}
+
+impl Row {
+    /// Share taken for a tool in a light.
+    pub fn taken_for(&self, tool: usize, light: Light) -> f64 {
+        self.shares[light as usize][tool + 1]
+    }
+}
+
+/// The group of each sample: by rectangle, or by pixel where a label has only one.
+fn group_of_samples(samples: &ColourSamples) -> Vec<usize> {
+    let rectangles: Vec<Vec<u32>> = (0..samples.labels.len()).map(|label| rectangles_of(samples, label)).collect();
+    let group = |(index, sample): (usize, &ColourSample)| match &rectangles[sample.label][..] {
+        [_] => index % GROUPS,
+        several => several.iter().position(|r| *r == sample.rectangle).unwrap_or(0) % GROUPS,
+    };
+    samples.samples.iter().enumerate().map(group).collect()
+}
+
+/// The rectangles that mark a label, in order.
+fn rectangles_of(samples: &ColourSamples, label: usize) -> Vec<u32> {
+    let mut found: Vec<u32> = samples.samples.iter().filter(|s| s.label == label).map(|s| s.rectangle).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// The pixels to ask about.
+fn ask(samples: &ColourSamples, groups: &[usize]) -> Vec<Asked> {
+    let with_groups: Vec<(&ColourSample, usize)> = samples.samples.iter().zip(groups.iter().copied()).collect();
+    let rectangles = with_groups.chunk_by(|(a, _), (b, _)| (a.rectangle, a.label) == (b.rectangle, b.label));
+    let of_each = (ASKED / rectangles.clone().count().max(1)).clamp(1, ASKED_OF_RECTANGLE);
+    rectangles
+        .flat_map(|of| of.iter().step_by(of.len().div_ceil(of_each)))
+        .map(|(s, group)| Asked { label: s.label, group: *group, colour: samples.encoding.colour_of(s.yuv) })
+        .collect()
+}
+
+/// How often each label was taken for what: `[label][light][class]`.
+fn counts(
+    samples: &ColourSamples,
+    classes: &[u8],
+    groups: &[usize],
+    asked: &[Asked],
+    tools: usize,
+) -> Vec<Vec<Vec<usize>>> {
+    let mut counts = vec![vec![vec![0; tools + 1]; Light::ALL.len()]; samples.labels.len()];
+    for group in 0..GROUPS {
+        let mut left_out = asked.iter().filter(|a| a.group == group).peekable();
+        if left_out.peek().is_none() {
+            continue;
+        }
+        let others = samples.samples.iter().zip(groups).filter(|(_, g)| **g != group).map(|(s, _)| *s).collect();
+        let others = ColourSamples { encoding: samples.encoding, labels: samples.labels.clone(), samples: others };
+        let judge = Knn::new(&others, classes);
+        for pixel in left_out {
+            for light in Light::ALL {
+                let seen = light.on(pixel.colour, samples.encoding);
+                let class = judge.as_ref().map_or(0, |judge| judge.class_of(seen));
+                counts[pixel.label][light as usize][usize::from(class)] += 1;
+            }
+        }
+    }
+    counts
+}
+
+/// How far a label's pixels are from all others, but for the tool's own parts; `None` where either side has too few.
+fn margin(samples: &ColourSamples, asked: &[Asked], label: usize) -> Option<Margin> {
+    let points: Vec<(&Asked, [f32; 3])> = asked.iter().map(|a| (a, metric_of(a.colour))).collect();
+    let own: Vec<(&Asked, [f32; 3])> = points.iter().filter(|(a, _)| a.label == label).copied().collect();
+    let is_joined = |label: usize| JOINED_TO_THE_BAND.contains(&samples.labels[label].as_str());
+    let mut times_nearest = vec![0; samples.labels.len()];
+    let mut margins = Vec::new();
+    for (pixel, at) in &own {
+        let (own_steps, _) = deciding(&points, *at, |a| a.label == label && a.group != pixel.group)?;
+        let (foreign_steps, whose) = deciding(&points, *at, |a| a.label != label && !is_joined(a.label))?;
+        times_nearest[whose] += 1;
+        margins.push(0.5 * (foreign_steps - own_steps));
+    }
+    let (whose, _) = times_nearest.iter().enumerate().max_by_key(|(_, n)| **n)?;
+    Some(Margin {
+        margin_steps: quantile(&mut margins, MARGIN_QUANTILE)?,
+        spread_steps: spread_steps(&own),
+        nearest: samples.labels[whose].clone(),
+    })
+}
+
+/// Distance and label of the neighbour that decides, among those that count.
+fn deciding(points: &[(&Asked, [f32; 3])], at: [f32; 3], counts: impl Fn(&Asked) -> bool) -> Option<(f64, usize)> {
+    let mut nearest = [(f64::INFINITY, usize::MAX); DECIDING];
+    for (other, place) in points.iter().filter(|(other, _)| counts(other)) {
+        let steps = distance_steps(at, *place);
+        if steps < nearest[DECIDING - 1].0 {
+            nearest[DECIDING - 1] = (steps, other.label);
+            nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+    }
+    nearest.last().copied().filter(|(steps, _)| steps.is_finite())
+}
+
+/// RMS distance from the mean, steps.
+fn spread_steps(points: &[(&Asked, [f32; 3])]) -> f64 {
+    let n = points.len().max(1) as f32;
+    let mean = [0, 1, 2].map(|i| points.iter().map(|(_, p)| p[i]).sum::<f32>() / n);
+    (points.iter().map(|(_, p)| distance_steps(*p, mean).powi(2)).sum::<f64>() / f64::from(n)).sqrt()
+}

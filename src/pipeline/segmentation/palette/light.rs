@@ -1,0 +1,106 @@
+//! What a colour becomes when the light changes: more or less of it, or warmer or cooler.
+//!
+//! Cameras choose exposure and white balance by themselves, and choose again when a glove enters the picture. The gains
+//! of another colour temperature are those of two black bodies (Wien's approximation, green kept): half a thousand
+//! kelvin at 5500 K makes blue a tenth stronger against red or weaker, about what an automatic white balance drifts.
+
+use crate::pipeline::frame::ColourEncoding;
+
+/// Change of exposure, as a share of the light.
+const EXPOSURE: f64 = 0.3;
+
+/// Colour temperature that the recording is taken to have, and how far it drifts, K.
+const TEMPERATURE_K: [f64; 2] = [5500.0, 500.0];
+
+/// Exponent between gamma-coded and linear light; near every camera's curve over the range of a tape.
+const GAMMA: f64 = 2.2;
+
+/// Light under which colours are judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Light {
+    /// As it was when the colours were marked.
+    AsMarked,
+    /// 30 % less of it.
+    Darker,
+    /// 30 % more of it.
+    Brighter,
+    /// 500 K warmer.
+    Warmer,
+    /// 500 K cooler.
+    Cooler,
+}
+
+impl Light {
+    /// Every light; the first is the one in which the colours were marked.
+    pub const ALL: [Light; 5] = [Light::AsMarked, Light::Darker, Light::Brighter, Light::Warmer, Light::Cooler];
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Light::AsMarked => "as marked",
+            Light::Darker => "30 % darker",
+            Light::Brighter => "30 % brighter",
+            Light::Warmer => "500 K warmer",
+            Light::Cooler => "500 K cooler",
+        }
+    }
+
+    /// A gamma-coded `[Y', Pb, Pr]` seen in this light. What the sensor cannot show is clipped, as it would be.
+    pub fn on(self, colour: [f64; 3], encoding: ColourEncoding) -> [f64; 3] {
+        if self == Light::AsMarked {
+            return colour;
+        }
+        let gains = self.gains().map(|gain| gain.powf(1.0 / GAMMA));
+        let rgb = encoding.rgb_from_colour() * nalgebra::Vector3::from(colour);
+        encoding.colour_of_rgb([0, 1, 2].map(|i| (rgb[i] * gains[i]).clamp(0.0, 1.0)))
+    }
+
+    /// Gains of linear red, green and blue.
+    fn gains(self) -> [f64; 3] {
+        let [from, drift] = TEMPERATURE_K;
+        match self {
+            Light::AsMarked => [1.0; 3],
+            Light::Darker => [1.0 - EXPOSURE; 3],
+            Light::Brighter => [1.0 + EXPOSURE; 3],
+            Light::Warmer => black_body_gains(from, from - drift),
+            Light::Cooler => black_body_gains(from, from + drift),
+        }
+    }
+}
+
+/// How much stronger red, green and blue are from a black body of one temperature than of another, green being kept.
+fn black_body_gains(from_k: f64, to_k: f64) -> [f64; 3] {
+    const SECOND_RADIATION_NM_K: f64 = 14_387_769.0; // hc/k, CODATA 2018
+    const RED_GREEN_BLUE_NM: [f64; 3] = [600.0, 550.0, 450.0];
+    let strength = |nm: f64| (SECOND_RADIATION_NM_K / nm * (1.0 / from_k - 1.0 / to_k)).exp();
+    RED_GREEN_BLUE_NM.map(|nm| strength(nm) / strength(RED_GREEN_BLUE_NM[1]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{Matrix, Range};
+
+    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 };
+
+    fn rgb_in(light: Light, rgb: [f64; 3]) -> nalgebra::Vector3<f64> {
+        let seen = light.on(ENCODING.colour_of_rgb(rgb), ENCODING);
+        ENCODING.rgb_from_colour() * nalgebra::Vector3::from(seen)
+    }
+
+    #[test]
+    fn exposure_scales_all_and_temperature_turns_red_against_blue() {
+        let grey = [0.5; 3];
+        let dark = rgb_in(Light::Darker, grey);
+        assert!((dark.max() - dark.min()).abs() < 1e-9);
+        assert!((dark[0].powf(GAMMA) / 0.5f64.powf(GAMMA) - 0.7).abs() < 1e-9);
+        let (warm, cool) = (rgb_in(Light::Warmer, grey), rgb_in(Light::Cooler, grey));
+        assert!(warm[0] > warm[1] && warm[1] > warm[2], "{warm}");
+        assert!(cool[0] < cool[1] && cool[1] < cool[2], "{cool}");
+    }
+
+    #[test]
+    fn more_light_than_the_sensor_shows_is_white() {
+        assert!((rgb_in(Light::Brighter, [1.0; 3]) - nalgebra::Vector3::repeat(1.0)).norm() < 1e-9);
+    }
+}

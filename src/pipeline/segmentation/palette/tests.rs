@@ -1,0 +1,154 @@
+//! Laws of telling colours apart, on colours made up for the purpose.
+
+use super::confusion::Confusion;
+use super::light::Light;
+use super::{Cause, FalseArea, Grade, Verdict, verdict, verdicts};
+use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
+use crate::simulation::random::Dice;
+
+const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt709 };
+const ORANGE: [f64; 3] = [0.85, 0.40, 0.12];
+const CYAN: [f64; 3] = [0.10, 0.55, 0.70];
+const GREY: [f64; 3] = [0.45, 0.45, 0.42];
+
+/// Marked colours, rectangle by rectangle: label, gamma-coded red, green and blue, and the noise on them.
+fn marked(rectangles: &[(&str, [f64; 3])], noise: f64) -> ColourSamples {
+    const PIXELS: usize = 100;
+    let mut dice = Dice::new(5, "colours");
+    let mut samples = ColourSamples::new(ENCODING);
+    for (number, (label, rgb)) in rectangles.iter().enumerate() {
+        let index = samples.labels.iter().position(|l| l == label).unwrap_or(samples.labels.len());
+        if index == samples.labels.len() {
+            samples.labels.push((*label).to_owned());
+        }
+        for _ in 0..PIXELS {
+            let noisy = rgb.map(|c| c + dice.within(-noise, noise));
+            let yuv = ENCODING.codes_of(ENCODING.colour_of_rgb(noisy));
+            samples.samples.push(ColourSample { label: index, rectangle: number as u32, yuv });
+        }
+    }
+    samples
+}
+
+/// Four rectangles of each.
+fn four_each(colours: &[(&str, [f64; 3])], noise: f64) -> ColourSamples {
+    marked(&colours.iter().flat_map(|colour| [*colour; 4]).collect::<Vec<_>>(), noise)
+}
+
+fn tools(names: &[&str]) -> Vec<String> {
+    names.iter().map(|name| (*name).to_owned()).collect()
+}
+
+fn only(verdicts: Vec<Verdict>) -> Verdict {
+    assert_eq!(verdicts.len(), 1);
+    verdicts.into_iter().next().unwrap()
+}
+
+#[test]
+fn two_tapes_of_one_colour_are_confused_half_the_time_and_bad() {
+    let samples = four_each(&[("one", ORANGE), ("other", ORANGE), ("background", GREY)], 0.03);
+    let confusion = Confusion::of(&samples, &tools(&["one", "other"]));
+    for (tool, other) in [(0, 1), (1, 0)] {
+        let row = confusion.row_of(tool).unwrap();
+        let taken = row.taken_for(other, Light::AsMarked);
+        assert!((taken - 0.5).abs() < 0.12, "{row:?}");
+        assert!((row.taken_for(tool, Light::AsMarked) + taken - 1.0).abs() < 1e-9);
+    }
+    let verdicts = verdict::judge(&confusion, &[]);
+    assert!(verdicts.iter().all(|v| v.grade == Grade::Bad), "{verdicts:?}");
+    let said = verdicts[0].warning().unwrap();
+    assert!(said.contains("`one` is bad") && said.contains("most of that taken for `other`"), "{said}");
+}
+
+#[test]
+fn colours_far_apart_are_never_confused_and_good_in_every_light() {
+    let samples = four_each(&[("orange", ORANGE), ("cyan", CYAN), ("background", GREY)], 0.03);
+    let confusion = Confusion::of(&samples, &tools(&["orange", "cyan"]));
+    for row in &confusion.rows {
+        for light in Light::ALL {
+            let own = row.tool.map_or(row.shares[light as usize][0], |tool| row.taken_for(tool, light));
+            assert_eq!(own, 1.0, "{} {}", row.label, light.name());
+        }
+    }
+    for verdict in verdict::judge(&confusion, &[]) {
+        assert_eq!((verdict.grade, verdict.warning()), (Grade::Good, None), "{verdict:?}");
+    }
+}
+
+#[test]
+fn the_margin_is_half_the_distance_between_the_colours() {
+    let samples = four_each(&[("orange", ORANGE), ("background", GREY)], 0.0);
+    let margin = Confusion::of(&samples, &tools(&["orange"])).margins[0].clone().unwrap();
+    let steps = |rgb: [f64; 3]| {
+        let [y, pb, pr] = ENCODING.colour_of(ENCODING.codes_of(ENCODING.colour_of_rgb(rgb)));
+        nalgebra::Vector3::new(0.4 * y, pb, pr) * 255.0
+    };
+    let half = 0.5 * (steps(ORANGE) - steps(GREY)).norm();
+    assert!((margin.margin_steps - half).abs() < 0.01, "{margin:?}, expected {half}");
+    assert_eq!((margin.spread_steps < 1e-3, margin.nearest.as_str()), (true, "background"));
+}
+
+#[test]
+fn pixels_of_one_rectangle_do_not_vouch_for_each_other() {
+    // The tape looks otherwise on every frame: pixel by pixel each has its like, rectangle by rectangle none has.
+    let looks = [[0.9, 0.2, 0.1], [0.9, 0.8, 0.1], [0.3, 0.8, 0.2], [0.8, 0.2, 0.8]].map(|rgb| ("tape", rgb));
+    let background = [("background", GREY); 4];
+    let samples = marked(&[looks, background].concat(), 0.01);
+    let verdict = only(verdicts(&samples, &tools(&["tape"])));
+    assert_eq!(verdict.grade, Grade::Bad, "{verdict:?}");
+    assert!(matches!(verdict.causes[0].1, Cause::Lost { share, .. } if share > 0.4), "{verdict:?}");
+}
+
+#[test]
+fn a_colour_marked_once_is_at_risk_and_says_so() {
+    let samples = marked(&[("tape", ORANGE), ("background", GREY), ("background", GREY)], 0.02);
+    let verdict = only(verdicts(&samples, &tools(&["tape"])));
+    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::AtRisk, &[(Grade::AtRisk, Cause::MarkedOnce)][..]));
+    let unmarked = only(verdicts(&samples, &tools(&["cyan"])));
+    assert_eq!((unmarked.grade, &unmarked.causes[0].1), (Grade::Bad, &Cause::NotMarked));
+}
+
+#[test]
+fn a_colour_that_the_background_takes_in_less_light_is_at_risk() {
+    let darker = ORANGE.map(|c| c * 0.85); // 30 % less light, gamma-coded
+    let apart = four_each(&[("tape", ORANGE), ("background", darker)], 0.012);
+    let confusion = Confusion::of(&apart, &tools(&["tape"]));
+    let row = confusion.row_of(0).unwrap();
+    assert!(row.taken_for(0, Light::AsMarked) > 0.95, "{row:?}");
+    assert!(row.taken_for(0, Light::Darker) < 0.05, "{row:?}");
+    let verdict = only(verdict::judge(&confusion, &[]));
+    assert_eq!(verdict.grade, Grade::AtRisk, "{verdict:?}");
+    let lost = verdict.causes.iter().find(|(_, cause)| matches!(cause, Cause::Lost { .. }));
+    assert!(matches!(lost, Some((_, Cause::Lost { light: Light::Darker, .. }))), "{verdict:?}");
+}
+
+#[test]
+fn exposure_that_changes_all_colours_alike_keeps_the_verdict() {
+    for exposure in [0.7, 1.0, 1.15] {
+        let lit = |rgb: [f64; 3]| rgb.map(|c| c * exposure);
+        let good = four_each(&[("tape", lit(ORANGE)), ("background", lit(GREY))], 0.02);
+        assert_eq!(only(verdicts(&good, &tools(&["tape"]))).grade, Grade::Good, "exposure {exposure}");
+        let bad = four_each(&[("tape", lit(ORANGE)), ("background", lit(ORANGE))], 0.02);
+        assert_eq!(only(verdicts(&bad, &tools(&["tape"]))).grade, Grade::Bad, "exposure {exposure}");
+    }
+}
+
+#[test]
+fn a_false_region_half_as_large_as_the_band_is_bad() {
+    let samples = four_each(&[("tape", ORANGE), ("background", GREY)], 0.02);
+    let confusion = Confusion::of(&samples, &tools(&["tape"]));
+    let area = |largest_of_band| FalseArea { tool: "tape".into(), frame: 3, share: 0.01, largest_of_band };
+    let grade = |areas: &[FalseArea]| only(verdict::judge(&confusion, areas)).grade;
+    assert_eq!(grade(&[area(0.05)]), Grade::Good);
+    assert_eq!(grade(&[area(0.05), area(0.3)]), Grade::AtRisk);
+    assert_eq!(grade(&[area(0.6), area(0.05)]), Grade::Bad);
+    let other = FalseArea { tool: "another".into(), ..area(0.6) };
+    assert_eq!(grade(&[other]), Grade::Good);
+}
+
+#[test]
+fn without_samples_there_is_nothing_to_say_but_that() {
+    let verdict = only(verdicts(&ColourSamples::new(ENCODING), &tools(&["tape"])));
+    assert_eq!((verdict.grade, &verdict.causes[..]), (Grade::Bad, &[(Grade::Bad, Cause::NotMarked)][..]));
+}

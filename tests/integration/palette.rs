@@ -1,0 +1,148 @@
+//! Tapes in the simulated box: what is said of their colours before the recording, and what the tracker then makes of them.
+
+use trocar::pipeline::blob::false_area::false_area;
+use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
+use trocar::pipeline::frame::Frame;
+use trocar::pipeline::segmentation::colour_table::ColourTable;
+use trocar::pipeline::segmentation::knn::Knn;
+use trocar::pipeline::segmentation::palette::advice::{self, advise};
+use trocar::pipeline::segmentation::palette::confusion::Confusion;
+use trocar::pipeline::segmentation::palette::{FalseArea, Grade, Verdict, verdict, verdicts};
+use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
+use trocar::pipeline::tracker::{ToolSpec, Tracker, TrackerSettings, View};
+use trocar::simulation::marks::{self, Mark};
+use trocar::simulation::render::{Rendered, Renderer};
+use trocar::simulation::tool::Tape;
+use trocar::simulation::{Scenario, Setup, Skill, World, truth};
+
+const FRAMES: usize = 24;
+const FPS: f64 = 8.0;
+
+fn setup(tapes: [Tape; 2]) -> Setup {
+    Setup { rig: 2, tapes, ..Setup::new(Scenario::Rectangle, Skill::INTERMEDIATE, 21) }
+}
+
+/// A scene with these tapes, rendered.
+struct TapedBox {
+    world: World,
+    times_s: Vec<f64>,
+    pictures: Vec<Rendered>,
+    marks: Vec<Mark>,
+}
+
+impl TapedBox {
+    fn with(tapes: [Tape; 2]) -> Self {
+        let world = World::new(&setup(tapes));
+        let times_s: Vec<f64> = (0..FRAMES).map(|i| i as f64 / FPS).collect();
+        let renderer = Renderer::new(&world);
+        let pictures = times_s.iter().map(|time_s| renderer.render(*time_s)).collect();
+        let marks = marks::of_recording(&world, &times_s);
+        Self { times_s, pictures, marks, world }
+    }
+
+    fn frame(&self, index: usize) -> Frame<'_> {
+        self.pictures[index].frame(index as u64, self.times_s[index])
+    }
+
+    fn tools(&self) -> Vec<String> {
+        self.world.tools.iter().map(|tool| tool.design.tape.name.to_owned()).collect()
+    }
+
+    fn samples(&self) -> ColourSamples {
+        let mut samples = ColourSamples::new(self.frame(0).encoding);
+        self.marks.iter().for_each(|mark| samples.collect(&self.frame(mark.frame), &rectangle(mark)));
+        samples
+    }
+
+    fn verdicts(&self) -> Vec<Verdict> {
+        let (samples, tools) = (self.samples(), self.tools());
+        verdict::judge(&Confusion::of(&samples, &tools), &self.false_areas(&samples, &tools))
+    }
+
+    fn false_areas(&self, samples: &ColourSamples, tools: &[String]) -> Vec<FalseArea> {
+        let class = |label: &String| tools.iter().position(|tool| tool == label).map_or(0, |i| i as u8 + 1);
+        let classes: Vec<u8> = samples.labels.iter().map(class).collect();
+        let table = ColourTable::new(Knn::new(samples, &classes).unwrap(), self.frame(0).encoding);
+        let mut found = Vec::new();
+        for (index, tool) in tools.iter().enumerate() {
+            for frame in 0..FRAMES {
+                let own = self.marks.iter().filter(|mark| mark.frame == frame && mark.label == tool);
+                let own: Vec<Rectangle> = own.map(rectangle).collect();
+                let own: Vec<&Rectangle> = own.iter().collect();
+                found.extend(false_area(&self.frame(frame), &table, index as u8 + 1, &own));
+            }
+        }
+        found
+    }
+
+    fn tracked(&self) -> Accuracy {
+        let tool = |tool: &trocar::simulation::tool::Tool| ToolSpec {
+            name: tool.design.tape.name.to_owned(),
+            diameter_mm: tool.design.diameter_mm,
+            band_length_mm: Some(tool.design.band_mm),
+        };
+        let tools = self.world.tools.iter().map(tool).collect();
+        let camera = self.world.rig.camera;
+        let mut settings = TrackerSettings::new(camera, tools, self.samples());
+        settings.view = Some(View::Top);
+        let mut tracker = Tracker::new(settings, camera.width, camera.height, self.frame(0).encoding).unwrap();
+        for index in 0..FRAMES {
+            tracker.observe(&self.frame(index));
+        }
+        let frame = |(index, time_s): (usize, &f64)| TruthFrame {
+            frame: index as u64,
+            time_s: *time_s,
+            tools: truth::at(&self.world, *time_s),
+        };
+        let truth = Truth { frames: self.times_s.iter().enumerate().map(frame).collect() };
+        accuracy(&tracker.finish().smoothed, &truth).unwrap()
+    }
+}
+
+fn rectangle(mark: &Mark) -> Rectangle {
+    let [x, y, w, h] = [mark.x, mark.y, mark.w, mark.h].map(|n| n as usize);
+    Rectangle { label: mark.label.to_owned(), x, y, w, h }
+}
+
+#[test]
+fn vivid_tapes_are_good() {
+    let scene = TapedBox::with(["orange", "cyan"].map(|name| Tape::named(name).unwrap()));
+    let verdicts = scene.verdicts();
+    assert!(verdicts.iter().all(|verdict| verdict.grade == Grade::Good), "{verdicts:?}");
+}
+
+#[test]
+fn purple_on_a_mat_with_red_blue_and_purple_is_called_bad_before_it_is_followed_wrongly() {
+    let purple = Tape { name: "purple", colour: [0.2, 0.065, 0.25] }; // as printed on the mat
+    let scene = TapedBox::with([purple, Tape::named("orange").unwrap()]);
+    let level = |accuracy: &Accuracy, index: usize| accuracy.tools[index].levels[0].errors.unwrap().three_d.rms;
+    let tracked = scene.tracked();
+    assert!(level(&tracked, 0) > 20.0 && level(&tracked, 1) < 3.0, "purple is the hard one: {tracked:?}");
+    for verdicts in [scene.verdicts(), verdicts(&scene.samples(), &scene.tools())] {
+        let grades: Vec<Grade> = verdicts.iter().map(|verdict| verdict.grade).collect();
+        assert_eq!(grades, [Grade::Bad, Grade::Good], "{verdicts:?}");
+    }
+    let said = scene.verdicts()[0].warning().unwrap();
+    assert!(said.contains("× the band") && said.contains("turns it into `background`"), "{said}");
+}
+
+#[test]
+fn the_pair_that_is_advised_for_an_empty_box_proves_good_there_and_the_last_tape_bad() {
+    let mut world = World::new(&setup([Tape::ALL[0], Tape::ALL[1]]));
+    world.tools.clear();
+    let advice = advise(&Renderer::new(&world).render(0.0).frame(0, 0.0));
+    let grades = |tapes: [advice::Tape; 2]| {
+        let verdicts = TapedBox::with(tapes.map(wound)).verdicts();
+        verdicts.into_iter().map(|verdict| verdict.grade).collect::<Vec<_>>()
+    };
+    assert_eq!(advice.pairs[0].grade, Grade::Good);
+    assert_eq!(grades(advice.pairs[0].tapes), [Grade::Good; 2], "{:?}", advice.pairs[0]);
+    let [first, .., last] = &advice.tapes[..] else { panic!("{advice:?}") };
+    assert_eq!(last.grade, Grade::Bad);
+    assert_eq!(grades([first.tape, last.tape]), [Grade::Good, Grade::Bad], "{last:?}");
+}
+
+/// A roll of this tape, wound on a tool.
+fn wound(tape: advice::Tape) -> Tape {
+    Tape { name: tape.name, colour: tape.srgb.map(|c| (f32::from(c) / 255.0).powf(2.2)) }
+}
