@@ -50,7 +50,7 @@ fn histogram(tool: &Drawn) -> Option<Node> {
         &format!("{beyond:.1} % beyond (honest: 5 %), {far:.1} % off the plot"),
     ));
     let name = format!("histogram of the normalised errors of {}", tool.name);
-    Some(of_tool(tool, "div", [picture(&name, 24.0 + 190.0 + MARGIN.1 + 4.0, parts)]))
+    Some(of_tool(tool, picture(&name, 24.0 + 190.0 + MARGIN.1 + 4.0, parts)))
 }
 
 /// Density in each bar; those beyond the last bar count but are not drawn. `None` without any.

@@ -52,9 +52,14 @@ pub fn repeatability(about: &str, result: &Repeatability, paths: &[Vec<Point3<f6
     page::page("Repeatability", about, parts)
 }
 
-/// A part of a picture or page in a tool's colour.
-fn of_tool(tool: &Drawn, name: &'static str, parts: impl IntoIterator<Item = Node>) -> Node {
-    element(name, &[("style", &format!("--tool: var(--tool-{})", tool.colour))], parts)
+/// A picture on a card of its own, in the tool's colour.
+fn of_tool(tool: &Drawn, picture: Node) -> Node {
+    element("div", &[("class", "card"), ("style", &format!("--tool: var(--tool-{})", tool.colour))], [picture])
+}
+
+/// Rows without a frame missing between them.
+fn stretches<'a>(rows: &'a [&'a Judged<'a>]) -> impl Iterator<Item = &'a [&'a Judged<'a>]> {
+    rows.chunk_by(|a, b| b.sample.frame <= a.sample.frame + 1)
 }
 
 /// The colour of the tape's name where the style sheet has it; others in turn.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::node::Node;
 use super::plot::{MARGIN, Panel, Span, WIDTH, group, label, picture};
-use super::{Drawn, of_tool, page};
+use super::{Drawn, of_tool, page, stretches};
 use crate::pipeline::evaluation::{Judged, OUT_OF_SIGHT_BELOW, Truth, VISIBLE_FROM, WITHIN_95};
 use crate::pipeline::trajectory::SampleState;
 
@@ -15,7 +15,7 @@ const LANE: f64 = 14.0;
 /// When each tool was seen, measured, predicted, missed or claimed falsely.
 pub fn seen(tools: &[Drawn], truth: &Truth) -> Node {
     let time = time(truth);
-    let pictures = tools.iter().map(|tool| of_tool(tool, "div", [lanes(tool, truth, time)]));
+    let pictures = tools.iter().map(|tool| of_tool(tool, lanes(tool, truth, time)));
     let caption = format!(
         "Grey: share of the band that can be seen. Missing: at least {:.0} % of the band is visible and there is no row. False: a \
          row while the tool is out of sight.",
@@ -83,7 +83,7 @@ pub fn errors(tools: &[Drawn]) -> Node {
     let caption = "The line is the error, measured less true; the band is the ± 95 % that the track states for it. Below zero: too far left \
                    (x), up (y), near (z). Errors beyond the edge are drawn at it.";
     let drawn = tools.iter().filter(|tool| tool.rows.iter().any(|row| !row.is_false()));
-    let pictures = drawn.map(|tool| of_tool(tool, "div", [errors_of(tool)]));
+    let pictures = drawn.map(|tool| of_tool(tool, errors_of(tool)));
     page::section("Errors over time", pictures.chain([page::caption(caption)]))
 }
 
@@ -129,9 +129,4 @@ fn reach(rows: &[&Judged], axes: &[usize]) -> f64 {
     let mut sizes: Vec<f64> = rows.iter().map(of_row).collect();
     sizes.sort_by(f64::total_cmp);
     1.15 * sizes[(0.99 * (sizes.len() - 1) as f64).ceil() as usize].max(0.05)
-}
-
-/// Rows without a frame missing between them.
-fn stretches<'a>(rows: &'a [&'a Judged<'a>]) -> impl Iterator<Item = &'a [&'a Judged<'a>]> {
-    rows.chunk_by(|a, b| b.sample.frame <= a.sample.frame + 1)
 }

@@ -100,7 +100,7 @@ impl Panel {
 
     /// The vertical axis alone, with the frame.
     pub fn axes_beside(&self, name: &str) -> Node {
-        let (ticks, digits) = self.y.ticks((self.height / 32.0).max(2.0));
+        let (ticks, digits) = self.y.ticks((self.height / 26.0).max(2.0));
         let mut parts = vec![self.rectangle("frame", (self.left, self.top), (self.width, self.height))];
         for y in ticks {
             let at = self.place((0.0, y)).1;

@@ -10,9 +10,9 @@ use crate::pipeline::evaluation::Line;
 /// Distance from the common line along the guide, across it in the picture plane and in depth.
 pub fn pictures(paths: &[Vec<Point3<f64>>]) -> Node {
     let all: Vec<Point3<f64>> = paths.iter().flatten().copied().collect();
-    let picture = Line::fit(&all).map(|line| strays(&line, paths));
+    let picture = Line::fit(&all).map(|line| element("div", &[("class", "card")], [strays(&line, paths)]));
     let caption = "Zero is the line through all slides. Curves that run together but bend away from zero: a systematic error along the guide. \
-                   Curves apart from each other: slides that were measured differently. Early slides blue, late ones red.";
+                   Curves apart from each other: slides that were measured differently. Early slides blue, late ones orange.";
     page::section("Slides along the guide", picture.into_iter().chain([page::caption(caption)]))
 }
 

@@ -15,9 +15,9 @@ pub fn lead(accuracy: &Accuracy) -> Node {
         ("3-D error", or_none(error), "root mean square, all tools"),
         ("Tips found", format!("{} %", figures::found(level)), "of frames that show at least 40 % of the band"),
         (
-            "False, exchanged",
-            format!("{}, {}", all.false_tracks, level.swaps),
-            "rows for a tool out of sight; rows at the other tool",
+            "False · exchanged",
+            format!("{} · {}", all.false_tracks, level.swaps),
+            "rows for a tool out of sight · at the other tool",
         ),
         ("Inside stated 95 %", or_none(inside), "of the errors; 95 % would be honest"),
     ])
@@ -76,7 +76,13 @@ fn sizes(level: &Level, of: fn(&Errors) -> Spread) -> String {
 }
 
 fn mean(level: &Level, axis: usize) -> String {
-    level.errors.map_or_else(|| NONE.to_owned(), |e| format!("{:.2}", e.bias_mm[axis]).replace('-', "\u{2212}"))
+    level.errors.map_or_else(|| NONE.to_owned(), |e| signed(e.bias_mm[axis]))
+}
+
+/// With a real minus sign, and none before nought.
+fn signed(mm: f64) -> String {
+    let mm = if mm.abs() < 0.005 { 0.0 } else { mm };
+    format!("{mm:.2}").replace('-', "\u{2212}")
 }
 
 fn honesty(level: &Level, of: fn(&Honesty) -> String) -> String {
@@ -95,8 +101,8 @@ pub fn lead_of_slides(result: &Repeatability) -> Node {
 
 /// Each slide's points to each slide's line.
 pub fn distances(result: &Repeatability) -> Node {
-    let head = (1..=result.lines.len()).map(|n| format!("slide {n}"));
-    let mut rows = vec![[String::new()].into_iter().chain(head).collect::<Vec<_>>()];
+    let head = (1..=result.lines.len()).map(|n| n.to_string());
+    let mut rows = vec![["points of slide".to_owned()].into_iter().chain(head).collect::<Vec<_>>()];
     for (line, distances) in result.mean_distance_mm.iter().enumerate() {
         let cells = distances.iter().map(|mm| format!("{mm:.2}"));
         rows.push([format!("to the line of slide {}", line + 1)].into_iter().chain(cells).collect());
