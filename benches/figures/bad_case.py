@@ -26,10 +26,14 @@ def goal(bench, scene, camera, name, reference):
         level = judged(bench, scene, camera)
     except subprocess.CalledProcessError as refusal:
         return Goal(name, wanted, f"refused: {refusal.stderr.strip()}", True)
-    usual = reference["errors_mm"]["3d"]["rms"]
-    error = level["errors_mm"]["3d"]["rms"] if level["errors_mm"] else None
-    if error is None:
-        return Goal(name, wanted, "nothing found", None)
+    if not all(tool["errors_mm"] for tool in level["tools"]):
+        return Goal(name, wanted, "a tool was never found, without a reason", False)
+    ratios = {bad["tool"]: rms(bad) / rms(good) for bad, good in zip(level["tools"], reference["tools"])}
     wrong = level["false_tracks"] + level["swaps"]
-    reached = f"{error / usual:.1f} × ({error:.2f} against {usual:.2f} mm), {100 * level['coverage']:.1f} % found, {wrong} false or swapped"
-    return Goal(name, wanted, reached, error <= 2 * usual and wrong == 0)
+    reached = (" · ".join(f"{tool} {ratio:.1f} ×" for tool, ratio in ratios.items())
+               + f"; {100 * level['coverage']:.1f} % found (good case {100 * reference['coverage']:.1f}), {wrong} false or swapped")
+    return Goal(name, wanted, reached, max(ratios.values()) <= 2 and wrong == 0)
+
+
+def rms(tool):
+    return tool["errors_mm"]["3d"]["rms"]

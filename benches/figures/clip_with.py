@@ -1,7 +1,7 @@
 """The peer's clip generator with another look. Usage: clip_with.py PEER LOOK [make_clip's options]
 
-LOOK is empty (as it is), `purple` (a purple band over a floor of reds and blues: the thesis's bad pair) or `hard` (hard light: one lamp
-from the side, deep shade, glossy tape).
+LOOK is empty (as it is), `purple` (a purple band over a floor of reds and blues: the thesis's bad pair) or `hard` (hard light: a raking
+lamp, deep shade, a streak of glare along the tape).
 """
 import sys
 
@@ -29,13 +29,13 @@ def purple_on_red_and_blue():
 
 
 def hard_light():
-    make_clip.LIGHT = np.array([90.0, -60.0, 10.0])
+    make_clip.LIGHT = np.array([40.0, -150.0, 110.0])
     make_clip.AMBIENT = 0.12
     plain = make_clip.Tool.colour
 
     def glossy(self, part, s, cap):
         labels, base, gloss = plain(self, part, s, cap)
-        return labels, base, max(gloss, 0.5)
+        return labels, base, max(gloss, 0.6)
 
     make_clip.Tool.colour = glossy
 

@@ -81,10 +81,9 @@ class Bench:
         return track, json.loads(timings.read_text())
 
     def evaluated(self, track, truth):
-        """All tools together, on the frames where at least VISIBLE of the band can be seen."""
-        everything = self._json("evaluate", "--json", track, truth)["all"]
-        level = next(level for level in everything["levels"] if level["visible_from"] == VISIBLE)
-        return {**level, "false_tracks": everything["false_tracks"], "at_rest": everything["at_rest"]}
+        """All tools together, on the frames where at least VISIBLE of the band can be seen; each tool's under `tools`."""
+        figures = self._json("evaluate", "--json", track, truth)
+        return {**well_visible(figures["all"]), "tools": [well_visible(tool) for tool in figures["tools"]]}
 
     def repeatability(self, *tracks):
         return self._json("evaluate", "--json", "--repeatability", *tracks)
@@ -92,6 +91,12 @@ class Bench:
     def _json(self, *arguments):
         command = [str(argument) for argument in (self.trocar, *arguments)]
         return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def well_visible(tool):
+    """The figures of the frames where at least VISIBLE of the band can be seen, beside those of all frames."""
+    level = next(level for level in tool["levels"] if level["visible_from"] == VISIBLE)
+    return {**level, **{key: tool[key] for key in ("tool", "false_tracks", "at_rest")}}
 
 
 def run(command):
