@@ -4,10 +4,10 @@
 //! |---|---|
 //! | what really happened; the true motion between its frames | [`truth`](Truth), [`motion`](Motion) |
 //! | each row beside the truth that judges it | [`judged`](Judged) |
-//! | found, missing, false, exchanged; all figures per tool | [`accuracy`] |
+//! | found, missing, false, exchanged; all figures per tool | [`mod@accuracy`] |
 //! | sizes of errors; their delay; are the stated sigmas true | [`errors`](Errors), [`lag`](Lag), [`honesty`](Honesty) |
 //! | speed of a tool that rests | [`rest`](NoiseFloor) |
-//! | slides along one guide | [`repeatability`] |
+//! | slides along one guide | [`mod@repeatability`] |
 
 mod accuracy;
 mod errors;

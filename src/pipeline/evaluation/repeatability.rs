@@ -183,7 +183,7 @@ mod tests {
         fn slides_are_cut_at_the_ends_whatever_happens_between(
             strokes in 1usize..8,
             rest in 0usize..20,
-            back in 0.0f64..0.3,
+            back in 0.0f64..0.25,
             seed in 0u64..1000,
         ) {
             let mut dice = Dice::new(seed, "slides");
@@ -191,7 +191,7 @@ mod tests {
             for stroke in 0..strokes {
                 let towards = if stroke % 2 == 0 { 1.0 } else { -1.0 };
                 let way = (0..=60).map(|i| f64::from(i) / 60.0);
-                let turning_back = |s: f64| s - back * (3.0 * s * std::f64::consts::TAU / 2.0).sin() * 0.3;
+                let turning_back = |s: f64| s - back * (3.0 * std::f64::consts::PI * s).sin();
                 places.extend(way.map(|s| towards * (80.0 * turning_back(s) - 40.0)));
                 places.extend(std::iter::repeat_n(towards * 40.0, rest));
             }
