@@ -69,9 +69,9 @@ release: packages
 	cargo build --release --locked
 
 .PHONY: figures
-figures: release test-packages ## accuracy and cost on every scene, beside the OpenCV peer; writes the README's table
+figures: release test-packages ## every figure of the README, beside the OpenCV peer; FIGURES="--quick --only rest" to try one
 	@$(call install,python3-venv)
-	benches/figures.py $(RELEASE) $(SHARED) $(TARGET)/figures --readme README.md
+	python3 benches/figures $(RELEASE) $(SHARED) $(TARGET)/figures $(or $(FIGURES),--readme README.md)
 
 .PHONY: foreign-clients
 foreign-clients: release test-packages ## 500 MB by tus-js-client and tus-py-client, with cuts; memory of the server

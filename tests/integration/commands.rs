@@ -110,6 +110,20 @@ fn a_tool_in_another_colour_is_refused_but_what_was_tracked_is_written() {
 }
 
 #[test]
+fn a_report_is_one_page_beside_the_figures() {
+    let folder = scene();
+    assert!(trocar(folder.path(), &format!("{TRACK} --out track.csv")).status.success());
+    let plain = trocar(folder.path(), "evaluate track.csv truth.json");
+    let output = trocar(folder.path(), "evaluate --report report.html track.csv truth.json");
+    assert!(output.status.success() && output.stdout == plain.stdout, "{output:?}");
+    let page = fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert!(page.starts_with("<!doctype html>") && page.contains("track.csv against truth.json"), "{page:.500}");
+    let nowhere = trocar(folder.path(), "evaluate --report nowhere/report.html track.csv truth.json");
+    let said = String::from_utf8(nowhere.stderr).unwrap();
+    assert!(nowhere.status.code() == Some(1) && said.contains("nowhere/report.html"), "{said}");
+}
+
+#[test]
 fn without_a_file_to_write_to_the_path_goes_to_stdout_and_nothing_else_does() {
     let output = trocar(SCENE.path(), TRACK);
     let text = String::from_utf8(output.stdout).unwrap();

@@ -1,0 +1,73 @@
+#!/usr/bin/env python3
+"""The README's figures: calibrate → track → evaluate, on every scene with a known answer, beside the OpenCV peer.
+
+Usage: python3 benches/figures TROCAR SHARED WORK [--readme README.md] [--only PART,…] [--quick]
+
+TROCAR is the release binary, SHARED the folder with `scenes/`, `peer/`, WORK a folder for results. Everything is done
+as a user would: photos and annotations in, nothing else. PARTs are those of `PARTS` below. `--quick` runs each part once on
+short clips, to see that it works: its figures are not for the README.
+"""
+import argparse
+import os
+import sys
+from pathlib import Path
+
+import accuracy
+import bad_case
+import cost
+import memory
+import repeatability
+import rest
+from programs import ROUNDS, Bench
+from scenes import Scenes
+
+PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "cost": cost, "memory": memory}
+BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
+
+
+def main():
+    options = arguments()
+    bench = Bench(options.trocar.resolve(), options.shared, options.work, options.quick)
+    scenes = Scenes(bench)
+    goals, tables = [], []
+    for name in options.only:
+        print(f"… {name}", file=sys.stderr)
+        part = PARTS[name].measure(bench, scenes)
+        goals += part.goals
+        tables += part.tables
+    text = "\n\n".join([goals_table(goals), *tables, note(bench)])
+    print(text)
+    if options.readme:
+        before, rest_of_it = options.readme.read_text().split(BEGIN)
+        after = rest_of_it.split(END)[1]
+        options.readme.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}")
+
+
+def arguments():
+    parser = argparse.ArgumentParser(prog="figures", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("trocar", type=Path)
+    parser.add_argument("shared", type=Path)
+    parser.add_argument("work", type=Path)
+    parser.add_argument("--readme", type=Path)
+    parser.add_argument("--only", type=lambda names: names.split(","), default=list(PARTS))
+    parser.add_argument("--quick", action="store_true")
+    options = parser.parse_args()
+    if unknown := set(options.only) - set(PARTS):
+        parser.error(f"no part is called {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
+    if options.readme and (options.quick or options.only != list(PARTS)):
+        parser.error("--readme needs every part, and not --quick")
+    return options
+
+
+def goals_table(goals):
+    rows = [f"| {goal.name} | {goal.goal} | {goal.reached} | {goal.verdict()} |" for goal in goals]
+    return "\n".join(["| figure | goal | reached | |", "|---|---|---|---|", *rows])
+
+
+def note(bench):
+    return (f"All from photos and annotations alone, unless a row says otherwise. {os.cpu_count()} cores; times are medians of "
+            f"{bench.rounds(ROUNDS)} interleaved rounds." + (" QUICK: not for quoting." if bench.quick else ""))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""Running programs, what they cost, and what `trocar` says of its own results."""
+import json
+import os
+import subprocess
+import sys
+import time
+import venv
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROUNDS = 3
+VISIBLE = 0.4
+PEER_NEEDS = ["opencv-python-headless<5", "numpy", "scipy", "numba"]
+
+
+@dataclass
+class Goal:
+    """A figure that was promised: what was reached, and whether that is enough (None: nobody can say)."""
+    name: str
+    goal: str
+    reached: str
+    met: bool | None
+
+    def verdict(self):
+        return {True: "yes", False: "**no**", None: "–"}[self.met]
+
+
+@dataclass
+class Part:
+    """What one part of the measurement adds to the README."""
+    goals: list = field(default_factory=list)
+    tables: list = field(default_factory=list)
+
+
+@dataclass
+class Usage:
+    """What one run of a program took. The peak counts this script's own few MiB if the program stays below them."""
+    cpu_s: float
+    wall_s: float
+    peak_mib: float
+
+
+class Bench:
+    """The programs under test and a place for their results."""
+
+    def __init__(self, trocar, shared, work, quick):
+        self.trocar, self.shared, self.work, self.quick = trocar, shared, work, quick
+        work.mkdir(parents=True, exist_ok=True)
+        self._python = None
+
+    def rounds(self, usual):
+        return 1 if self.quick else usual
+
+    @property
+    def python(self):
+        """A Python that has what the peer needs; made on first use."""
+        folder = self.work / "peer-venv"
+        if not (folder / "ready").exists():
+            venv.create(folder, with_pip=True, clear=True)
+            run([folder / "bin" / "pip", "install", "-q", *PEER_NEEDS])
+            (folder / "ready").touch()
+        return folder / "bin" / "python"
+
+    def calibrate(self, scene):
+        camera = scene.out / "camera.json"
+        run([self.trocar, "calibrate", "--quiet", "--board", "9x6", "--square-mm", "21", "--out", camera, *scene.photos])
+        return camera
+
+    def track(self, scene, camera, name="track.csv", options=()):
+        """Tracks a scene's clip; returns where the path lies and what it took."""
+        track = scene.out / name
+        command = [self.trocar, "track", "--quiet", "--camera", camera, "--annotations", scene.annotations,
+                   "--out", track, *options, scene.video]
+        return track, run(command)
+
+    def peer_track(self, scene, camera):
+        """The peer's path and its own count of CPU; its colour table is kept, so that a second run is without it."""
+        track, timings = scene.out / "peer.csv", scene.out / "peer.json"
+        run([self.python, self.shared / "peer" / "opencv_tracker.py", "--video", scene.video, "--camera", camera,
+             "--annotations", scene.annotations, "--out", track, "--timings", timings, "--lut", scene.out / "peer-lut.npy"])
+        return track, json.loads(timings.read_text())
+
+    def evaluated(self, track, truth):
+        """All tools together, on the frames where at least VISIBLE of the band can be seen; each tool's under `tools`."""
+        figures = self._json("evaluate", "--json", track, truth)
+        return {**well_visible(figures["all"]), "tools": [well_visible(tool) for tool in figures["tools"]]}
+
+    def repeatability(self, *tracks):
+        return self._json("evaluate", "--json", "--repeatability", *tracks)
+
+    def _json(self, *arguments):
+        command = [str(argument) for argument in (self.trocar, *arguments)]
+        return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def well_visible(tool):
+    """The figures of the frames where at least VISIBLE of the band can be seen, beside those of all frames."""
+    level = next(level for level in tool["levels"] if level["visible_from"] == VISIBLE)
+    return {**level, **{key: tool[key] for key in ("tool", "false_tracks", "at_rest")}}
+
+
+def run(command):
+    """Runs a program to its end; fails as it fails."""
+    start = time.monotonic()
+    process = subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    said = process.stderr.read()
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        print(said, file=sys.stderr)
+        raise subprocess.CalledProcessError(process.returncode, command, stderr=said)
+    return Usage(used.ru_utime + used.ru_stime, time.monotonic() - start, used.ru_maxrss / 1024)
+
+
+def decoding(video):
+    """What every program has to do first."""
+    return ["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]
+
+
+def frames_and_mbit_s(video):
+    """Number of frames and bit rate of a clip."""
+    command = ["ffprobe", "-v", "error", "-select_streams", "v:0", "-count_packets", "-show_entries",
+               "stream=nb_read_packets:format=duration,size", "-of", "json", str(video)]
+    probed = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    size, duration = float(probed["format"]["size"]), float(probed["format"]["duration"])
+    return int(probed["streams"][0]["nb_read_packets"]), 8e-6 * size / duration
+
+
+def table(head, rows):
+    """A table in Markdown."""
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))

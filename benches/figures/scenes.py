@@ -1,0 +1,78 @@
+"""Scenes with a known answer, each with the photos that its camera took: rendered ones, the peer's, the project's own."""
+import sys
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from programs import run
+
+
+@dataclass
+class Scene:
+    """Names a clip, what an instructor marked on it, what is true of it, and a folder for results."""
+    name: str
+    out: Path
+    video: Path
+    annotations: Path
+    truth: Path
+    true_camera: Path
+    photos: list
+
+
+class Scenes:
+    """Finds or makes the scenes; what has been made stays."""
+
+    def __init__(self, bench):
+        self.bench = bench
+
+    @cached_property
+    def rendered(self):
+        """V1–V5 of SHARED: V2 is seen aslant at 1080p, the others from above at 720p."""
+        names = ["V2", "V3"] if self.bench.quick else ["V1", "V2", "V3", "V4", "V5"]
+        return [self._rendered(name) for name in names]
+
+    def _rendered(self, name):
+        folder = self.bench.shared / "scenes" / name
+        photos = self.bench.shared / "scenes" / "calib" / ("W" if name == "V2" else "V")
+        return Scene(name, self._folder(name), folder / "video.mp4", folder / "annotations.json", folder / "truth.json",
+                     folder / "camera_true.json", sorted(photos.glob("*.jpg")))
+
+    @cached_property
+    def peer_1080p(self):
+        """Two tools at 1080p by the peer's own generator."""
+        return self.peer_clip("peer, 1080p", "1080p", 4 if self.bench.quick else 20)
+
+    def peer_clip(self, name, size, seconds, look=""):
+        """A clip of the peer's generator; `look` changes colours and light (see `clip_with.py`)."""
+        folder = self._folder(f"{name} {seconds} s")
+        if not (folder / "truth.json").exists():
+            maker = Path(__file__).with_name("clip_with.py")
+            run([self.bench.python, maker, self.bench.shared / "peer", look, "--out", folder, "--size", size,
+                 "--seconds", seconds])
+        return Scene(name, folder, folder / "clip.mp4", folder / "annotations.json", folder / "truth.json",
+                     folder / "camera.json", sorted((folder / "boards").glob("*.jpg")))
+
+    @cached_property
+    def own(self):
+        """The simulator's: two tools handing over beads, two crossing, seen from above and aslant."""
+        chosen = [("pegs", "top"), ("crossing", "side")]
+        return [self.simulated(scene, view) for scene, view in chosen[:1 if self.bench.quick else None]]
+
+    def simulated(self, scene, view):
+        """A whole task of the simulator (the rest: 8 s), 720p."""
+        folder = self._folder(f"own {scene} {view}")
+        if not (folder / "clip.mp4").exists():
+            seconds = ["--seconds", 4] if self.bench.quick and scene != "slide" else []
+            run([self.bench.trocar, "simulate", "--quiet", "--scene", scene, "--view", view, "--seed", 5, *seconds,
+                 "--out", folder / "new"])
+            for made in sorted((folder / "new").iterdir()):
+                made.rename(folder / made.name)
+        return Scene(f"own {scene}, {view}", folder, folder / "clip.mp4", folder / "annotations.json",
+                     folder / "truth.json", folder / "camera.json", sorted((folder / "boards").glob("*.jpg")))
+
+    def _folder(self, name):
+        folder = self.bench.work / ("quick" if self.bench.quick else "full") / name.replace(", ", "-").replace(" ", "-")
+        if not folder.exists():
+            print(f"  {name}", file=sys.stderr)
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder

@@ -1,0 +1,67 @@
+//! Which figures people get to see, and how each is written: for the terminal and the page alike.
+
+use crate::pipeline::evaluation::{Accuracy, Errors, Lag, Level, NoiseFloor, Share, ToolAccuracy};
+
+/// What a figure is where there is none.
+pub(super) const NONE: &str = "–";
+
+/// Tools and levels that say something of their own: all tools together only where there are several, a stricter
+/// visibility only where it drops frames.
+pub(super) fn rows(accuracy: &Accuracy) -> Vec<(&ToolAccuracy, &Level)> {
+    let of_tool = |tool: &'_ ToolAccuracy| {
+        let repeats = |at: usize| at > 0 && tool.levels[at].frames == tool.levels[at - 1].frames;
+        (0..tool.levels.len()).filter(|at| !repeats(*at)).collect::<Vec<_>>()
+    };
+    tools(accuracy)
+        .into_iter()
+        .flat_map(|tool| of_tool(tool).into_iter().map(move |at| (tool, &tool.levels[at])))
+        .collect()
+}
+
+/// Each tool, and all of them where there are several.
+pub(super) fn tools(accuracy: &Accuracy) -> Vec<&ToolAccuracy> {
+    let together = Some(&accuracy.all).filter(|_| accuracy.tools.len() > 1);
+    accuracy.tools.iter().chain(together).collect()
+}
+
+/// Errors of all rows, and where some are predicted also of each state.
+pub(super) fn states(level: &Level) -> Vec<(&'static str, &Errors)> {
+    let apart = level.predicted_errors.is_some();
+    let kinds = [
+        ("all", &level.errors),
+        ("observed", if apart { &level.observed_errors } else { &None }),
+        ("predicted", &level.predicted_errors),
+    ];
+    kinds.into_iter().filter_map(|(state, errors)| Some((state, errors.as_ref()?))).collect()
+}
+
+pub(super) fn name(tool: &ToolAccuracy) -> &str {
+    tool.tool.as_deref().unwrap_or("all")
+}
+
+pub(super) fn found(level: &Level) -> String {
+    if level.frames == 0 { NONE.to_owned() } else { percent(level.found as f64 / level.frames as f64) }
+}
+
+pub(super) fn percent(share: f64) -> String {
+    format!("{:.1}", 100.0 * share)
+}
+
+/// Milliseconds with twice the standard error, which holds 95 %.
+pub(super) fn lag(lag: Lag) -> String {
+    match lag {
+        Lag::Measured { lag_s, sigma_s } => format!("{:.1} ± {:.1}", 1000.0 * lag_s, 2000.0 * sigma_s),
+        Lag::TooLittleMotion => "too little motion".to_owned(),
+    }
+}
+
+/// Percent inside the region, and where the true share lies.
+pub(super) fn share(share: &Share) -> String {
+    let [low, high] = share.interval.map(|end| 100.0 * end);
+    format!("{} ({low:.0}–{high:.0})", percent(share.inside))
+}
+
+/// Median and RMS, mm/s.
+pub(super) fn at_rest(floor: &NoiseFloor) -> [String; 3] {
+    [floor.rows.to_string(), format!("{:.2}", floor.median_mm_s), format!("{:.2}", floor.rms_mm_s)]
+}

@@ -1,0 +1,118 @@
+//! `trocar evaluate`: a trajectory against the truth, or paths along one guide against each other.
+
+mod figures;
+mod json;
+mod report;
+mod text;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use nalgebra::Point3;
+use serde_json::Value;
+
+use super::{Failure, print_result, read_trajectory};
+use crate::domain::files::truth::TruthFile;
+use crate::pipeline::evaluation::{self, Truth, accuracy, repeatability};
+use crate::pipeline::trajectory::{SampleState, Trajectory};
+
+/// Arguments of `trocar evaluate`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Compare paths along one straight guide: one file per path, or one file whose path goes to and fro.
+    #[arg(long)]
+    repeatability: bool,
+    /// With --repeatability, the tool whose path to take; needed where a file holds several.
+    #[arg(long, value_name = "TOOL", requires = "repeatability")]
+    tool: Option<String>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Also write a page with tables and plots: one HTML file that needs no network.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// `track.csv truth.json`, or with --repeatability one or more trajectories.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+}
+
+/// What a kind of comparison says: to programs, to people, and to those who want to see it.
+struct Findings {
+    json: Value,
+    text: String,
+    page: String,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let findings = if args.repeatability {
+        compare(&args.files, args.tool.as_deref())?
+    } else {
+        let [track, truth] = args.files.as_slice() else {
+            return Err(Failure::Input(anyhow!(
+                "expected a trajectory and a truth: trocar evaluate track.csv truth.json"
+            )));
+        };
+        judge(track, truth)?
+    };
+    if let Some(report) = &args.report {
+        fs::write(report, findings.page).with_context(|| format!("writing {}", report.display()))?;
+    }
+    if args.json {
+        print_result(&(serde_json::to_string_pretty(&findings.json).context("writing JSON")? + "\n"))
+    } else {
+        print_result(&findings.text)
+    }
+}
+
+fn judge(track: &Path, truth: &Path) -> Result<Findings, Failure> {
+    let trajectory = read_trajectory(track)?;
+    let truth_read = read_truth(truth).map_err(Failure::Input)?;
+    let against = || format!("{} against {}", track.display(), truth.display());
+    let result = accuracy(&trajectory, &truth_read).with_context(against).map_err(Failure::Input)?;
+    let rows = evaluation::judge(&trajectory, &truth_read).with_context(against).map_err(Failure::Input)?;
+    Ok(Findings {
+        json: json::accuracy(&result),
+        text: text::accuracy(&result),
+        page: report::accuracy(&against(), &result, &rows, &truth_read),
+    })
+}
+
+fn read_truth(path: &Path) -> anyhow::Result<Truth> {
+    let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+    Ok(TruthFile::parse(&text).with_context(|| path.display().to_string())?.truth())
+}
+
+fn compare(files: &[PathBuf], tool: Option<&str>) -> Result<Findings, Failure> {
+    let read = |file: &PathBuf| {
+        path_of(&read_trajectory(file)?, tool).map_err(|e| Failure::Input(e.context(file.display().to_string())))
+    };
+    let mut paths = files.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    if let [only] = paths.as_slice() {
+        paths = evaluation::slides(only);
+    }
+    let result = repeatability(&paths).map_err(Failure::input)?;
+    let names = files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ");
+    Ok(Findings {
+        json: json::repeatability(&result),
+        text: text::repeatability(&result),
+        page: report::repeatability(&names, &result, &paths),
+    })
+}
+
+/// The observed positions of the tool that is asked for, or of the only one.
+fn path_of(trajectory: &Trajectory, tool: Option<&str>) -> anyhow::Result<Vec<Point3<f64>>> {
+    let names = trajectory.tools.join(", ");
+    let tool = match tool {
+        Some(name) => trajectory
+            .tools
+            .iter()
+            .position(|t| t == name)
+            .ok_or_else(|| anyhow!("no tool `{name}`; it has {names}"))?,
+        None if trajectory.tools.len() > 1 => return Err(anyhow!("several tools ({names}); pick one with --tool")),
+        None => 0,
+    };
+    let observed = trajectory.of_tool(tool).filter(|sample| sample.state == SampleState::Observed);
+    Ok(observed.map(|sample| sample.tip_mm).collect())
+}

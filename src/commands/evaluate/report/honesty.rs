@@ -1,0 +1,77 @@
+//! Are the stated errors true? Normalised errors beside the law that they would follow.
+
+use super::node::Node;
+use super::plot::{MARGIN, Panel, Span, WIDTH, label, picture};
+use super::{Drawn, of_tool, page};
+use crate::pipeline::evaluation::{VISIBLE_FROM, WITHIN_95, chi_square_3_density, normalised_square};
+
+/// Up to where the histogram reaches, and how wide its bars are.
+const REACH: f64 = 16.0;
+const BAR: f64 = 0.5;
+
+/// A histogram for each tool that states its errors.
+pub fn histograms(tools: &[Drawn]) -> Node {
+    let pictures: Vec<Node> = tools.iter().filter_map(histogram).collect();
+    let caption = "Squared 3-D error in units of what the track states, over its three axes. Bars: the track; curve: the χ² law of three \
+                   degrees of freedom, which honest errors follow. Bars left of the curve: the track is better than it says; a \
+                   long tail to the right: worse. 5 % of honest errors lie beyond the dashed line.";
+    let caption = if pictures.is_empty() { "The track states no errors." } else { caption };
+    page::section("Stated against true errors", pictures.into_iter().chain([page::caption(caption)]))
+}
+
+fn histogram(tool: &Drawn) -> Option<Node> {
+    let seen = tool.rows.iter().filter(|row| row.visible >= VISIBLE_FROM[0]);
+    let squares: Vec<f64> = seen.filter_map(normalised_square).collect();
+    let bars = density(&squares)?;
+    let top = bars.iter().copied().fold(chi_square_3_density(1.0), f64::max);
+    let panel = Panel {
+        left: MARGIN.0,
+        top: 24.0,
+        width: WIDTH - MARGIN.0 - 10.0,
+        height: 190.0,
+        x: Span { from: 0.0, to: REACH },
+        y: Span { from: 0.0, to: 1.08 * top },
+    };
+    let mut parts = vec![label("title", (0.0, 14.0), tool.name), panel.axes("normalised squared error", "density")];
+    for (index, height) in bars.iter().enumerate() {
+        let from = BAR * index as f64;
+        parts.push(panel.bar("bars", (from + 0.04 * BAR, from + 0.96 * BAR), (0.0, *height)));
+    }
+    let curve: Vec<_> = (0..=320).map(|i| REACH * f64::from(i) / 320.0).map(|x| (x, chi_square_3_density(x))).collect();
+    parts.push(panel.line("curve", &curve));
+    parts.push(panel.line("limit", &[(WITHIN_95[2], 0.0), (WITHIN_95[2], top)]));
+    let share = |part: usize| 100.0 * part as f64 / squares.len() as f64;
+    let beyond = share(squares.iter().filter(|s| **s > WITHIN_95[2]).count());
+    let far = share(squares.iter().filter(|s| **s > REACH).count());
+    let (u, v) = panel.place((WITHIN_95[2], top));
+    parts.push(label(
+        "number",
+        (u + 8.0, v + 14.0),
+        &format!("{beyond:.1} % beyond (honest: 5 %), {far:.1} % off the plot"),
+    ));
+    let name = format!("histogram of the normalised errors of {}", tool.name);
+    Some(of_tool(tool, picture(&name, 24.0 + 190.0 + MARGIN.1 + 4.0, parts)))
+}
+
+/// Density in each bar; those beyond the last bar count but are not drawn. `None` without any.
+fn density(squares: &[f64]) -> Option<Vec<f64>> {
+    let mut bars = vec![0.0; (REACH / BAR) as usize];
+    let each = 1.0 / (BAR * squares.len() as f64);
+    for square in squares {
+        bars.get_mut((square / BAR) as usize).into_iter().for_each(|bar| *bar += each);
+    }
+    (!squares.is_empty()).then_some(bars)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_hold_the_share_of_what_they_span() {
+        let bars = density(&[0.1, 0.2, 0.7, 99.0]).unwrap();
+        assert_eq!((bars[0], bars[1]), (2.0 / 4.0 / BAR, 1.0 / 4.0 / BAR));
+        assert_eq!(bars.iter().sum::<f64>() * BAR, 0.75);
+        assert_eq!(density(&[]), None);
+    }
+}

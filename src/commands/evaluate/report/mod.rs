@@ -1,0 +1,72 @@
+//! The report page: what the tables say, and what only a picture shows.
+
+mod honesty;
+mod node;
+mod over_time;
+mod page;
+mod path;
+mod plot;
+mod slides;
+mod summary;
+
+use nalgebra::Point3;
+
+use self::node::{Node, element};
+use super::figures;
+use crate::pipeline::evaluation::{Accuracy, Judged, Motion, Repeatability, Truth};
+
+/// A tool and all that is drawn of it.
+struct Drawn<'a> {
+    name: &'a str,
+    /// The style sheet's name of its colour.
+    colour: &'static str,
+    /// Its rows.
+    rows: Vec<Judged<'a>>,
+    motion: Motion,
+}
+
+/// A trajectory held against the truth.
+pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[Judged], truth: &Truth) -> String {
+    let names = accuracy.tools.iter().filter_map(|tool| tool.tool.as_deref());
+    let drawn = |(at, name): (usize, _)| Drawn {
+        name,
+        colour: colour(name, at),
+        rows: rows.iter().filter(|row| row.tool == name).copied().collect(),
+        motion: Motion::of(truth, name),
+    };
+    let drawn: Vec<Drawn> = names.enumerate().map(drawn).collect();
+    let parts = [
+        summary::lead(accuracy),
+        summary::table(accuracy),
+        over_time::seen(&drawn, truth),
+        over_time::errors(&drawn),
+        honesty::histograms(&drawn),
+        path::views(&drawn),
+    ];
+    page::page("Track against truth", about, parts)
+}
+
+/// Paths along one guide held against each other.
+pub fn repeatability(about: &str, result: &Repeatability, paths: &[Vec<Point3<f64>>]) -> String {
+    let parts = [summary::lead_of_slides(result), slides::pictures(paths), summary::distances(result)];
+    page::page("Repeatability", about, parts)
+}
+
+/// A picture on a card of its own, in the tool's colour.
+fn of_tool(tool: &Drawn, picture: Node) -> Node {
+    element("div", &[("class", "card"), ("style", &format!("--tool: var(--tool-{})", tool.colour))], [picture])
+}
+
+/// Rows without a frame missing between them.
+fn stretches<'a>(rows: &'a [&'a Judged<'a>]) -> impl Iterator<Item = &'a [&'a Judged<'a>]> {
+    rows.chunk_by(|a, b| b.sample.frame <= a.sample.frame + 1)
+}
+
+/// The colour of the tape's name where the style sheet has it; others in turn.
+fn colour(name: &str, at: usize) -> &'static str {
+    const COLOURS: [&str; 9] = ["orange", "cyan", "purple", "green", "pink", "blue", "yellow", "red", "grey"];
+    COLOURS.into_iter().find(|colour| *colour == name).unwrap_or(COLOURS[at % COLOURS.len()])
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,132 @@
+//! Along the recording: when a tool was seen, and how far off it was.
+
+use nalgebra::Vector3;
+
+use super::node::Node;
+use super::plot::{MARGIN, Panel, Span, WIDTH, group, label, picture};
+use super::{Drawn, of_tool, page, stretches};
+use crate::pipeline::evaluation::{Judged, OUT_OF_SIGHT_BELOW, Truth, VISIBLE_FROM, WITHIN_95};
+use crate::pipeline::trajectory::SampleState;
+
+/// Room for the names of lanes, left.
+const NAMES: f64 = 96.0;
+const LANE: f64 = 14.0;
+
+/// When each tool was seen, measured, predicted, missed or claimed falsely.
+pub fn seen(tools: &[Drawn], truth: &Truth) -> Node {
+    let time = time(truth);
+    let pictures = tools.iter().map(|tool| of_tool(tool, lanes(tool, truth, time)));
+    let caption = format!(
+        "Grey: share of the band that can be seen. Missing: at least {:.0} % of the band is visible and there is no row. False: a \
+         row while the tool is out of sight.",
+        100.0 * VISIBLE_FROM[0]
+    );
+    page::section("Seen, predicted, missing", pictures.chain([page::caption(&caption)]))
+}
+
+fn lanes(tool: &Drawn, truth: &Truth, time: Span) -> Node {
+    let frames: Vec<(u64, f64, f64)> =
+        truth.frames.iter().map(|f| (f.frame, f.time_s, visible(f, tool.name))).collect();
+    let step_s = time.length() / frames.len().max(1) as f64;
+    let rows: std::collections::HashMap<u64, &Judged> = tool.rows.iter().map(|r| (r.sample.frame, r)).collect();
+    let is = |lane: &str, frame: u64, visible: f64| match rows.get(&frame) {
+        Some(row) => match lane {
+            "observed" => !row.is_false() && row.sample.state == SampleState::Observed,
+            "predicted" => !row.is_false() && row.sample.state == SampleState::Predicted,
+            "false" => row.is_false(),
+            _ => false,
+        },
+        None => lane == "missing" && visible >= VISIBLE_FROM[0],
+    };
+    let head = Panel {
+        left: NAMES,
+        top: 24.0,
+        width: WIDTH - NAMES - 10.0,
+        height: 30.0,
+        x: time,
+        y: Span { from: 0.0, to: 1.0 },
+    };
+    let shares: Vec<_> = frames.iter().map(|(_, time_s, visible)| (*time_s, 0.0, *visible)).collect();
+    let mut parts = vec![label("title", (0.0, 14.0), tool.name), label("number end", (NAMES - 8.0, 44.0), "visible")];
+    parts.push(head.band("share", &shares));
+    let mut top = head.top + head.height + 8.0;
+    for lane in ["observed", "predicted", "missing", "false"] {
+        let panel = Panel { top, height: LANE - 4.0, ..head };
+        let runs = runs(&frames.iter().map(|(frame, time_s, v)| (*time_s, is(lane, *frame, *v))).collect::<Vec<_>>());
+        let count = frames.iter().filter(|(frame, _, v)| is(lane, *frame, *v)).count();
+        parts.push(label("number end", (NAMES - 8.0, top + 9.0), &format!("{lane} {count}")));
+        parts.push(group("", runs.into_iter().map(|(from, to)| panel.bar(lane, (from, to + step_s), (0.0, 1.0)))));
+        top += LANE;
+    }
+    let whole = Panel { height: top - head.top, ..head };
+    parts.push(whole.axes_below("time, s"));
+    picture(&format!("when {} was seen", tool.name), top + MARGIN.1 + 4.0, parts)
+}
+
+fn visible(frame: &crate::pipeline::evaluation::TruthFrame, name: &str) -> f64 {
+    frame.tools.iter().find(|tool| tool.tool == name).map_or(0.0, |tool| tool.visible)
+}
+
+/// From and to of each stretch of frames for which something holds.
+fn runs(frames: &[(f64, bool)]) -> Vec<(f64, f64)> {
+    let holding = frames.chunk_by(|a, b| a.1 == b.1).filter(|run| run[0].1);
+    holding.map(|run| (run[0].0, run[run.len() - 1].0)).collect()
+}
+
+fn time(truth: &Truth) -> Span {
+    let ends = [truth.frames.first(), truth.frames.last()].map(|frame| frame.map_or(0.0, |frame| frame.time_s));
+    Span { from: ends[0], to: ends[1].max(ends[0] + 1e-3) }
+}
+
+/// Error in x, y and z over time with the band that should hold 95 % of it.
+pub fn errors(tools: &[Drawn]) -> Node {
+    let caption = "The line is the error, measured less true; the band is the ± 95 % that the track states for it. Below zero: too far left \
+                   (x), up (y), near (z). Errors beyond the edge are drawn at it.";
+    let drawn = tools.iter().filter(|tool| tool.rows.iter().any(|row| !row.is_false()));
+    let pictures = drawn.map(|tool| of_tool(tool, errors_of(tool)));
+    page::section("Errors over time", pictures.chain([page::caption(caption)]))
+}
+
+fn errors_of(tool: &Drawn) -> Node {
+    const HEIGHT: f64 = 96.0;
+    const NEXT: f64 = HEIGHT + 14.0;
+    let rows: Vec<&Judged> = tool.rows.iter().filter(|row| row.visible >= OUT_OF_SIGHT_BELOW).collect();
+    let time = Span { from: rows[0].time_s, to: rows[rows.len() - 1].time_s.max(rows[0].time_s + 1e-3) };
+    let (lateral, depth) = (reach(&rows, &[0, 1]), reach(&rows, &[2]));
+    let mut parts = vec![label("title", (0.0, 14.0), tool.name)];
+    for (axis, name) in ["x, mm", "y, mm", "z (depth), mm"].into_iter().enumerate() {
+        let reach = if axis == 2 { depth } else { lateral };
+        let panel = Panel {
+            left: MARGIN.0,
+            top: 24.0 + NEXT * axis as f64,
+            width: WIDTH - MARGIN.0 - 10.0,
+            height: HEIGHT,
+            x: time,
+            y: Span { from: -reach, to: reach },
+        };
+        parts.push(if axis == 2 { panel.axes("time, s", name) } else { panel.axes_beside(name) });
+        for stretch in stretches(&rows) {
+            let band = stretch.iter().filter_map(|r| bound(r, axis).map(|b| (r.time_s, -b, b))).collect::<Vec<_>>();
+            parts.push(panel.band("stated", &band));
+            parts.push(panel.line("track", &stretch.iter().map(|r| (r.time_s, r.error_mm[axis])).collect::<Vec<_>>()));
+        }
+    }
+    picture(&format!("errors of {} over time", tool.name), 24.0 + 3.0 * NEXT + MARGIN.1 - 10.0, parts)
+}
+
+/// Half of the stated 95 % interval of one axis, mm.
+fn bound(row: &Judged, axis: usize) -> Option<f64> {
+    let sigma = if axis == 2 { row.sample.sigma_z_mm } else { row.sample.sigma_xy_mm };
+    sigma.map(|sigma| WITHIN_95[0].sqrt() * sigma)
+}
+
+/// How far the axis reaches so that all but a hundredth of errors and bounds fit, mm.
+fn reach(rows: &[&Judged], axes: &[usize]) -> f64 {
+    let of_row = |row: &&Judged| {
+        let error: &Vector3<f64> = &row.error_mm;
+        axes.iter().map(|a| error[*a].abs().max(bound(row, *a).unwrap_or(0.0))).fold(0.0, f64::max)
+    };
+    let mut sizes: Vec<f64> = rows.iter().map(of_row).collect();
+    sizes.sort_by(f64::total_cmp);
+    1.15 * sizes[(0.99 * (sizes.len() - 1) as f64).ceil() as usize].max(0.05)
+}

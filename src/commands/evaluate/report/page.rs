@@ -1,0 +1,81 @@
+//! The page round the plots: head, lead figures, sections, tables.
+
+use super::node::{Node, element, empty, style, text};
+
+/// The dashboard's colours, and what this page makes of them.
+const STYLES: [&str; 2] = [include_str!("../../../../static/styles/tokens.css"), include_str!("report.css")];
+
+/// A whole page: no script, nothing from elsewhere, and a policy that would refuse both.
+pub fn page(title: &str, about: &str, body: impl IntoIterator<Item = Node>) -> String {
+    let policy = "default-src 'none'; style-src 'unsafe-inline'";
+    let head = [
+        empty("meta", &[("charset", "utf-8")]),
+        empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", policy)]),
+        empty("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]),
+        empty("meta", &[("name", "color-scheme"), ("content", "light dark")]),
+        element("title", &[], [text(format!("{title}: {about}"))]),
+        style(&STYLES),
+    ];
+    let top =
+        element("header", &[], [element("h1", &[], [text(title)]), element("p", &[("class", "about")], [text(about)])]);
+    let main = element("main", &[], [top].into_iter().chain(body));
+    let page = element("html", &[("lang", "en")], [element("head", &[], head), element("body", &[], [main])]);
+    format!("<!doctype html>\n{}\n", page.markup())
+}
+
+/// The few figures to read first: name, value with unit, what it means.
+pub fn lead(figures: &[(&str, String, &str)]) -> Node {
+    let tile = |(name, value, meaning): &(&str, String, &str)| {
+        let lines = [("name", *name), ("value", value.as_str()), ("meaning", *meaning)];
+        element(
+            "div",
+            &[("class", "tile")],
+            lines.map(|(class, words)| element("p", &[("class", class)], [text(words)])),
+        )
+    };
+    element("section", &[("class", "lead")], figures.iter().map(tile))
+}
+
+/// A part of the page.
+pub fn section(title: &str, body: impl IntoIterator<Item = Node>) -> Node {
+    element("section", &[], [element("h2", &[], [text(title)])].into_iter().chain(body))
+}
+
+/// A paragraph.
+pub fn paragraph(words: &str) -> Node {
+    element("p", &[], [text(words)])
+}
+
+/// What a section's pictures show.
+pub fn caption(words: &str) -> Node {
+    element("p", &[("class", "caption")], [text(words)])
+}
+
+/// A table whose first row is its head and whose first column names the rows.
+pub fn table(rows: &[Vec<String>]) -> Node {
+    let cell = |head: bool, first: bool, words: &String| match (head, first) {
+        (true, _) => element("th", &[("scope", "col")], [text(words)]),
+        (false, true) => element("th", &[("scope", "row")], [text(words)]),
+        (false, false) => element("td", &[], [text(words)]),
+    };
+    let row = |(at, cells): (usize, &Vec<String>)| {
+        element("tr", &[], cells.iter().enumerate().map(move |(column, words)| cell(at == 0, column == 0, words)))
+    };
+    let mut rows = rows.iter().enumerate().map(row);
+    let head = element("thead", &[], rows.next());
+    element("div", &[("class", "wide")], [element("table", &[], [head, element("tbody", &[], rows)])])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_asks_for_nothing_from_elsewhere_and_holds_no_script() {
+        let page = page("a", "<img src=//evil.example/x onerror=alert(1)>", [paragraph("<script>")]);
+        assert!(page.starts_with("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"), "{page:.200}");
+        for asks in ["<script", "<img", "<link", "src=\"", "url(", "@import", "http://", "https://"] {
+            assert!(!page.contains(asks), "{asks}");
+        }
+    }
+}

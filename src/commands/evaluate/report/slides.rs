@@ -1,0 +1,71 @@
+//! Slides along one guide: how far each strays from the line through all of them.
+
+use nalgebra::{Point3, Vector3};
+
+use super::node::{Node, element};
+use super::page;
+use super::plot::{MARGIN, Panel, Span, WIDTH, label, picture};
+use crate::pipeline::evaluation::Line;
+
+/// Distance from the common line along the guide, across it in the picture plane and in depth.
+pub fn pictures(paths: &[Vec<Point3<f64>>]) -> Node {
+    let all: Vec<Point3<f64>> = paths.iter().flatten().copied().collect();
+    let picture = Line::fit(&all).map(|line| element("div", &[("class", "card")], [strays(&line, paths)]));
+    let caption = "Zero is the line through all slides. Curves that run together but bend away from zero: a systematic error along the guide. \
+                   Curves apart from each other: slides that were measured differently. Early slides blue, late ones orange.";
+    page::section("Slides along the guide", picture.into_iter().chain([page::caption(caption)]))
+}
+
+fn strays(line: &Line, paths: &[Vec<Point3<f64>>]) -> Node {
+    const HEIGHT: f64 = 150.0;
+    let (across, deep) = sides(&line.direction);
+    let places = |side: Vector3<f64>| {
+        let of_point = move |p: &Point3<f64>| (line.place_mm(p), (p - line.centre).dot(&side));
+        paths.iter().map(|path| path.iter().map(of_point).collect::<Vec<_>>()).collect::<Vec<_>>()
+    };
+    let drawn = [(across, "across, mm"), (deep, "in depth, mm")].map(|(side, name)| (places(side), name));
+    let x = Span::around(drawn[0].0.iter().flatten().map(|(place, _)| *place));
+    let mut parts: Vec<Node> = paths.iter().enumerate().map(|(n, _)| name(n, paths.len())).collect();
+    for (index, (slides, name)) in drawn.iter().enumerate() {
+        let reach = slides.iter().flatten().map(|(_, off)| off.abs()).fold(0.2, f64::max) * 1.1;
+        let top = 28.0 + (HEIGHT + 16.0) * index as f64;
+        let y = Span { from: -reach, to: reach };
+        let panel = Panel { left: MARGIN.0, top, width: WIDTH - MARGIN.0 - 10.0, height: HEIGHT, x, y };
+        parts.push(if index == 1 { panel.axes("along the guide, mm", name) } else { panel.axes_beside(name) });
+        parts.extend(slides.iter().enumerate().map(|(n, slide)| in_turn(n, slides.len(), panel.line("slide", slide))));
+    }
+    picture("slides along the guide", 28.0 + 2.0 * (HEIGHT + 16.0) + MARGIN.1, parts)
+}
+
+fn name(n: usize, count: usize) -> Node {
+    let step = ((WIDTH - MARGIN.0) / count as f64).min(70.0);
+    in_turn(n, count, label("slide", (MARGIN.0 + step * n as f64, 14.0), &format!("slide {}", n + 1)))
+}
+
+/// In the colour of the n-th of so many slides.
+fn in_turn(n: usize, count: usize, part: Node) -> Node {
+    let place = n as f64 / (count - 1).max(1) as f64;
+    element("g", &[("style", &format!("--place: {place:.3}"))], [part])
+}
+
+/// Two directions across a guide: one within the picture plane, the other as much along the line of sight as can be.
+fn sides(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let across = direction.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    (across, across.cross(direction))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_sides_are_square_to_the_guide_and_one_lies_in_the_picture_plane() {
+        for direction in [Vector3::new(0.6, 0.0, 0.8), Vector3::new(0.43, -0.9, 0.06), Vector3::z()] {
+            let direction = direction.normalize();
+            let (across, deep) = sides(&direction);
+            assert!(across.dot(&direction).abs() < 1e-9 && deep.dot(&direction).abs() < 1e-9);
+            assert!(across.z.abs() < 1e-9 && (across.norm() - 1.0).abs() < 1e-9 && (deep.norm() - 1.0).abs() < 1e-9);
+        }
+        assert_eq!(sides(&Vector3::x()).1, Vector3::z());
+    }
+}

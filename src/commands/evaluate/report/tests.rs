@@ -1,0 +1,82 @@
+//! What a reader meets: figures with units, every picture, names that are not obeyed.
+
+use nalgebra::{Point3, Vector3};
+
+use super::*;
+use crate::pipeline::evaluation::{self, TruthFrame, TruthTool};
+use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+
+const HOSTILE: &str = "</style><script>alert(\"1\")</script>'onload='";
+
+/// One tool on a curve for four seconds, hidden for a while, and a track of it that is 1 mm too deep.
+fn scene(name: &str) -> (Trajectory, Truth) {
+    let tip = |i: u32| Point3::new(f64::from(i), 20.0 * (0.1 * f64::from(i)).sin(), 180.0);
+    let visible = |i: u32| if (40..60).contains(&i) { 0.0 } else { 1.0 };
+    let tool = |i| TruthTool { tool: name.to_owned(), tip_mm: tip(i), axis: None, tip_px: None, visible: visible(i) };
+    let frame = |i| TruthFrame { frame: u64::from(i), time_s: 0.04 * f64::from(i), tools: vec![tool(i)] };
+    let row = |i| Sample {
+        frame: u64::from(i),
+        time_s: 0.04 * f64::from(i),
+        tool: 0,
+        tip_mm: tip(i) + Vector3::z(),
+        velocity_mm_s: None,
+        axis: None,
+        tip_px: None,
+        sigma_xy_mm: Some(0.2),
+        sigma_z_mm: Some(1.0),
+        state: if i % 7 == 0 { SampleState::Predicted } else { SampleState::Observed },
+    };
+    let rows = (0..100).filter(|i| !(10..14).contains(i) && (*i < 45 || *i >= 60)).map(row);
+    let track = Trajectory { tools: vec![name.to_owned()], samples: rows.collect(), frame_times_s: Vec::new() };
+    (track, Truth { frames: (0..100).map(frame).collect() })
+}
+
+fn page(name: &str) -> String {
+    let (track, truth) = scene(name);
+    let result = evaluation::accuracy(&track, &truth).unwrap();
+    accuracy(name, &result, &evaluation::judge(&track, &truth).unwrap(), &truth)
+}
+
+#[test]
+fn the_page_of_a_track_shows_its_figures_and_every_picture() {
+    let page = page("orange");
+    for part in [
+        "1.00 mm",
+        "95.0 %",
+        "when orange was seen",
+        "errors of orange",
+        "normalised errors of orange",
+        "path of orange",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    for counted in ["missing 4", "false 5", "observed "] {
+        assert!(page.contains(counted), "{counted}");
+    }
+    assert!(page.contains("--tool: var(--tool-orange)"));
+}
+
+#[test]
+fn a_tools_name_is_shown_and_not_obeyed() {
+    let page = page(HOSTILE);
+    assert!(!page.contains("<script") && !page.contains("'onload"), "{page:.3000}");
+    assert_eq!(page.matches("</style>").count(), 1);
+    assert!(page.contains("&lt;/style&gt;&lt;script&gt;alert(&quot;1&quot;)"));
+}
+
+#[test]
+fn a_track_in_which_nothing_was_found_has_a_page() {
+    let (mut track, truth) = scene("orange");
+    track.samples.clear();
+    let result = evaluation::accuracy(&track, &truth).unwrap();
+    let page = accuracy("nothing", &result, &[], &truth);
+    assert!(page.contains("missing 80") && page.contains("The track states no errors."));
+}
+
+#[test]
+fn the_page_of_slides_shows_each_of_them() {
+    let slide = |n: u32| (0..50).map(|i| Point3::new(f64::from(i), 0.1 * f64::from(n), 180.0)).collect::<Vec<_>>();
+    let paths: Vec<_> = (0..5).map(slide).collect();
+    let page = repeatability("five", &evaluation::repeatability(&paths).unwrap(), &paths);
+    assert!(page.contains("0.20 mm") && page.contains("slide 5") && page.contains("in depth, mm"), "{page:.3000}");
+}

@@ -1,0 +1,101 @@
+//! Each row of a trajectory beside the truth of the same frame and tool.
+
+use std::collections::{HashMap, HashSet};
+
+use nalgebra::Vector3;
+
+use super::truth::{Truth, TruthTool};
+use crate::pipeline::trajectory::{Sample, Trajectory};
+
+/// Below this share of the band a tool is out of sight, and a row for it false.
+pub const OUT_OF_SIGHT_BELOW: f64 = 0.02;
+
+/// Why a trajectory cannot be judged by a truth.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EvaluationProblem {
+    /// Names of which the truth knows none.
+    #[error("the truth knows none of the trajectory's tools ({}), but {}", tools.join(", "), known.join(", "))]
+    UnknownTools {
+        /// The trajectory's names.
+        tools: Vec<String>,
+        /// The truth's names.
+        known: Vec<String>,
+    },
+    /// No tool or no frame in the truth.
+    #[error("the truth names no tool on any frame")]
+    EmptyTruth,
+    /// Not one frame in common.
+    #[error("the truth has none of the trajectory's frames, the first of which is {first}")]
+    UnknownFrames {
+        /// The trajectory's first frame.
+        first: u64,
+    },
+}
+
+/// A row with the truth that judges it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judged<'a> {
+    /// The row.
+    pub sample: &'a Sample,
+    /// Its tool's name.
+    pub tool: &'a str,
+    /// The frame's true time, s.
+    pub time_s: f64,
+    /// Share of the band that could be seen; 0 for a tool that the truth does not have there.
+    pub visible: f64,
+    /// Measured less true, mm; zero for a tool that the truth does not have there.
+    pub error_mm: Vector3<f64>,
+    /// Does the row lie nearer to another tool's true tip than to its own?
+    pub nearer_to_another: bool,
+}
+
+impl Judged<'_> {
+    /// Is this a row for a tool that is out of sight, or not there at all?
+    pub fn is_false(&self) -> bool {
+        self.visible < OUT_OF_SIGHT_BELOW
+    }
+}
+
+/// Every row whose frame the truth has, in the trajectory's order.
+pub fn judge<'a>(trajectory: &'a Trajectory, truth: &Truth) -> Result<Vec<Judged<'a>>, EvaluationProblem> {
+    check(trajectory, truth)?;
+    let index: HashMap<u64, usize> = truth.frames.iter().enumerate().map(|(i, frame)| (frame.frame, i)).collect();
+    let rows = trajectory.samples.iter().filter_map(|sample| {
+        let (frame, name) = (&truth.frames[*index.get(&sample.frame)?], trajectory.tools.get(sample.tool)?);
+        let own = frame.tools.iter().find(|tool| tool.tool == *name);
+        let distance = |tool: &TruthTool| (sample.tip_mm - tool.tip_mm).norm();
+        let mut others = frame.tools.iter().filter(|tool| tool.tool != *name && tool.visible >= OUT_OF_SIGHT_BELOW);
+        Some(Judged {
+            sample,
+            tool: name,
+            time_s: frame.time_s,
+            visible: own.map_or(0.0, |own| own.visible),
+            error_mm: own.map_or_else(Vector3::zeros, |own| sample.tip_mm - own.tip_mm),
+            nearer_to_another: own.is_some_and(|own| others.any(|other| distance(other) < distance(own))),
+        })
+    });
+    Ok(rows.collect())
+}
+
+/// All tools, the truth's first, each once.
+pub fn names(trajectory: &Trajectory, truth: &Truth) -> Vec<String> {
+    let mut known = HashSet::new();
+    let of_truth = truth.frames.iter().flat_map(|frame| &frame.tools).map(|tool| &tool.tool);
+    of_truth.chain(&trajectory.tools).filter(|name| known.insert(name.as_str())).cloned().collect()
+}
+
+fn check(trajectory: &Trajectory, truth: &Truth) -> Result<(), EvaluationProblem> {
+    let tools: HashSet<&String> = truth.frames.iter().flat_map(|frame| &frame.tools).map(|tool| &tool.tool).collect();
+    if tools.is_empty() {
+        return Err(EvaluationProblem::EmptyTruth);
+    }
+    let Some(first) = trajectory.samples.first() else { return Ok(()) }; // nothing was tracked: a result, not a problem
+    if !trajectory.tools.iter().any(|tool| tools.contains(tool)) {
+        let mut known: Vec<String> = tools.into_iter().cloned().collect();
+        known.sort();
+        return Err(EvaluationProblem::UnknownTools { tools: trajectory.tools.clone(), known });
+    }
+    let frames: HashSet<u64> = truth.frames.iter().map(|frame| frame.frame).collect();
+    let any_known = trajectory.samples.iter().any(|sample| frames.contains(&sample.frame));
+    if any_known { Ok(()) } else { Err(EvaluationProblem::UnknownFrames { first: first.frame }) }
+}

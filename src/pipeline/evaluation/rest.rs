@@ -1,0 +1,69 @@
+//! How fast a track moves while the tool rests: noise that every motion feature would count as movement.
+
+use std::collections::HashMap;
+
+use super::errors::Spread;
+use super::judged::Judged;
+use super::motion::Motion;
+
+/// Below this true speed a tool rests, mm/s.
+const AT_REST_MM_S: f64 = 0.5;
+
+/// Shortest rest that is judged, s, after [`SETTLING_S`].
+const SHORTEST_S: f64 = 1.0;
+
+/// A filter may take this long to see that the tool has stopped, s: what it still moves then is its lag, not noise.
+const SETTLING_S: f64 = 0.5;
+
+/// Fewest rows that give a figure.
+const FEWEST_ROWS: usize = 20;
+
+/// Speed of the track while the tool rests, mm/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseFloor {
+    /// Rows at rest.
+    pub rows: usize,
+    /// Root of the mean square.
+    pub rms_mm_s: f64,
+    /// Median.
+    pub median_mm_s: f64,
+}
+
+impl NoiseFloor {
+    /// Of these rows, in order of time; `None` where the truth never rests for long enough.
+    pub(super) fn of(rows: &[&Judged], motions: &HashMap<&str, Motion>) -> Option<NoiseFloor> {
+        let mut speeds = Vec::new();
+        for (name, motion) in motions {
+            let rests = rests(motion);
+            let own: Vec<&Judged> = rows.iter().filter(|row| row.tool == *name).copied().collect();
+            let resting = |row: &Judged| rests.iter().any(|(from, to)| (*from..=*to).contains(&row.time_s));
+            let at = |i: usize| speed_mm_s(own[i], i.checked_sub(1).map(|before| own[before]));
+            speeds.extend((0..own.len()).filter(|i| resting(own[*i])).filter_map(at));
+        }
+        let rows = speeds.len();
+        let spread = Spread::of(speeds).filter(|_| rows >= FEWEST_ROWS)?;
+        Some(NoiseFloor { rows, rms_mm_s: spread.rms, median_mm_s: spread.median })
+    }
+}
+
+/// From and to, s: rests that are long enough, their beginnings left out.
+fn rests(motion: &Motion) -> Vec<(f64, f64)> {
+    let mut rests: Vec<(f64, f64)> = Vec::new();
+    let mut resting = false;
+    for (time_s, speed_mm_s) in motion.speeds() {
+        match (speed_mm_s < AT_REST_MM_S, rests.last_mut()) {
+            (true, Some(rest)) if resting => rest.1 = time_s,
+            (true, _) => rests.push((time_s + SETTLING_S, time_s)),
+            (false, _) => {}
+        }
+        resting = speed_mm_s < AT_REST_MM_S;
+    }
+    rests.retain(|(from, to)| to - from >= SHORTEST_S);
+    rests
+}
+
+/// What the row states; where it states none, as a raw track, what it has moved since the row before.
+fn speed_mm_s(row: &Judged, before: Option<&Judged>) -> Option<f64> {
+    let moved = before.map(|b| (row.sample.tip_mm - b.sample.tip_mm).norm() / (row.time_s - b.time_s));
+    row.sample.velocity_mm_s.map(|velocity| velocity.norm()).or(moved)
+}
