@@ -5,12 +5,13 @@ from programs import Goal, Part, frames_and_mbit_s, run
 
 MOST_MIB = 160
 FLAT = 1.1  # what a long recording may need, in units of a short one
+LOOPS = 15  # of 20 s each: what grows with every frame shows within minutes
 
 
 def measure(bench, scenes):
     short = scenes.peer_1080p
     camera = bench.calibrate(short)
-    long = looped(short, 2 if bench.quick else 180)
+    long = looped(short, 2 if bench.quick else LOOPS)
     peaks = [bench.track(scene, camera, "memory.csv")[1].peak_mib for scene in (short, long)]
     minutes = [frames_and_mbit_s(scene.video)[0] / 25 / 60 for scene in (short, long)]
     long.video.unlink()

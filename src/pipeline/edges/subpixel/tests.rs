@@ -16,6 +16,7 @@ const GREY_GREEN: [f64; 3] = [90.0, 140.0, 110.0];
 /// A border drawn exactly: 4:2:0, every sample at its own place.
 #[derive(Clone, Copy)]
 struct Drawing {
+    tape: [f64; 3],
     normal: Vector2<f64>,
     /// Where it lies along the normal from the middle, pixels.
     edge: f64,
@@ -32,6 +33,7 @@ struct Drawing {
 }
 
 const PLAIN: Drawing = Drawing {
+    tape: TAPE,
     normal: Vector2::new(0.6, 0.8),
     edge: 0.3,
     outside: GREY_GREEN,
@@ -54,7 +56,7 @@ impl Drawing {
         };
         let tone = Tone::of(self.mixing);
         let light = |codes: [f64; 3]| ENCODING.rgb_of_codes(codes).map(|code| tone.light(code));
-        let (tape, outside) = (light(TAPE), light(self.outside));
+        let (tape, outside) = (light(self.tape), light(self.outside));
         // 81 places of the blur, each with its own light.
         let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
         for step in -40..=40 {
@@ -89,7 +91,7 @@ impl Drawing {
     }
 
     fn model(&self) -> EdgeModel {
-        let mut model = EdgeModel::new(TAPE, ENCODING);
+        let mut model = EdgeModel::new(self.tape, ENCODING);
         model.lens_px = self.blur;
         model.mixing = self.mixing;
         model
@@ -205,9 +207,10 @@ fn tape_on_both_sides_and_tape_outside_are_no_borders() {
 }
 
 #[test]
-fn limbs_tell_whether_light_was_mixed_or_codes() {
+fn vivid_limbs_tell_whether_light_was_mixed_or_codes() {
+    let vivid = Drawing { tape: [150.0, 70.0, 190.0], ..PLAIN };
     for mixing in [Mixing::Light, Mixing::Codes] {
-        let mut model = PLAIN.model();
+        let mut model = vivid.model();
         let backgrounds = [GREY_GREEN, [60.0, 150.0, 120.0], [140.0, 120.0, 120.0], [40.0, 128.0, 128.0]];
         for trial in 0..900 {
             let drawing = Drawing {
@@ -216,7 +219,7 @@ fn limbs_tell_whether_light_was_mixed_or_codes() {
                 outside: backgrounds[trial as usize % backgrounds.len()],
                 limb: Some(0.5),
                 mixing,
-                ..PLAIN
+                ..vivid
             };
             drawing.located_by(&mut model, &drawing.probe());
         }
