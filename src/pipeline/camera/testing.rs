@@ -1,4 +1,4 @@
-//! A camera for tests.
+//! Cameras for tests.
 
 use super::Camera;
 
@@ -18,3 +18,18 @@ pub fn wide() -> Camera {
         k3: -0.012,
     }
 }
+
+/// A pinhole camera that bends nothing.
+pub const STRAIGHT: Camera = Camera {
+    width: 1280,
+    height: 720,
+    fx: 900.0,
+    fy: 900.0,
+    cx: 639.5,
+    cy: 359.5,
+    k1: 0.0,
+    k2: 0.0,
+    p1: 0.0,
+    p2: 0.0,
+    k3: 0.0,
+};

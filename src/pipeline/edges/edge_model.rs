@@ -1,8 +1,9 @@
 //! How edges look in one recording, learned while tracking: blur, noise of each plane, exposure.
 //!
 //! **In** the fits of every edge that was found ([`EdgeModel::learn`]). **Out** what the next frame's edges are expected to
-//! look like. **Method** each learned value follows the gradient of the residuals (Gauss–Newton), quickly at first, then as a
-//! mean of the last fifty frames; noise follows the median.
+//! look like. **Method** lens and exposure follow the gradient of the residuals at the band's ends, each by a Kalman filter
+//! of one state; light inside each part of the outline is a mean over its last edges; noise follows the median; whether
+//! light or codes were mixed is decided once ([`super::mixing`]).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -209,7 +210,7 @@ impl EdgeModel {
         }
     }
 
-    /// How far one frame moves what was learned: quickly at first, then as a mean of the last fifty frames.
+    /// How far one frame moves the noise: quickly at first, then as a mean of the last fifty frames.
     fn pace(&self) -> f64 {
         f64::max(0.02, 1.0 / (f64::from(self.frames) + 3.0))
     }

@@ -78,21 +78,8 @@ mod tests {
     use nalgebra::{Point3, Vector3};
 
     use super::*;
+    use crate::pipeline::camera::testing::STRAIGHT as CAMERA;
     use crate::pipeline::trajectory::SampleState;
-
-    const CAMERA: Camera = Camera {
-        width: 1280,
-        height: 720,
-        fx: 900.0,
-        fy: 900.0,
-        cx: 639.5,
-        cy: 359.5,
-        k1: 0.0,
-        k2: 0.0,
-        p1: 0.0,
-        p2: 0.0,
-        k3: 0.0,
-    };
 
     /// A tip at 150 mm whose tube comes from below: 6 px a mm, so its band ends 150 px further down.
     fn at(frame: u64, y_px: f64) -> Sample {

@@ -220,21 +220,8 @@ mod tests {
     use nalgebra::{Point3, Vector3};
 
     use super::*;
+    use crate::pipeline::camera::testing::STRAIGHT as CAMERA;
     use crate::pipeline::tube::Tube;
-
-    const CAMERA: Camera = Camera {
-        width: 1280,
-        height: 720,
-        fx: 900.0,
-        fy: 900.0,
-        cx: 639.5,
-        cy: 359.5,
-        k1: 0.0,
-        k2: 0.0,
-        p1: 0.0,
-        p2: 0.0,
-        k3: 0.0,
-    };
 
     /// No multiple of it is a limit, where rounding would decide.
     const FRAME_S: f64 = 0.039;

@@ -305,7 +305,7 @@ impl MotionSettings {
     /// The part that a thread needs.
     pub(super) fn thread(&self) -> ThreadSettings {
         ThreadSettings {
-            noise_density: self.acceleration_mm_s2.powi(2) * self.acceleration_lasts_s,
+            noise_density: self.noise_density(),
             first_speed_mm_s: self.first_speed_mm_s,
             gate: self.gate,
             reacquire_s: self.reacquire_s,
