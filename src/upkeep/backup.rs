@@ -8,16 +8,17 @@ use std::path::Path;
 
 use tokio::io::AsyncReadExt;
 
-use super::{UpkeepError, UpkeepResult, check, recover};
-use crate::domain::blob::Blob;
+use super::{Finding, UpkeepError, UpkeepResult, check, recover};
+use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::scope::Scope;
 use crate::store::{Store, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
 /// Snapshots tried until one's files are all there. Another is needed only if somebody erases a recording between the
-/// snapshot and the copying of that very file.
-const MOST_SNAPSHOTS: u32 = 5;
+/// snapshot and the copying of that very file; each has only the files that came since the one before to copy, so that this
+/// many cannot fail in a row but by as many erasures, each within milliseconds.
+const MOST_SNAPSHOTS: u32 = 100;
 /// Rows read per round.
 const ROUND: u32 = 1_000;
 /// Bytes copied at once.
@@ -34,19 +35,22 @@ pub async fn back_up(
     refuse_used(to)?;
     let files = Vault::open(to).await?;
     let path = to.join(database);
-    copy_ahead(store, vault, &files).await?;
+    // Most of the bytes before the snapshot, so that fewer can be erased between the snapshot and their copying.
+    copy_blobs(store, vault, &files).await?;
+    let mut gone_before = None;
     for _ in 0..MOST_SNAPSHOTS {
         store.snapshot(&path).await?;
         let copy = Store::open(&path, &StoreSettings::default(), clock.clone()).await?;
-        match copy_blobs(&copy, vault, &files).await {
-            Ok(count) => {
-                complete(&copy, &files).await?;
-                copy.close().await; // leaves one file, without a log beside it
-                return Ok(count);
-            }
-            // A recording was erased meanwhile: a snapshot from now on is without it.
-            Err(UpkeepError::Vault(VaultError::NotFound)) => copy.close().await,
-            Err(error) => return Err(error),
+        let Copied { wanted, gone } = copy_blobs(&copy, vault, &files).await?;
+        let Some(hash) = gone else {
+            complete(&copy, &files).await?;
+            copy.close().await; // leaves one file, without a log beside it
+            return Ok(wanted);
+        };
+        copy.close().await;
+        // Rows go before their files: of a file erased meanwhile the next snapshot knows nothing. If it does, the file is lost.
+        if gone_before.replace(hash) == Some(hash) {
+            return Err(UpkeepError::Unsound(Finding::MissingFile(hash)));
         }
     }
     Err(UpkeepError::Unsettled)
@@ -58,29 +62,32 @@ fn refuse_used(to: &Path) -> UpkeepResult<()> {
     if is_used { Err(UpkeepError::Used(to.to_owned())) } else { Ok(()) }
 }
 
-/// Copies most of the bytes before the snapshot, so that fewer can be erased between the snapshot and their copying. A blob
-/// that is erased already here ends this round early, and no more: what is missing follows after the snapshot.
-async fn copy_ahead(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<()> {
-    match copy_blobs(store, from, to).await {
-        Err(UpkeepError::Vault(VaultError::NotFound)) => Ok(()),
-        copied => copied.map(drop),
-    }
+/// What one round of copying found.
+struct Copied {
+    /// Files that the database refers to.
+    wanted: u64,
+    /// The first of them that is in the vault no more.
+    gone: Option<BlobHash>,
 }
 
-/// Copies the blobs that the database refers to and the folder lacks; returns how many it refers to.
-async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<u64> {
-    let (mut after, mut count) = (None, 0);
+/// Copies the blobs that the database refers to and the folder lacks, past those that are erased meanwhile.
+async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<Copied> {
+    let (mut after, mut copied) = (None, Copied { wanted: 0, gone: None });
     loop {
         let blobs = store.blobs().all(after, ROUND).await?;
         for blob in &blobs {
-            if to.open_blob(blob.hash).await.is_err() {
-                copy_blob(*blob, from, to).await?;
+            copied.wanted += 1;
+            if to.open_blob(blob.hash).await.is_ok() {
+                continue;
             }
-            count += 1;
+            match copy_blob(*blob, from, to).await {
+                Err(UpkeepError::Vault(VaultError::NotFound)) => copied.gone = copied.gone.or(Some(blob.hash)),
+                done => done?,
+            }
         }
         after = blobs.last().map(|blob| blob.hash);
         if after.is_none() {
-            return Ok(count);
+            return Ok(copied);
         }
     }
 }

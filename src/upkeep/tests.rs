@@ -1,10 +1,10 @@
 //! Claims about files and database together: after a sudden end anywhere, the next start leaves both in step.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Finding, Recovered, UpkeepError, back_up, check, clear_up, recover};
-use crate::domain::blob::Blob;
+use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
@@ -40,6 +40,12 @@ impl Bench {
         let mut result = self.centre.result(session.id).await;
         (result.trajectory, result.diagnostics) = (trajectory.blob(), diagnostics.blob());
         self.centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    }
+
+    /// Where a file lies in the data folder.
+    fn path_of(&self, hash: BlobHash) -> PathBuf {
+        let hash = hash.to_string();
+        self.centre.folder.path().join("blobs").join(&hash[..2]).join(hash)
     }
 
     /// An upload of five bytes of which so many are noted.
@@ -132,12 +138,8 @@ async fn a_missing_and_a_damaged_file_are_losses() {
     let bench = Bench::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     let (gone, damaged) = (bench.session(ana, "gone").await.video, bench.session(ana, "damaged").await.video);
-    let path = |hash: crate::domain::blob::BlobHash| {
-        let hash = hash.to_string();
-        bench.centre.folder.path().join("blobs").join(&hash[..2]).join(hash)
-    };
-    fs::remove_file(path(gone)).unwrap();
-    fs::write(path(damaged), b"dbmaged").unwrap();
+    fs::remove_file(bench.path_of(gone)).unwrap();
+    fs::write(bench.path_of(damaged), b"dbmaged").unwrap();
     let mut findings = bench.findings().await;
     findings.sort_by_key(|finding| matches!(finding, Finding::DamagedFile(_)));
     assert_eq!(findings, [Finding::MissingFile(gone), Finding::DamagedFile(damaged)]);
@@ -257,6 +259,22 @@ async fn a_backup_during_work_is_sound() {
     let backing_up = back_up((store, &bench.vault), folder.path(), "trocar.sqlite", bench.centre.clock.clone());
     let (copied, ()) = tokio::join!(backing_up, working);
     assert!(copied.unwrap() >= 5);
+}
+
+#[tokio::test]
+async fn a_backup_of_a_centre_that_has_lost_a_file_names_it() {
+    let bench = Bench::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let lost = bench.session(ana, "lost video").await.video;
+    bench.session(ana, "video").await;
+    fs::remove_file(bench.path_of(lost)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (files, clock) = ((&bench.centre.store, &bench.vault), bench.centre.clock.clone());
+    let backed_up = back_up(files, folder.path(), "trocar.sqlite", clock).await;
+    assert!(
+        matches!(backed_up, Err(UpkeepError::Unsound(Finding::MissingFile(hash))) if hash == lost),
+        "{backed_up:?}"
+    );
 }
 
 /// Does any file below the folder hold these bytes?
