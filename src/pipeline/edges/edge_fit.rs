@@ -9,7 +9,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::edge_curves::EdgeCurves;
-use super::equations::{COLUMNS, Constants, Equations, OFFSET, PER_CHANNEL, RESIDUAL, TAUGHT, UNKNOWNS};
+use super::equations::{self, Constants, Light, OFFSET, RAMP, RESIDUAL, SHADE, TAUGHT, Taught, UNKNOWNS};
 use super::probe::Shading;
 use super::profile::Profile;
 use super::tone::Tone;
@@ -19,11 +19,14 @@ const CUT_DEPTH_PX: f64 = 10.0;
 /// How far the light inside may be from a guess, and from what the recording has taught, as a share of it: base, limb.
 const GUESSED_WITHIN: (f64, f64) = (0.7, 1.0);
 const LEARNED_WITHIN: (f64, f64) = (0.3, 0.3);
-/// How much the background may brighten or darken per pixel outwards: as a share of its light, and at least.
-const RAMP_WITHIN: (f64, f64) = (0.1, 0.003);
-
-/// What the first guess tells of the offset, px⁻²: keeps edges that hardly show from leaping about, moves no other.
-const GUESS_INFORMATION: f64 = 0.1;
+/// How much the background may brighten or darken per pixel outwards, as a share of its light.
+const RAMP_WITHIN: f64 = 0.1;
+/// Light outside is only kept from running away.
+const ANY_LIGHT: f64 = 30.0;
+/// No side is darker than this as far as shares of it go.
+const DARKEST: f64 = 0.01;
+/// How far the offset may be from the guess, pixels: keeps edges that hardly show from leaping about, moves no other.
+const GUESS_WITHIN_PX: f64 = 3.0;
 
 /// A step that makes the squares this much larger is too long.
 const WORSE: f64 = 1.05;
@@ -39,6 +42,8 @@ pub struct EdgeLook<'a> {
     pub chroma_blur_px: f64,
     /// How the surface inside shades.
     pub shading: Shading,
+    /// What [`EdgeFit::taught`] is asked for.
+    pub taught: Option<Taught>,
     /// Light to codes.
     pub tone: &'a Tone,
     /// Gamma-coded `[R', G', B']` to codes of Y, U, V, and the codes of black.
@@ -47,24 +52,27 @@ pub struct EdgeLook<'a> {
     pub black: Vector3<f64>,
 }
 
+type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+
 /// An edge as it is believed to be.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeFit {
-    /// Light of each channel: `[base, limb, out, ramp]`.
-    pub light: [[f64; PER_CHANNEL]; 3],
+    /// Light of each channel.
+    pub light: [Light<f64>; 3],
+    /// By how much more than guessed the inside shades, and the outside rises per pixel: shares of the light there.
+    shared: [f64; 4],
     /// Distance from the chord, pixels.
     pub offset_px: f64,
     /// Variance of the residuals of each plane, codes².
     pub variance: [f64; 3],
     /// Information on the offset, px⁻².
     pub information: f64,
-    /// Gradient and information, with everything else free, on what only many edges teach: the blur of light at a cut, how much
-    /// farther out chroma lies at a limb.
+    /// Gradient and information, with everything else free, on what was asked for.
     pub taught: (f64, f64),
     /// By how much farther out the edge lies in chroma than in luma, pixels: 0 unless looked for.
     pub chroma_px: f64,
-    /// Squared residuals before the last step, codes², and what it was made from.
-    before: Option<(f64, [[f64; PER_CHANNEL]; 3], f64)>,
+    /// Squared residuals before the last step, codes², and that step.
+    before: Option<(f64, SVector<f64, UNKNOWNS>)>,
     /// How far the inside's light may be from the first guess, as a share of it: base, and limb beside it.
     expected_within: (f64, f64),
 }
@@ -76,9 +84,16 @@ impl EdgeFit {
             Shading::Limb { .. } => (0.6, 0.6),
             Shading::Cut => (1.0, 0.0),
         };
-        let light = std::array::from_fn(|c| [base * inside[c], limb * inside[c], outside[c], 0.0]);
+        let light = std::array::from_fn(|c| Light {
+            base: base * inside[c],
+            limb: limb * inside[c],
+            out: outside[c],
+            ramp: 0.0,
+            of: (inside[c].max(DARKEST), outside[c].max(DARKEST)),
+        });
         Self {
             light,
+            shared: [0.0; 4],
             offset_px,
             variance: [0.0; 3],
             information: 0.0,
@@ -98,26 +113,58 @@ impl EdgeFit {
             });
         let brighter = if there > 0.0 { (here / there).clamp(0.5, 2.0) } else { 1.0 };
         for (light, usual) in self.light.iter_mut().zip(usual) {
-            (light[0], light[1]) = (brighter * usual[0], brighter * usual[1]);
+            (light.base, light.limb) = (brighter * usual[0], brighter * usual[1]);
+            light.of.0 = (light.base + 0.6 * light.limb).max(DARKEST);
         }
         self.expected_within = LEARNED_WITHIN;
     }
 
     /// Light some pixels inside.
     pub fn inside(&self) -> [f64; 3] {
-        self.light.map(|l| l[0] + 0.6 * l[1])
+        self.light.map(|l| l.base + 0.6 * l.limb)
     }
 
     /// Light just outside.
     pub fn outside(&self) -> [f64; 3] {
-        self.light.map(|l| l[2])
+        self.light.map(|l| l.out)
+    }
+
+    /// Moves every unknown by this share of a step.
+    fn go(&mut self, step: &SVector<f64, UNKNOWNS>, share: f64) {
+        for (c, light) in self.light.iter_mut().enumerate() {
+            light.base += share * step[c];
+            light.out += share * step[3 + c];
+            light.limb += share * step[SHADE + c] * light.of.0;
+            light.ramp += share * step[RAMP] * light.of.1;
+        }
+        for (shared, step) in self.shared.iter_mut().zip(step.rows_range(SHADE..=RAMP).iter()) {
+            *shared += share * step;
+        }
+        self.offset_px += share * step[OFFSET];
+    }
+
+    /// Adds what is believed before looking: light about as it was `first`, shading and ramp about as guessed.
+    fn add_beliefs(&self, first: &Self, normal: &mut Normal, right: &mut SVector<f64, UNKNOWNS>) {
+        let (base_within, limb_within) = first.expected_within;
+        let mut believe = |at: usize, sigma: f64, now: f64| {
+            let weight = 1.0 / (sigma * sigma);
+            normal[(at, at)] += weight;
+            right[at] -= weight * now;
+        };
+        for (c, (now, first)) in self.light.iter().zip(&first.light).enumerate() {
+            believe(c, base_within * first.of.0, now.base - first.base);
+            believe(3 + c, ANY_LIGHT, now.out - first.out);
+            believe(SHADE + c, limb_within, self.shared[c]);
+        }
+        believe(RAMP, RAMP_WITHIN, self.shared[3]);
+        believe(OFFSET, GUESS_WITHIN_PX, self.offset_px - first.offset_px);
     }
 }
 
 impl EdgeLook<'_> {
     /// The codes of some light.
     pub fn codes(&self, light: [f64; 3]) -> [f64; 3] {
-        let coded = Vector3::from(light.map(|l| f64::from(self.tone.code(l as f32)[0])));
+        let coded = Vector3::from(light.map(|l| self.tone.code(l)));
         (self.codes_from_rgb * coded + self.black).into()
     }
 
@@ -130,56 +177,38 @@ impl EdgeLook<'_> {
         noise: [f64; 3],
         fit: &mut EdgeFit,
         first: &EdgeFit,
-        equations: &mut Equations,
     ) -> Option<f64> {
         const FEWEST: f32 = 12.0;
         if luma.count + chroma.count < FEWEST {
             return None;
         }
-        let products = equations.of(&self.constants(fit, noise), luma, chroma);
-        let squares = equations.squares.iter().sum::<f32>().into();
-        if let Some((better, light, offset_px)) = fit.before.filter(|before| squares > WORSE * before.0) {
-            fit.before = Some((better, light, offset_px));
-            let half = 0.5 * (offset_px - fit.offset_px);
-            fit.offset_px += half;
-            for (now, then) in fit.light.as_flattened_mut().iter_mut().zip(light.as_flattened()) {
-                *now = 0.5 * (*now + then);
-            }
-            return Some(half);
+        let products = equations::products(&self.constants(fit, noise), luma, chroma);
+        let squares = products.squares.iter().sum::<f32>().into();
+        if let Some((_, step)) = fit.before.filter(|(before, _)| squares > WORSE * before) {
+            fit.before = None;
+            fit.go(&step, -0.5);
+            return Some(-0.5 * step[OFFSET]);
         }
-        fit.before = Some((squares, fit.light, fit.offset_px));
-        let gram = SMatrix::<f64, COLUMNS, COLUMNS>::from_fn(|i, j| f64::from(products[i.min(j)][i.max(j)]));
-        let mut normal: SMatrix<f64, UNKNOWNS, UNKNOWNS> = gram.fixed_view::<UNKNOWNS, UNKNOWNS>(0, 0).into_owned();
-        let mut right: SVector<f64, UNKNOWNS> = gram.fixed_view::<UNKNOWNS, 1>(0, RESIDUAL).into_owned();
-        for c in 0..3 {
-            Prior::of(&first.light[c], first.expected_within).add(
-                c,
-                &first.light[c],
-                &fit.light[c],
-                &mut normal,
-                &mut right,
-            );
-        }
-        normal[(OFFSET, OFFSET)] += GUESS_INFORMATION;
-        right[OFFSET] -= GUESS_INFORMATION * (fit.offset_px - first.offset_px);
+        let gram = |i: usize, j: usize| products.of(i, j);
+        let mut normal = Normal::from_fn(gram);
+        let mut right = SVector::<f64, UNKNOWNS>::from_fn(|i, _| gram(i, RESIDUAL));
+        fit.add_beliefs(first, &mut normal, &mut right);
         let solver = normal.cholesky()?;
-        let step = solver.solve(&right);
-        for c in 0..3 {
-            for j in 0..PER_CHANNEL {
-                fit.light[c][j] += step[c * PER_CHANNEL + j];
-            }
-        }
-        let moved = step[OFFSET].clamp(-1.0, 1.0);
-        fit.offset_px += moved;
+        let mut step = solver.solve(&right);
+        step[OFFSET] = step[OFFSET].clamp(-1.0, 1.0);
+        fit.go(&step, 1.0);
+        fit.before = Some((squares, step));
         // The last unknown's own share of the factor: what is known of it, everything else being free.
-        fit.information = (solver.l_dirty()[(OFFSET, OFFSET)].powi(2) - GUESS_INFORMATION).max(0.0);
-        let to_taught: SVector<f64, UNKNOWNS> = gram.fixed_view::<UNKNOWNS, 1>(0, TAUGHT).into_owned();
-        let through = solver.solve(&to_taught);
-        fit.taught = (gram[(TAUGHT, RESIDUAL)] - through.dot(&right), gram[(TAUGHT, TAUGHT)] - through.dot(&to_taught));
+        fit.information = (solver.l_dirty()[(OFFSET, OFFSET)].powi(2) - 1.0 / GUESS_WITHIN_PX.powi(2)).max(0.0);
+        if self.taught.is_some() {
+            let to_taught = SVector::<f64, UNKNOWNS>::from_fn(|i, _| gram(i, TAUGHT));
+            let through = solver.solve(&to_taught);
+            fit.taught = (gram(RESIDUAL, TAUGHT) - through.dot(&right), gram(TAUGHT, TAUGHT) - through.dot(&to_taught));
+        }
         let pixels = [luma.count, chroma.count, chroma.count].map(f64::from);
         let free = 1.0 - (UNKNOWNS as f64 / pixels.iter().sum::<f64>()).min(0.8);
-        fit.variance = std::array::from_fn(|p| f64::from(equations.squares[p]) / (pixels[p].max(1.0) * free));
-        Some(moved)
+        fit.variance = std::array::from_fn(|p| f64::from(products.squares[p]) / (pixels[p].max(1.0) * free));
+        Some(step[OFFSET])
     }
 
     fn constants(&self, fit: &EdgeFit, noise: [f64; 3]) -> Constants<'_> {
@@ -197,48 +226,11 @@ impl EdgeLook<'_> {
             blur: blur as f32,
             limb,
             shading: (shading.0 as f32, shading.1 as f32),
-            light: fit.light.map(|channel| channel.map(|l| l as f32)),
+            light: fit.light.map(|l| l.single()),
+            taught: self.taught,
             codes_from_rgb: std::array::from_fn(|p| std::array::from_fn(|c| self.codes_from_rgb[(p, c)] as f32)),
             black: std::array::from_fn(|p| self.black[p] as f32),
             per_noise: noise.map(|n| (1.0 / n) as f32),
-        }
-    }
-}
-
-/// What is believed of one channel's light before it is looked at: inverse variances.
-struct Prior {
-    /// Of the limb's light from as much as the base has, or from none at a cut.
-    shade: f64,
-    ramp: f64,
-    base: f64,
-}
-
-impl Prior {
-    fn of(first: &[f64; PER_CHANNEL], within: (f64, f64)) -> Self {
-        let inside = (first[0] + 0.6 * first[1]).max(0.01);
-        let outside = first[2].max(0.01);
-        let square = |sigma: f64| 1.0 / (sigma * sigma);
-        let (base, limb) = within;
-        Self {
-            shade: square(limb * inside),
-            ramp: square(RAMP_WITHIN.0 * outside + RAMP_WITHIN.1),
-            base: square(base * inside),
-        }
-    }
-
-    fn add(
-        &self,
-        channel: usize,
-        first: &[f64; PER_CHANNEL],
-        now: &[f64; PER_CHANNEL],
-        normal: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>,
-        right: &mut SVector<f64, UNKNOWNS>,
-    ) {
-        let weights = [self.base, self.shade, 1e-3, self.ramp];
-        for (j, weight) in weights.into_iter().enumerate() {
-            let at = channel * PER_CHANNEL + j;
-            normal[(at, at)] += weight;
-            right[at] -= weight * (now[j] - first[j]);
         }
     }
 }

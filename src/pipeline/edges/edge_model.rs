@@ -8,6 +8,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::edge_fit::{EdgeFit, EdgeLook};
+use super::equations::Taught;
 use super::mixing::Trial;
 use super::probe::{Probe, Shading};
 use super::tone::{Mixing, Tone};
@@ -30,7 +31,10 @@ pub struct EdgeModel {
     black: Vector3<f64>,
     /// How long the shutter is open, s; learned from how much moving edges are smeared.
     pub exposure_s: f64,
+    /// Blur of chroma's codes beyond that of light, pixels of luma per halving.
+    pub chroma_blur_px: f64,
     lens: Learned,
+    chroma_blur: Learned,
     exposure: Learned,
     /// Edges, and those among them whose residuals exceed the noise, plane by plane.
     noisier: [(f64, f64); 3],
@@ -93,7 +97,7 @@ impl InsideLight {
     fn learn(&mut self, fit: &EdgeFit) {
         self.edges = (self.edges + 1.0).min(Self::MEMORY);
         for (mean, light) in self.light.iter_mut().zip(fit.light) {
-            for (mean, light) in mean.iter_mut().zip(light) {
+            for (mean, light) in mean.iter_mut().zip([light.base, light.limb]) {
                 *mean += (light - *mean) / self.edges;
             }
         }
@@ -109,7 +113,9 @@ const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
 const LENSES_PX: (f64, f64) = (0.3, 4.0);
 /// Blur of chroma's codes beyond that of light, in pixels of luma per halving: the mean of two pixels has 0.5, and
 /// compression takes a little.
-const CHROMA_BLUR_PX: f64 = 0.55;
+const USUAL_CHROMA_BLUR_PX: f64 = 0.8;
+/// How little and how much that can be.
+const CHROMA_BLURS_PX: (f64, f64) = (0.1, 1.5);
 
 impl EdgeModel {
     /// A model for tape of this mean colour (codes); blur and noise start at usual values and are learned.
@@ -124,7 +130,9 @@ impl EdgeModel {
             codes_from_rgb,
             black: Vector3::from(encoding.black()),
             exposure_s: USUAL_EXPOSURE_S,
+            chroma_blur_px: USUAL_CHROMA_BLUR_PX,
             lens: Learned::new(0.3),
+            chroma_blur: Learned::new(0.3),
             exposure: Learned::new(0.5 * USUAL_EXPOSURE_S),
             noisier: Default::default(),
             inside: Default::default(),
@@ -143,8 +151,13 @@ impl EdgeModel {
         EdgeLook {
             light_blur_px: self.light_blur_px(probe),
             lens_px: self.lens_px,
-            chroma_blur_px: CHROMA_BLUR_PX * f64::from(chroma_halvings),
+            chroma_blur_px: self.chroma_blur_px * f64::from(chroma_halvings),
             shading: probe.shading,
+            taught: self.is_learning().then_some(if probe.shading == Shading::Cut {
+                Taught::LightBlur
+            } else {
+                Taught::ChromaBlur
+            }),
             tone: Tone::of(mixing),
             codes_from_rgb: self.codes_from_rgb,
             black: self.black,
@@ -179,6 +192,7 @@ impl EdgeModel {
         let pace = self.pace();
         let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);
         self.exposure_s = within(self.exposure.settle(self.exposure_s), EXPOSURES_S);
+        self.chroma_blur_px = within(self.chroma_blur.settle(self.chroma_blur_px), CHROMA_BLURS_PX);
         self.lens_px = within(self.lens.settle(self.lens_px), LENSES_PX);
         for (noise, (edges, noisier)) in self.noise.iter_mut().zip(std::mem::take(&mut self.noisier)) {
             if edges > 0.0 {
@@ -204,10 +218,20 @@ impl EdgeModel {
             let (lens, motion) = (self.lens_px / blur, probe.motion_px_s.powi(2) * self.exposure_s / 12.0 / blur);
             self.lens.see(gradient * lens, information * lens * lens);
             self.exposure.see(gradient * motion, information * motion * motion);
+        } else if frame.shift_x > 0 {
+            let halvings = f64::from(frame.shift_x);
+            self.chroma_blur.see(fit.taught.0 * halvings, fit.taught.1 * halvings * halvings);
         }
         for ((seen, variance), noise) in self.noisier.iter_mut().zip(fit.variance).zip(self.noise) {
             *seen = (seen.0 + 1.0, seen.1 + f64::from(u8::from(variance > noise)));
         }
+    }
+
+    /// Is this a frame of those that teach the blur? All are at first; later, some are enough.
+    fn is_learning(&self) -> bool {
+        const ALL_UNTIL: u32 = 40;
+        const THEN_EVERY: u32 = 4;
+        self.frames < ALL_UNTIL || self.frames.is_multiple_of(THEN_EVERY)
     }
 
     /// How far one frame moves the noise: quickly at first, then as a mean of the last fifty frames.

@@ -9,55 +9,58 @@ use super::edge_curves::EdgeCurves;
 use super::profile::{LANES, MOST_BINS, Profile};
 use super::tone::Tone;
 
-/// Light's unknowns per channel: inside `base` and `limb`, outside `out` and `ramp`.
-pub const PER_CHANNEL: usize = 4;
-/// Light's unknowns.
-pub const HEIGHTS: usize = 3 * PER_CHANNEL;
+/// Heights of light: inside `base` of three channels, outside `out` of three, by how much more the inside shades in each
+/// of them, and by how much more the outside rises in all, as shares of the light there.
+pub const HEIGHTS: usize = 10;
+/// The first height of the shading, and the one of the ramp.
+pub const SHADE: usize = 6;
+/// See [`SHADE`].
+pub const RAMP: usize = 9;
 /// With the offset.
 pub const UNKNOWNS: usize = HEIGHTS + 1;
-/// With what only many edges teach together, and the residual.
+/// With the residual, and what only many edges teach together.
 pub const COLUMNS: usize = UNKNOWNS + 2;
 /// Column of the edge's offset.
 pub const OFFSET: usize = HEIGHTS;
-/// Column of what many edges teach: the blur of light at a cut, how much farther out chroma lies at a limb.
-pub const TAUGHT: usize = HEIGHTS + 1;
 /// Column of the residuals.
-pub const RESIDUAL: usize = HEIGHTS + 2;
-
-/// Sums of products of two columns each.
-pub type Products = [[f32; COLUMNS]; COLUMNS];
+pub const RESIDUAL: usize = HEIGHTS + 1;
+/// Column of what only many edges teach: see [`Taught`].
+pub const TAUGHT: usize = HEIGHTS + 2;
 
 /// Residuals beyond so many standard deviations count less.
 const ROBUST: f32 = 2.0;
 
-/// Equations, one per bin and plane: weighed, column by column.
-pub struct Equations {
-    columns: [[f32; MOST_ROWS]; COLUMNS],
-    count: usize,
+/// Sums, over all bins and planes, of products of two columns of the weighed equations.
+pub struct Products {
+    of: [f32; PAIRS],
     /// Squared residuals of each plane, summed over its pixels.
     pub squares: [f32; 3],
 }
 
-const MOST_ROWS: usize = 3 * (MOST_BINS + LANES);
+/// Pairs of columns, each with itself too.
+const PAIRS: usize = COLUMNS * (COLUMNS + 1) / 2;
 
-impl Default for Equations {
-    fn default() -> Self {
-        Self { columns: [[0.0; MOST_ROWS]; COLUMNS], count: 0, squares: [0.0; 3] }
-    }
-}
-
-impl Equations {
-    /// The equations of an edge, as products of their columns; those below the diagonal are left out.
-    pub fn of(&mut self, constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
-        self.count = 0;
-        let mut products = [[0.0; COLUMNS]; COLUMNS];
-        work_out(constants, luma, chroma, self, &mut products);
-        products
+impl Products {
+    /// The product of two columns.
+    pub fn of(&self, one: usize, other: usize) -> f64 {
+        let (low, high) = (one.min(other), one.max(other));
+        f64::from(self.of[high * (high + 1) / 2 + low])
     }
 }
 
 /// Some lanes of one number each.
 type Lanes = [f32; LANES];
+
+/// What only many edges teach together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Taught {
+    /// The blur of light.
+    LightBlur,
+    /// The blur of chroma's codes besides.
+    ChromaBlur,
+    /// How much farther out the edge lies in chroma.
+    ChromaShift,
+}
 
 /// What does not change from bin to bin, in single precision.
 pub struct Constants<'a> {
@@ -77,8 +80,10 @@ pub struct Constants<'a> {
     pub limb: bool,
     /// `√(2·blur/radius)` and `blur/radius` of a limb; `blur/depth` of a cut.
     pub shading: (f32, f32),
-    /// `[base, limb, out, ramp]` of each channel.
-    pub light: [[f32; PER_CHANNEL]; 3],
+    /// Light of each channel.
+    pub light: [Light<f32>; 3],
+    /// What besides is asked of the edge.
+    pub taught: Option<Taught>,
     /// Gamma-coded channels to codes.
     pub codes_from_rgb: [[f32; 3]; 3],
     /// Codes of black.
@@ -87,45 +92,66 @@ pub struct Constants<'a> {
     pub per_noise: [f32; 3],
 }
 
-/// Coded value of each channel, and how it depends on the unknowns.
-#[derive(Clone, Copy)]
-struct Lit {
-    code: [Lanes; 3],
-    slopes: [[Lanes; PER_CHANNEL]; 3],
-    by_offset: [Lanes; 3],
-    by_blur: [Lanes; 3],
+/// One channel's light on both sides of an edge.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Light<T> {
+    /// Inside, but for what the limb adds.
+    pub base: T,
+    /// What the limb adds where the surface faces the camera.
+    pub limb: T,
+    /// Just outside.
+    pub out: T,
+    /// How much more per pixel outwards.
+    pub ramp: T,
+    /// The light inside and outside that shading and ramp are shares of.
+    pub of: (T, T),
 }
 
-/// All equations of an edge and the products of their columns. The same in every instruction set, to the last bit.
-#[multiversion::multiversion(targets("x86_64+avx2"))]
-fn work_out(
-    constants: &Constants<'_>,
-    luma: &Profile<1>,
-    chroma: &Profile<2>,
-    rows: &mut Equations,
-    products: &mut Products,
-) {
-    add(constants, luma, 0, 0.0, rows);
-    add(constants, chroma, 1, constants.chroma_blur, rows);
-    let used = rows.count;
-    for (i, (one, products)) in rows.columns.iter().zip(products.iter_mut()).enumerate() {
-        for (other, product) in rows.columns.iter().zip(products.iter_mut()).skip(i) {
-            *product = dot(&one[..used], &other[..used]);
-        }
+impl Light<f64> {
+    /// In single precision.
+    pub fn single(self) -> Light<f32> {
+        let Self { base, limb, out, ramp, of } = self;
+        let [base, limb, out, ramp] = [base, limb, out, ramp].map(|l| l as f32);
+        Light { base, limb, out, ramp, of: (of.0 as f32, of.1 as f32) }
     }
+}
+
+/// Coded value of each channel, and how it depends on light inside and outside, shading, ramp, offset and blur.
+#[derive(Clone, Copy)]
+struct Lit {
+    channels: [[Lanes; KINDS]; 3],
+}
+
+const KINDS: usize = 8;
+const CODE: usize = 0;
+const BY_BASE: usize = 1;
+const BY_OUT: usize = 2;
+const BY_SHADE: usize = 3;
+const BY_RAMP: usize = 4;
+const BY_OFFSET: usize = 5;
+const BY_BLUR: usize = 6;
+const BY_CHROMA_BLUR: usize = 7;
+
+/// The products of all columns of an edge's equations. The same in every instruction set, to the last bit.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+pub fn products(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
+    let mut sums = Sums { of: [[0.0; LANES]; PAIRS], squares: [0.0; 3] };
+    add(constants, luma, 0, 0.0, &mut sums);
+    add(constants, chroma, 1, constants.chroma_blur, &mut sums);
+    Products { of: sums.of.map(|lanes| lanes.iter().sum()), squares: sums.squares }
+}
+
+/// [`Products`] while they grow, lane by lane.
+struct Sums {
+    of: [Lanes; PAIRS],
+    squares: [f32; 3],
 }
 
 /// Adds the equations of planes of one size, from plane number `first` on.
 #[inline(always)]
-fn add<const N: usize>(
-    constants: &Constants<'_>,
-    profile: &Profile<N>,
-    first: usize,
-    extra_px: f32,
-    rows: &mut Equations,
-) {
+fn add<const N: usize>(constants: &Constants<'_>, profile: &Profile<N>, first: usize, extra_px: f32, sums: &mut Sums) {
     for (index, scatter) in profile.scatter.iter().enumerate() {
-        rows.squares[first + index] = *scatter;
+        sums.squares[first + index] = *scatter;
     }
     for bin in (0..profile.len()).step_by(LANES) {
         let (distances, pixels) = (profile.distances(bin), profile.pixels(bin));
@@ -137,12 +163,11 @@ fn add<const N: usize>(
         for index in 0..N {
             let plane = first + index;
             let to_codes = constants.codes_from_rgb[plane];
-            let mixed = |channels: &[Lanes; 3]| -> Lanes {
-                std::array::from_fn(|l| {
-                    to_codes[0] * channels[0][l] + to_codes[1] * channels[1][l] + to_codes[2] * channels[2][l]
-                })
+            let mixed = |kind: usize| -> Lanes {
+                let [r, g, b] = [&lit.channels[0][kind], &lit.channels[1][kind], &lit.channels[2][kind]];
+                std::array::from_fn(|l| to_codes[0] * r[l] + to_codes[1] * g[l] + to_codes[2] * b[l])
             };
-            let (values, codes) = (profile.values(index, bin), mixed(&lit.code));
+            let (values, codes) = (profile.values(index, bin), mixed(CODE));
             let residual: Lanes = std::array::from_fn(|l| values[l] - constants.black[plane] - codes[l]);
             let per_noise = constants.per_noise[plane];
             let root: Lanes = std::array::from_fn(|l| {
@@ -150,25 +175,51 @@ fn add<const N: usize>(
                 (pixels[l] * per_noise / (1.0 + square * per_noise / (ROBUST * ROBUST)).sqrt()).sqrt()
             });
             let squares: Lanes = std::array::from_fn(|l| pixels[l] * residual[l] * residual[l]);
-            rows.squares[plane] += squares.iter().sum::<f32>();
-            let at = rows.count;
-            rows.count += LANES;
+            sums.squares[plane] += squares.iter().sum::<f32>();
+            let mut row = [[0.0; LANES]; COLUMNS];
             let mut set = |column: usize, values: &Lanes, factor: f32| {
                 for l in 0..LANES {
-                    rows.columns[column][at + l] = root[l] * factor * values[l];
+                    row[column][l] = root[l] * factor * values[l];
                 }
             };
-            for (column, slopes) in lit.slopes.as_flattened().iter().enumerate() {
-                set(column, slopes, to_codes[column / PER_CHANNEL]);
+            for (channel, (lit, to_codes)) in lit.channels.iter().zip(to_codes).enumerate() {
+                set(channel, &lit[BY_BASE], to_codes);
+                set(3 + channel, &lit[BY_OUT], to_codes);
+                set(SHADE + channel, &lit[BY_SHADE], to_codes);
             }
-            set(OFFSET, &mixed(&lit.by_offset), 1.0);
-            let by_taught = match (constants.limb, first) {
-                (false, _) => mixed(&lit.by_blur),
-                (true, 0) => [0.0; LANES],
-                (true, _) => mixed(&lit.by_offset),
-            };
-            set(TAUGHT, &by_taught, 1.0);
+            set(RAMP, &mixed(BY_RAMP), 1.0);
+            let by_offset = mixed(BY_OFFSET);
+            set(OFFSET, &by_offset, 1.0);
             set(RESIDUAL, &residual, 1.0);
+            if let Some(taught) = constants.taught {
+                let by_taught = match (taught, first) {
+                    (Taught::LightBlur, _) => mixed(BY_BLUR),
+                    (_, 0) => [0.0; LANES],
+                    (Taught::ChromaBlur, _) => mixed(BY_CHROMA_BLUR),
+                    (Taught::ChromaShift, _) => by_offset,
+                };
+                set(TAUGHT, &by_taught, 1.0);
+            }
+            if constants.taught.is_some() {
+                sums.add::<COLUMNS>(&row);
+            } else {
+                sums.add::<TAUGHT>(&row);
+            }
+        }
+    }
+}
+
+impl Sums {
+    /// Adds the products of the first columns of some lanes.
+    #[inline(always)]
+    fn add<const USED: usize>(&mut self, row: &[Lanes; COLUMNS]) {
+        for high in 0..USED {
+            for low in 0..=high {
+                let sum = &mut self.of[high * (high + 1) / 2 + low];
+                for l in 0..LANES {
+                    sum[l] += row[high][l] * row[low][l];
+                }
+            }
         }
     }
 }
@@ -204,56 +255,40 @@ fn light_at(constants: &Constants<'_>, distances: Lanes) -> Lit {
     }
     let outside: Lanes = share.map(|share| 1.0 - share);
     let ramp_px: Lanes = ramp.map(|ramp| ramp * blur);
-    let zero = [0.0; LANES];
-    let mut lit = Lit { code: [zero; 3], slopes: [[zero; PER_CHANNEL]; 3], by_offset: [zero; 3], by_blur: [zero; 3] };
-    for (c, [base, shade, out, rise]) in constants.light.into_iter().enumerate() {
+    let mut lit = Lit { channels: [[[0.0; LANES]; KINDS]; 3] };
+    for (lit, Light { base, limb: shade, out, ramp: rise, of }) in lit.channels.iter_mut().zip(constants.light) {
         let light: Lanes =
             std::array::from_fn(|l| base * share[l] + shade * limb[l] + out * outside[l] + rise * ramp_px[l]);
-        let mut slope = [0.0f32; LANES];
+        let [code, slope] = constants.tone.codes(light);
+        lit[CODE] = code;
         for l in 0..LANES {
-            [lit.code[c][l], slope[l]] = constants.tone.code(light[l]);
-        }
-        for l in 0..LANES {
-            lit.slopes[c][0][l] = slope[l] * share[l];
-            lit.slopes[c][1][l] = slope[l] * limb[l];
-            lit.slopes[c][2][l] = slope[l] * outside[l];
-            lit.slopes[c][3][l] = slope[l] * ramp_px[l];
+            lit[BY_BASE][l] = slope[l] * share[l];
+            lit[BY_OUT][l] = slope[l] * outside[l];
+            lit[BY_SHADE][l] = slope[l] * of.0 * limb[l];
+            lit[BY_RAMP][l] = slope[l] * of.1 * ramp_px[l];
             let step = (base - out) * density[l] / blur;
-            lit.by_offset[c][l] = slope[l] * (step + shade * limb_out[l] - rise * outside[l]);
-            lit.by_blur[c][l] = slope[l] * (step * z[l] + shade * limb_blur[l] + rise * (ramp[l] - z[l] * outside[l]));
+            lit[BY_OFFSET][l] = slope[l] * (step + shade * limb_out[l] - rise * outside[l]);
+            lit[BY_BLUR][l] = slope[l] * (step * z[l] + shade * limb_blur[l] + rise * (ramp[l] - z[l] * outside[l]));
         }
     }
     lit
 }
 
 impl Lit {
-    /// Half this, half the other.
+    /// Half this, half the other, which lies farther out.
     #[inline(always)]
     fn average(&mut self, other: &Self) {
-        let average = |one: &mut Lanes, other: &Lanes| {
+        for (one, other) in self.channels.iter_mut().zip(&other.channels) {
+            for l in 0..LANES {
+                // A minus in front of both slopes: light moves inwards past a place as the edge moves outwards.
+                let apart = one[BY_OFFSET][l] - other[BY_OFFSET][l];
+                one[BY_CHROMA_BLUR][l] = apart;
+            }
+        }
+        for (one, other) in self.channels.as_flattened_mut().iter_mut().zip(other.channels.as_flattened()) {
             for l in 0..LANES {
                 one[l] = 0.5 * (one[l] + other[l]);
             }
-        };
-        for c in 0..3 {
-            average(&mut self.code[c], &other.code[c]);
-            average(&mut self.by_offset[c], &other.by_offset[c]);
-            average(&mut self.by_blur[c], &other.by_blur[c]);
-            for j in 0..PER_CHANNEL {
-                average(&mut self.slopes[c][j], &other.slopes[c][j]);
-            }
         }
     }
-}
-
-#[inline(always)]
-fn dot(one: &[f32], other: &[f32]) -> f32 {
-    let mut sums = [0.0f32; LANES];
-    for (a, b) in one.as_chunks::<LANES>().0.iter().zip(other.as_chunks::<LANES>().0) {
-        for l in 0..LANES {
-            sums[l] += a[l] * b[l];
-        }
-    }
-    let [a, b, c, d, e, f, g, h] = sums;
-    ((a + e) + (b + f)) + ((c + g) + (d + h))
 }

@@ -6,16 +6,18 @@
 //! pixel on six ray-traced tools, 0.32 to 0.58 on four drawn ones. **Assumes** vivid tape, and nothing of how wide the edge
 //! is, so that a sharp lens and a resting tool do. Dull tape tells nothing: then light is believed, as cameras make it.
 
-use super::edge_fit::EdgeFit;
+use super::edge_fit::{EdgeFit, EdgeLook};
 use super::edge_model::EdgeModel;
-use super::equations::Equations;
+use super::equations::Taught;
 use super::probe::{Probe, Shading};
 use super::profile::Profile;
 use super::tone::Mixing;
 use crate::pipeline::frame::Frame;
 
 /// Edges that are looked at.
-const ENOUGH: usize = 400;
+const ENOUGH: usize = 160;
+/// Of the edges found: neighbours say the same, and other frames something new.
+const ONE_IN: u32 = 3;
 /// Median shift from which codes were mixed, pixels: midway between what was measured of both kinds.
 const CODES_FROM_PX: f32 = 0.23;
 /// How far to look on both sides, pixels.
@@ -25,6 +27,7 @@ const REACH_PX: f64 = 5.5;
 #[derive(Clone, Debug, Default)]
 pub struct Trial {
     shifts_px: Vec<f32>,
+    edges: u32,
     is_over: bool,
 }
 
@@ -32,6 +35,10 @@ impl Trial {
     /// Looks at an edge that was found, unless enough were seen.
     pub(super) fn look(&mut self, model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &EdgeFit) {
         if !self.is_over && self.shifts_px.len() < ENOUGH {
+            self.edges += 1;
+            if !self.edges.is_multiple_of(ONE_IN) {
+                return;
+            }
             self.shifts_px.extend(chroma_shift_px(model, frame, probe, found).map(|shift| shift as f32));
         }
     }
@@ -50,7 +57,7 @@ impl Trial {
 
 /// How much farther out a limb lies in chroma than in luma, if light was mixed; `None` where it is too faint to tell.
 fn chroma_shift_px(model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &EdgeFit) -> Option<f64> {
-    const PASSES: usize = 8;
+    const PASSES: usize = 6;
     const LEAST_INFORMATION: f64 = 4.0;
     const FARTHEST_PX: f64 = 1.5;
     /// Usual variances: every edge shall count alike.
@@ -59,12 +66,11 @@ fn chroma_shift_px(model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &
     let wide = Probe { inwards_px: f64::min(REACH_PX, 0.9 * radius_px), outwards_px: REACH_PX, ..*probe };
     let luma = Profile::gather([&frame.y], (0, 0), &wide);
     let chroma = Profile::gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), &wide);
-    let look = model.look_in(Mixing::Light, &wide, frame.shift_x);
+    let look = EdgeLook { taught: Some(Taught::ChromaShift), ..model.look_in(Mixing::Light, &wide, frame.shift_x) };
     let first = model.first(Mixing::Light, &luma, &chroma, found.offset_px, &wide)?;
     let mut fit = first;
-    let mut equations = Equations::default();
     for pass in 0..PASSES {
-        look.improve(&luma, &chroma, NOISE, &mut fit, &first, &mut equations)?;
+        look.improve(&luma, &chroma, NOISE, &mut fit, &first)?;
         if pass > 0 {
             let (gradient, information) = fit.taught;
             fit.chroma_px += (gradient / (information + 1.0)).clamp(-0.4, 0.4);

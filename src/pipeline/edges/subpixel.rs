@@ -16,7 +16,6 @@ use nalgebra::Vector2;
 
 use super::edge_fit::EdgeFit;
 use super::edge_model::EdgeModel;
-use super::equations::Equations;
 use super::probe::{Edge, Probe};
 use super::profile::Profile;
 use super::tone::Mixing;
@@ -77,12 +76,11 @@ impl EdgeModel {
         }
         let mut fit = first;
         let mut noise = self.noise;
-        let mut equations = Equations::default();
         for pass in 0..MOST_PASSES {
             if pass > 1 {
                 noise = std::array::from_fn(|p| self.noise[p].max(fit.variance[p])); // before, it tells of the guess
             }
-            let moved = look.improve(&luma, &chroma, noise, &mut fit, &first, &mut equations)?;
+            let moved = look.improve(&luma, &chroma, noise, &mut fit, &first)?;
             if (fit.offset_px - guess).abs() > FARTHEST_FROM_STEP_PX * look.light_blur_px.max(1.0) {
                 return None; // another optimum, where the shading stands in for the edge
             }

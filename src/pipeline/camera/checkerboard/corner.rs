@@ -181,7 +181,7 @@ impl Model {
         let (across, along) = (cos * dy - sin * dx, cos * dx + sin * dy);
         let scaled = across / (std::f64::consts::SQRT_2 * self.0[4]);
         let slope = (2.0 / std::f64::consts::PI).sqrt() / self.0[4] * (-scaled * scaled).exp();
-        (error_function(scaled), slope, across, along)
+        (libm::erf(scaled), slope, across, along)
     }
 
     /// The level expected at a pixel, and its slopes against the unknowns.
@@ -259,12 +259,4 @@ impl Model {
             openness: (self.0[2] - self.0[3]).sin().abs(),
         }
     }
-}
-
-/// erf to 1.5e-7 (Abramowitz and Stegun 7.1.26); a corner of 255 levels does not show the rest.
-fn error_function(x: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
-    let polynomial =
-        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    (1.0 - polynomial * (-x * x).exp()).copysign(x)
 }

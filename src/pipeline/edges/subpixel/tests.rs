@@ -71,7 +71,7 @@ impl Drawing {
             sum += (inside * share + beside * (1.0 - share)) * weight;
             weights += weight;
         }
-        let coded = (sum / weights).map(|light| f64::from(tone.code(light as f32)[0]));
+        let coded = (sum / weights).map(|light| tone.code(light));
         ENCODING.codes_from_rgb() * coded + Vector3::from(ENCODING.black())
     }
 
