@@ -58,7 +58,7 @@ pub struct ProbeLayout {
 }
 
 /// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
-const MOST_CHORDS: f64 = 10.0;
+const MOST_CHORDS: f64 = 8.0;
 
 /// Share of the half circle that is probed: nearer to the borders the rim turns along the line of sight.
 const RIM_SHARE: f64 = 0.75;

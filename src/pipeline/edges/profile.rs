@@ -14,7 +14,7 @@ pub const MOST_BINS: usize = 48;
 const BIN_PX: f64 = 0.5;
 /// A plane of half the resolution is looked at over a window that much wider: three of its pixels cannot show both
 /// sides of an edge.
-const COARSE_PLANE_REACH: f64 = 1.5;
+const COARSE_PLANE_REACH: f64 = 1.25;
 
 /// Planes of one size across a chord.
 #[derive(Clone, Copy)]

@@ -114,8 +114,8 @@ const DOUBT: f64 = 9.0;
 /// Looks first wide, then close: the coarse lines may be two pixels off, the first fit is not.
 const LOOKS: [Look; 3] = [
     Look { chord_px: 8.0, reach_px: 9.0, fineness: Fineness::Step },
-    Look { chord_px: 8.0, reach_px: 5.0, fineness: Fineness::Fine },
-    Look { chord_px: 8.0, reach_px: 3.2, fineness: Fineness::Fine },
+    Look { chord_px: 10.0, reach_px: 5.0, fineness: Fineness::Fine },
+    Look { chord_px: 10.0, reach_px: 3.2, fineness: Fineness::Fine },
 ];
 
 /// One round of probing, for a tube at rest.
