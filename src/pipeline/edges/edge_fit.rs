@@ -195,7 +195,8 @@ impl EdgeLook<'_> {
         fit.add_beliefs(first, &mut normal, &mut right);
         let solver = normal.cholesky()?;
         let mut step = solver.solve(&right);
-        step[OFFSET] = step[OFFSET].clamp(-1.0, 1.0);
+        let most = self.light_blur_px.max(1.0);
+        step[OFFSET] = step[OFFSET].clamp(-most, most);
         fit.go(&step, 1.0);
         fit.before = Some((squares, step));
         // The last unknown's own share of the factor: what is known of it, everything else being free.

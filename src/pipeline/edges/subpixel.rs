@@ -81,7 +81,7 @@ impl EdgeModel {
                 noise = std::array::from_fn(|p| self.noise[p].max(fit.variance[p])); // before, it tells of the guess
             }
             let moved = look.improve(&luma, &chroma, noise, &mut fit, &first)?;
-            if (fit.offset_px - guess).abs() > FARTHEST_FROM_STEP_PX * look.light_blur_px.max(1.0) {
+            if (fit.offset_px - guess).abs() > FARTHEST_FROM_STEP_PX * (1.5 * look.light_blur_px).max(1.0) {
                 return None; // another optimum, where the shading stands in for the edge
             }
             if pass > 0 && moved.abs() < f64::max(0.1, 0.2 * MODEL_ERROR / fit.information.sqrt()) {

@@ -3,12 +3,13 @@
 //!
 //! **In** edges with their place on the outline, their pixel and its standard deviation; a tube close to the truth.
 //! **Out** the tube that fits best, its covariance, the RMS residual. **Method** Gauss–Newton with robust weights (Tukey);
-//! each border and each end also has one unknown offset of its own, zero ± [`EDGE_BIASES_PX`]: what light, compression
+//! each border and each end also has one unknown offset of its own, zero ± [`Beliefs::offsets_px`]: what light, compression
 //! and sharpening shift a whole edge by is the same along it, and averaging over many pixels does not remove it.
 //! **Gives up** where fewer than [`FEWEST_BORDER_EDGES`] edges support either border, or no end was seen.
 
 use nalgebra::{Matrix5, SMatrix, SVector, Vector2, Vector5};
 
+use super::evidence::{Beliefs, Evidence, OWN as UNKNOWNS};
 use super::{TubeEstimate, turned};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::outline_probes::Place;
@@ -32,17 +33,11 @@ pub struct MeasuredEdge {
     sight_per_px: Vector2<f64>,
 }
 
-/// Standard deviation of the offset that each whole border, the distal and the other end share, pixels: RMS offset from
-/// the true outline over scenes of three renderers. At the other end the tape's own thickness shows.
-pub const EDGE_BIASES_PX: [f64; 4] = [0.2, 0.2, 0.3, 0.6];
-
 /// Fewest edges on each border.
 pub const FEWEST_BORDER_EDGES: usize = 3;
 
 /// Least standard deviation of a single edge: texture and compression that the noise does not show, pixels.
 const LEAST_SIGMA_PX: f64 = 0.1;
-
-const UNKNOWNS: usize = 9;
 
 impl MeasuredEdge {
     /// An edge seen at a pixel; `None` where the lens model has no direction for it.
@@ -78,16 +73,14 @@ pub enum Trust {
     All,
 }
 
-/// Fits the tube to the edges, starting from `start`. `length_sigma_px` says how well the place of the band's other end
-/// is known, seen in pixels: 0 for a measured length.
+/// Fits the tube to the edges, starting from `start`, under what is believed of its parts' offsets.
 pub fn fit(
     edges: &[MeasuredEdge],
     start: &Tube,
     camera: &Camera,
     trust: Trust,
-    length_sigma_px: f64,
+    beliefs: &Beliefs,
 ) -> Option<TubeEstimate> {
-    let bias = [EDGE_BIASES_PX[0], EDGE_BIASES_PX[1], EDGE_BIASES_PX[2], EDGE_BIASES_PX[3].hypot(length_sigma_px)];
     const ROUNDS: usize = 8;
     let count = |part: usize| edges.iter().filter(|e| e.place.part() == part).count();
     if count(0).min(count(1)) < FEWEST_BORDER_EDGES || count(2) + count(3) == 0 {
@@ -97,7 +90,7 @@ pub fn fit(
     let mut offsets = SVector::<f64, 4>::zeros();
     let mut last = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let system = System::build(edges, &tube, &offsets, &bias, camera, trust)?;
+        let system = System::build(edges, &tube, &offsets, &beliefs.offsets_px, camera, trust)?;
         let step = system.matrix.cholesky()?.solve(&system.right);
         tube = turned(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
         offsets += step.fixed_rows::<4>(5);
@@ -110,18 +103,14 @@ pub fn fit(
         }
         last = size;
     }
-    let system = System::build(edges, &tube, &offsets, &bias, camera, trust)?;
-    let covariance = system.matrix.cholesky()?.inverse();
-    let all: Matrix5<f64> = covariance.fixed_view::<5, 5>(0, 0).into_owned();
-    // Were the offsets known, this much would be left: the edges' own noise.
-    let passing = system.matrix.fixed_view::<5, 5>(0, 0).into_owned().cholesky()?.inverse();
-    Some(TubeEstimate {
-        tube,
-        covariance: (all - passing) + passing * system.variance_factor.max(1.0),
-        lasting: all - passing,
-        residual_px: system.residual_px,
-        support: system.support,
-    })
+    let system = System::build(edges, &tube, &offsets, &beliefs.offsets_px, camera, trust)?;
+    let mut information = system.matrix;
+    for part in 0..4 {
+        information[(5 + part, 5 + part)] -= beliefs.offsets_px[part].powi(-2);
+    }
+    let evidence = Evidence::new(&information, &offsets, beliefs, system.variance_factor.max(1.0));
+    let (covariance, lasting) = evidence.covariance()?;
+    Some(TubeEstimate { tube, covariance, lasting, evidence, residual_px: system.residual_px, support: system.support })
 }
 
 /// The normal equations at one linearisation.
@@ -229,6 +218,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
     use crate::pipeline::camera::testing::wide as camera;
+    use crate::pipeline::pose::evidence::offsets_px;
     use nalgebra::{Point3, Vector3};
     use rand::rngs::SmallRng;
     use rand::{Rng, RngExt, SeedableRng};
@@ -276,7 +266,7 @@ mod tests {
     #[test]
     fn clean_edges_give_the_tube_back_from_a_rough_start() {
         let clean = edges(&mut SmallRng::seed_from_u64(1), 0.0, [0.0; 4]);
-        let fitted = fit(&clean, &rough_start(), &camera(), Trust::Majority, 0.0).unwrap();
+        let fitted = fit(&clean, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 1e-3, "{}", (fitted.tube.tip - tube().tip).norm());
         assert!((fitted.tube.axis - tube().axis).norm() < 1e-4);
     }
@@ -294,7 +284,7 @@ mod tests {
             )
             .unwrap();
         }
-        let fitted = fit(&spoiled, &rough_start(), &camera(), Trust::Majority, 0.0).unwrap();
+        let fitted = fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 0.5, "{}", (fitted.tube.tip - tube().tip).norm());
     }
 
@@ -306,8 +296,9 @@ mod tests {
         let mut random = SmallRng::seed_from_u64(3);
         let inside = (0..TRIALS)
             .filter(|_| {
-                let sampled = edges(&mut random, 0.15, EDGE_BIASES_PX);
-                let fitted = fit(&sampled, &rough_start(), &camera(), Trust::Majority, 0.0).unwrap();
+                let sampled = edges(&mut random, 0.15, offsets_px());
+                let fitted =
+                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)).unwrap();
                 let miss = fitted.tube.tip - tube().tip;
                 miss.dot(&(fitted.tip_covariance().try_inverse().unwrap() * miss)) < CHI_SQUARED_95
             })
@@ -320,6 +311,6 @@ mod tests {
     fn one_border_alone_is_not_enough() {
         let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, [0.0; 4]);
         one.retain(|e| e.place.part() != 1);
-        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, 0.0), None);
+        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)), None);
     }
 }

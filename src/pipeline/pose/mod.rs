@@ -2,10 +2,13 @@
 //!
 //! [`tangent_planes`] gives the axis in closed form from two border lines, [`band_length`] from a known length,
 //! [`pinhole_width`] is the thesis's reference
-//! method, [`joint_fit`] refines with every edge that was measured and says how sure it is, and [`fulcrum`] finds the
-//! fixed point about which a tool turns and steadies each pose with it.
+//! method, [`joint_fit`] refines with every edge that was measured and says how sure it is, and [`adjustment`] takes all
+//! poses of a session together: it finds the [`fulcrum`] about which a tool turns and what its edges are off by, and
+//! steadies each pose with both.
 
+pub mod adjustment;
 pub mod band_length;
+pub mod evidence;
 pub mod fulcrum;
 pub mod joint_fit;
 pub mod pinhole_width;
@@ -13,6 +16,7 @@ pub mod tangent_planes;
 
 use nalgebra::{Matrix3, Matrix5, Vector3};
 
+use self::evidence::Evidence;
 use crate::pipeline::tube::Tube;
 
 /// A tube with how sure its place is.
@@ -25,6 +29,8 @@ pub struct TubeEstimate {
     /// The part of it that stays the same from frame to frame, because light and background hardly change: no filter
     /// over time removes it.
     pub lasting: Matrix5<f64>,
+    /// What its edges say, for all poses together.
+    pub evidence: Evidence,
     /// RMS distance of border points from the outline, pixels.
     pub residual_px: f64,
     /// How many edges agree with it: the sum of their robust weights.

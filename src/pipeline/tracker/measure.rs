@@ -11,6 +11,7 @@ use crate::pipeline::edges::scan_lines::{self, CoarseBand};
 use crate::pipeline::edges::shaft;
 use crate::pipeline::edges::subpixel::Fineness;
 use crate::pipeline::frame::Frame;
+use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX, offsets_px};
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::pipeline::pose::{TubeEstimate, pinhole_width, tangent_planes};
 use crate::pipeline::reason::Reason;
@@ -94,9 +95,19 @@ struct FoundEdges {
     edges: Vec<MeasuredEdge>,
     /// Probes that could have found one, on each of the four parts.
     visible: [f64; 4],
+    /// Motion blur across them, summed: standard deviations, pixels.
+    smears_px: [f64; 4],
 }
 
+/// By how much a part's offset errs more than usual when it is smeared, as a share of the smear.
+const SMEAR_ERROR: f64 = 0.3;
+
 impl FoundEdges {
+    /// Usual offsets of the four parts, more where they are smeared: standard deviations, pixels.
+    fn offsets_px(&self, usual: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|part| usual[part].hypot(SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0)))
+    }
+
     /// Was every end that is in sight met?
     fn ends_seen(&self) -> bool {
         const FEWEST: usize = 2;
@@ -253,8 +264,8 @@ impl Bench<'_> {
             if found.edges.iter().all(|e| e.place.part() < 2) {
                 return Err(Reason::TipHidden);
             }
-            let length_sigma_px = self.length.map_or(0.0, |(_, sigma)| sigma * self.px_per_mm_along(&tube, length_mm));
-            let estimate = joint_fit::fit(&found.edges, &tube, self.camera, Trust::Majority, length_sigma_px)
+            let beliefs = self.beliefs(&found, &tube, length_mm);
+            let estimate = joint_fit::fit(&found.edges, &tube, self.camera, Trust::Majority, &beliefs)
                 .ok_or(Reason::BordersNotFound)?;
             tube = estimate.tube;
             let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
@@ -272,12 +283,29 @@ impl Bench<'_> {
         if !measurement.is_good() {
             measurement.estimate.covariance *= DOUBT;
             measurement.estimate.lasting *= DOUBT;
+            measurement.estimate.evidence = measurement.estimate.evidence.doubted(DOUBT);
         }
         if self.spec.band_length_mm.is_none() {
             measurement.length_mm += self.length_error(&tube, length_mm).unwrap_or(0.0);
             measurement.length_sigma_mm = length_sigma(&measurement.estimate, measurement.length_mm);
         }
         Ok(measurement)
+    }
+
+    /// What is believed of the offsets of a tube's edges: the usual, more where they are smeared or the band's length is not
+    /// known.
+    fn beliefs(&self, found: &FoundEdges, tube: &Tube, length_mm: f64) -> Beliefs {
+        let px_per_mm = self.px_per_mm_along(tube, length_mm);
+        let mut beliefs = Beliefs {
+            offsets_px: found.offsets_px(offsets_px()),
+            own_px: found.offsets_px(OWN_OFFSETS_PX),
+            length_mm,
+            px_per_mm: if self.spec.band_length_mm.is_none() { px_per_mm } else { 0.0 },
+        };
+        if let Some((_, sigma_mm)) = self.length {
+            beliefs.offsets_px[3] = beliefs.offsets_px[3].hypot(sigma_mm * px_per_mm);
+        }
+        beliefs
     }
 
     /// Is there tape between the tube's ends, and none beyond its distal one? Edges alone cannot tell: those of the shaft
@@ -359,6 +387,7 @@ impl Bench<'_> {
                 continue;
             }
             found.visible[place.part()] += 1.0;
+            found.smears_px[place.part()] += probe.motion_px_s.abs() * self.edges.exposure_s / 12f64.sqrt();
             let Some(edge) = self.locate(probe, look.fineness) else { continue };
             let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
             found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
@@ -384,7 +413,14 @@ impl Bench<'_> {
         let spread = [across * across, across * across, depth * depth, 0.1, 0.1];
         let covariance = nalgebra::Matrix5::from_diagonal(&spread.into());
         Measurement {
-            estimate: TubeEstimate { tube, covariance, lasting: covariance, residual_px: sigma_px, support: 1.0 },
+            estimate: TubeEstimate {
+                tube,
+                covariance,
+                lasting: covariance,
+                evidence: Evidence::of_covariance(&covariance),
+                residual_px: sigma_px,
+                support: 1.0,
+            },
             length_mm: 0.0,
             length_sigma_mm: 0.0,
             seen_share: 1.0,

@@ -1,6 +1,6 @@
 //! The end of a recording: everything that was seen, looked at again with hindsight.
 //!
-//! The fulcrum is worked out from all poses and steadies each of them, also the first; the filter runs once more over the
+//! What all poses share is worked out from them together and steadies each, also the first; the filter runs once more over the
 //! steadied poses, and the smoother behind it.
 
 use nalgebra::{Matrix3, Point2};
@@ -14,7 +14,8 @@ use crate::pipeline::filter::identity::{Thread, ThreadSettings};
 use crate::pipeline::filter::kalman::State;
 use crate::pipeline::filter::smoother::{Step, smooth};
 use crate::pipeline::pose::TubeEstimate;
-use crate::pipeline::pose::fulcrum::{self, Fulcrum};
+use crate::pipeline::pose::adjustment;
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::trajectory::{Sample, SampleState};
@@ -40,8 +41,9 @@ pub fn rework(
 ) -> ToolPaths {
     let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
     let estimates: Vec<TubeEstimate> = tool.records.iter().filter_map(|r| r.estimate).collect();
-    let good: Vec<TubeEstimate> = tool.records.iter().filter(|r| r.is_good).filter_map(|r| r.estimate).collect();
-    let fulcrum = fulcrum::estimate(&good).filter(tool::is_known);
+    let good = thinned(tool.records.iter().filter(|r| r.is_good).filter_map(|r| r.estimate).collect());
+    let adjustment = adjustment::estimate(&good).filter(tool::is_known);
+    let fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
     let mut paths = ToolPaths {
         raw: Vec::new(),
         filtered: Vec::new(),
@@ -52,7 +54,7 @@ pub fn rework(
     let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
     let mut reasons = Vec::with_capacity(instants.len());
     for (record, instant) in tool.records.iter().zip(instants) {
-        let pose = record.estimate.map(|e| fulcrum.and_then(|f| fulcrum::steady(&e, &f)).unwrap_or(e));
+        let pose = record.estimate.map(|e| adjustment.as_ref().and_then(|a| adjustment::steady(&e, a)).unwrap_or(e));
         let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
         let advance = following.advance(instant.1, measured, &hindsight);
         reasons.push(record.reason.or(advance.refused));
@@ -76,6 +78,13 @@ pub fn rework(
     paths.quality.border_residual_px = rms(estimates.iter().map(|e| e.residual_px));
     paths.quality.gaps = gaps::find(&paths.smoothed, instants, &reasons, &Rim::new(camera, tool.spec.band_length_mm));
     paths
+}
+
+/// Poses enough to be adjusted together, spread over the recording.
+fn thinned(poses: Vec<TubeEstimate>) -> Vec<TubeEstimate> {
+    const ENOUGH: usize = 256;
+    let every = poses.len().div_ceil(ENOUGH).max(1);
+    poses.into_iter().step_by(every).collect()
 }
 
 /// An unbroken run of the filter.
@@ -243,7 +252,14 @@ mod tests {
             let instant = (frame as u64, frame as f64 * FRAME_S);
             let tip = Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0);
             let tube = Tube { tip, axis: Vector3::z(), radius: 2.5 };
-            let pose = TubeEstimate { tube, covariance, lasting: covariance, residual_px: 0.1, support: 50.0 };
+            let pose = TubeEstimate {
+                tube,
+                covariance,
+                lasting: covariance,
+                evidence: Evidence::of_covariance(&covariance),
+                residual_px: 0.1,
+                support: 50.0,
+            };
             let advance = thread.advance(instant.1, seen.then(|| (tip, pose.tip_covariance())), &hindsight);
             count(&mut paths.quality, advance.observed, advance.step.is_some(), None);
             match advance.step {

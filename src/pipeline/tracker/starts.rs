@@ -6,6 +6,7 @@ use super::measure::Bench;
 use crate::pipeline::edges::line_fit::{self, Line};
 use crate::pipeline::edges::outline_probes::Place;
 use crate::pipeline::edges::scan_lines::CoarseBand;
+use crate::pipeline::pose::evidence::Beliefs;
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::pipeline::pose::{TubeEstimate, band_length};
 use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
@@ -43,7 +44,7 @@ impl Bench<'_> {
         let fits = [1.0, -1.0].into_iter().filter_map(|sign| {
             let start = band_length::leaning(ends, depth, length_mm, radius, sign)?;
             let edges = self.coarse_edges(coarse, &start, length_mm)?;
-            joint_fit::fit(&edges, &start, self.camera, Trust::All, 0.0)
+            joint_fit::fit(&edges, &start, self.camera, Trust::All, &Beliefs::usual(length_mm))
         });
         let mut fits: Vec<TubeEstimate> = fits.collect();
         fits.sort_by(|a, b| a.residual_px.total_cmp(&b.residual_px));

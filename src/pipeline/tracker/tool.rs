@@ -11,7 +11,8 @@ use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::filter::identity::{Advance, Thread, ThreadSettings};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::TubeEstimate;
-use crate::pipeline::pose::fulcrum::{self, Fulcrum};
+use crate::pipeline::pose::adjustment::{self, Adjustment};
+use crate::pipeline::pose::fulcrum;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
@@ -21,9 +22,9 @@ use crate::pipeline::tube::{Outline, Tube};
 /// What one frame left behind for the recording's end.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
-    /// The measurement before the fulcrum steadied it.
+    /// The measurement before the adjustment steadied it.
     pub estimate: Option<TubeEstimate>,
-    /// The pixels explain it so well that the fulcrum may be learned from it.
+    /// The pixels explain it so well that the adjustment may be made from it.
     pub is_good: bool,
     /// Why there is no measurement, or why it was refused.
     pub reason: Option<Reason>,
@@ -37,7 +38,7 @@ pub struct ToolTracker {
     edges: EdgeModel,
     thread: Thread,
     last: Option<(Tube, f64)>,
-    fulcrum: Option<Fulcrum>,
+    adjustment: Option<Adjustment>,
     keyframes: Vec<TubeEstimate>,
     lengths: BandLengths,
     motion_px_s: Vector2<f64>,
@@ -111,7 +112,8 @@ pub struct Seen {
     pub advance: Advance,
 }
 
-/// Poses that the causal fulcrum is made from, at most; then every second one is let go.
+/// Poses that the causal adjustment is made from, each time they have doubled; at most, then every second one is let go.
+const FEWEST_KEYFRAMES: usize = 16;
 const MOST_KEYFRAMES: usize = 128;
 
 /// A fulcrum is used once it is known this well, mm: before, it would rather mislead.
@@ -126,7 +128,7 @@ impl ToolTracker {
             edges,
             thread: Thread::default(),
             last: None,
-            fulcrum: None,
+            adjustment: None,
             keyframes: Vec::new(),
             lengths: BandLengths::default(),
             motion_px_s: Vector2::zeros(),
@@ -215,7 +217,7 @@ impl ToolTracker {
             spec: &self.spec,
             length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.learned()),
             motion_px_s: self.motion_px_s,
-            fulcrum: self.fulcrum.map(|f| f.at),
+            fulcrum: self.adjustment.as_ref().map(|a| a.fulcrum.at),
             last_depth_mm: self.last.map(|(tube, _)| tube.tip.z),
             obstacles: scene.obstacles,
             edges: &mut self.edges,
@@ -242,7 +244,8 @@ impl ToolTracker {
     fn direction_to_hand(&self, camera: &Camera) -> Option<Vector2<f64>> {
         const STEP_MM: f64 = 5.0;
         let (last, _) = self.last?;
-        let to_hand = self.fulcrum.and_then(|f| (f.at - last.tip).try_normalize(1e-9)).unwrap_or(-last.axis);
+        let to_hand =
+            self.adjustment.as_ref().and_then(|a| (a.fulcrum.at - last.tip).try_normalize(1e-9)).unwrap_or(-last.axis);
         let pixel = |point| camera.project(CameraPoint(point));
         Some(pixel(last.tip + to_hand * STEP_MM)?.0 - pixel(last.tip)?.0)
     }
@@ -255,8 +258,8 @@ impl ToolTracker {
         let Some(m) = measured.as_ref().ok().filter(|m| m.is_good()) else { return };
         self.lengths.add(m.length_mm, m.length_sigma_mm);
         self.keyframes.push(m.estimate);
-        if self.keyframes.len().is_multiple_of(16) {
-            self.fulcrum = fulcrum::estimate(&self.keyframes).filter(is_known).or(self.fulcrum);
+        if self.keyframes.len() >= FEWEST_KEYFRAMES && self.keyframes.len().is_power_of_two() {
+            self.adjustment = adjustment::estimate(&self.keyframes).filter(is_known).or(self.adjustment.take());
         }
         if self.keyframes.len() >= MOST_KEYFRAMES {
             let mut keep = false;
@@ -271,19 +274,19 @@ impl ToolTracker {
     /// teach a better one.
     fn comes_from_the_hand(&self, measurement: &Measurement) -> bool {
         const MOST_SQUARED: f64 = 18.4; // passes 99.99 % of good ones: two degrees of freedom
-        let miss = self.fulcrum.map_or(0.0, |f| fulcrum::miss_squared(&measurement.estimate, &f));
+        let miss = self.adjustment.as_ref().map_or(0.0, |a| fulcrum::miss_squared(&measurement.estimate, &a.fulcrum));
         measurement.is_good() || miss < MOST_SQUARED
     }
 
     fn steady(&self, measurement: Measurement) -> Measurement {
-        let steadied = self.fulcrum.and_then(|f| fulcrum::steady(&measurement.estimate, &f));
+        let steadied = self.adjustment.as_ref().and_then(|a| adjustment::steady(&measurement.estimate, a));
         Measurement { estimate: steadied.unwrap_or(measurement.estimate), ..measurement }
     }
 }
 
-/// Is a fulcrum known well enough to be used?
-pub fn is_known(fulcrum: &Fulcrum) -> bool {
-    fulcrum.covariance.trace() < FULCRUM_SIGMA_MM * FULCRUM_SIGMA_MM
+/// Is the fulcrum known well enough to be used?
+pub fn is_known(adjustment: &Adjustment) -> bool {
+    adjustment.fulcrum.covariance.trace() < FULCRUM_SIGMA_MM * FULCRUM_SIGMA_MM
 }
 
 /// The cells around a tube's band.

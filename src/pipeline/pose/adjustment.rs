@@ -1,0 +1,279 @@
+//! All poses of a session at once: the fulcrum, and by how much each part of the outline lies off in all of them
+//! (bundle adjustment).
+//!
+//! One pose cannot tell an offset of its borders from its depth: at 5 mm and 720 lines a tenth of a pixel is a millimetre.
+//! Many poses can, for the band's length and the one point that every axis passes through bind them together.
+//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own nine unknowns ([`Evidence`]); eliminated
+//! (Schur complement), they leave seven that all poses share: the fulcrum's three, and four offsets. **Assumes** that a
+//! pose's offsets differ from the shared ones by what its evidence says, alike in like poses, which therefore count as one
+//! ([`weights`]). **Gives up** where the axes turn too little to meet anywhere, or meet before the tips.
+
+use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector4, Vector5};
+
+use super::evidence::{Evidence, Information, OWN, SHARED_OFFSETS_PX};
+use super::fulcrum::{Constraint, Fulcrum, NEAREST_RADII, PLAY_MM, nearest_point};
+use super::{TubeEstimate, turned};
+use crate::pipeline::tube::Tube;
+
+/// Unknowns that all poses share: the fulcrum, then the offsets.
+const SHARED: usize = 7;
+type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
+type SharedVector = SVector<f64, SHARED>;
+type OwnVector = SVector<f64, OWN>;
+
+/// How well a band's length that nobody measured is known before all poses are looked at together: a share of it.
+const LENGTH_WITHIN: f64 = 0.1;
+
+/// What a session's poses share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adjustment {
+    /// The point that all axes pass through.
+    pub fulcrum: Fulcrum,
+    /// Offsets of the outline's parts, pixels; the last in mm beyond [`Adjustment::length_mm`] where nobody measured the
+    /// band.
+    pub offsets: Vector4<f64>,
+    /// The band's length that they are counted from, mm.
+    pub length_mm: f64,
+    /// Covariance of fulcrum and offsets.
+    covariance: SharedMatrix,
+}
+
+/// What all poses share; `None` where they turn too little to show it, or are too few.
+pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
+    const FEWEST: usize = 10;
+    const ROUNDS: usize = 30;
+    const SETTLED_MM: f64 = 1e-2;
+    if poses.len() < FEWEST {
+        return None;
+    }
+    let mut shared = Adjustment::start(poses)?;
+    let weights = weights(poses);
+    let mut solved: Vec<Solved> = poses.iter().map(Solved::new).collect();
+    for _ in 0..ROUNDS {
+        let (mut matrix, mut right) = shared.beliefs(poses[0].evidence.is_of_unknown_length());
+        for (pose, weight) in solved.iter_mut().zip(&weights) {
+            let (information, pull) = pose.solve(&shared)?;
+            let weight = weight * robust_weight(&information, &pull);
+            matrix += information * weight;
+            right += pull * weight;
+        }
+        shared.covariance = matrix.cholesky()?.inverse();
+        let step = shared.covariance * right;
+        if !step.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        shared.go(&step);
+        solved.iter_mut().for_each(|pose| pose.follow(&step));
+        if step.fixed_rows::<3>(0).norm() < SETTLED_MM {
+            return poses.iter().all(|pose| shared.is_behind(&pose.tube)).then_some(shared);
+        }
+    }
+    None
+}
+
+/// The pose that is most likely when the session's fulcrum and offsets are known so well.
+pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> {
+    const ROUNDS: usize = 4;
+    let evidence = &pose.evidence;
+    let (own_px, share) = (evidence.own_px(), evidence.share());
+    // Both the fulcrum's error and the play keep the axis from it; both the shared offsets' error and the pose's own
+    // the edges from theirs.
+    let apart_px: [f64; 4] =
+        std::array::from_fn(|part| own_px[part].hypot(share[part] * shared.covariance[(3 + part, 3 + part)].sqrt()));
+    let information = evidence.information();
+    let mut change = OwnVector::zeros();
+    let mut result = None;
+    for _ in 0..ROUNDS {
+        let tube = turned(&pose.tube, &tube_part(&change));
+        let by_point = Constraint::at(&tube, shared.fulcrum.at).by_point;
+        let play = Matrix2::identity() * square(PLAY_MM) + by_point * shared.fulcrum.covariance * by_point.transpose();
+        let equations = Equations::at(pose, &information, &change, shared, &play, &apart_px)?;
+        let inverse = equations.own.cholesky()?.inverse();
+        change = inverse * equations.right;
+        // The edges' own noise passes from frame to frame; offsets, play, and errors of what is shared last.
+        let through = inverse * equations.cross;
+        let passing = inverse * information * inverse;
+        let differing = inverse * equations.differing(&own_px, &apart_px) * inverse;
+        result = Some((passing, through * shared.covariance * through.transpose() + differing));
+    }
+    let (passing, lasting) = result?;
+    let of_tube = |all: Information| -> Matrix5<f64> {
+        let block = all.fixed_view::<5, 5>(0, 0).into_owned();
+        (block + block.transpose()) * 0.5
+    };
+    let (passing, lasting) = (of_tube(passing), of_tube(lasting));
+    Some(TubeEstimate {
+        tube: turned(&pose.tube, &tube_part(&change)),
+        covariance: passing + lasting,
+        lasting,
+        ..*pose
+    })
+}
+
+impl Adjustment {
+    fn start(poses: &[TubeEstimate]) -> Option<Self> {
+        let at = nearest_point(poses.iter().map(|p| (p.tube.tip, p.tube.axis)))?;
+        Some(Self {
+            fulcrum: Fulcrum { at, covariance: Matrix3::zeros() },
+            offsets: Vector4::zeros(),
+            length_mm: poses.last()?.evidence.length_mm(),
+            covariance: SharedMatrix::zeros(),
+        })
+    }
+
+    /// What is believed before any pose is looked at: offsets are about none, the fulcrum is anywhere.
+    fn beliefs(&self, is_of_unknown_length: bool) -> (SharedMatrix, SharedVector) {
+        let mut sigmas = SHARED_OFFSETS_PX;
+        if is_of_unknown_length {
+            sigmas[3] = LENGTH_WITHIN * self.length_mm;
+        }
+        let (mut matrix, mut right) = (SharedMatrix::zeros(), SharedVector::zeros());
+        for (part, sigma) in sigmas.into_iter().enumerate() {
+            matrix[(3 + part, 3 + part)] = 1.0 / square(sigma);
+            right[3 + part] = -self.offsets[part] / square(sigma);
+        }
+        (matrix, right)
+    }
+
+    fn go(&mut self, step: &SharedVector) {
+        self.fulcrum.at += step.fixed_rows::<3>(0);
+        self.fulcrum.covariance = self.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        self.offsets += step.fixed_rows::<4>(3);
+    }
+
+    /// Does the fulcrum lie behind a tube's band? Axes that hardly turn meet where their errors make them meet.
+    fn is_behind(&self, tube: &Tube) -> bool {
+        (tube.tip - self.fulcrum.at).dot(&tube.axis) > NEAREST_RADII * tube.radius
+    }
+}
+
+/// One pose while all are being adjusted.
+struct Solved<'a> {
+    pose: &'a TubeEstimate,
+    information: Information,
+    /// From where its edges were solved.
+    change: OwnVector,
+    /// What the change becomes with the shared unknowns as they are, and by how much less with each step of theirs.
+    alone: OwnVector,
+    through: SMatrix<f64, OWN, SHARED>,
+}
+
+impl<'a> Solved<'a> {
+    fn new(pose: &'a TubeEstimate) -> Self {
+        let (change, through) = (OwnVector::zeros(), SMatrix::zeros());
+        Self { pose, information: pose.evidence.information(), change, alone: change, through }
+    }
+
+    /// What the pose says of the shared unknowns, its own being as they then have to be: information, and pull.
+    fn solve(&mut self, shared: &Adjustment) -> Option<(SharedMatrix, SharedVector)> {
+        let play = Matrix2::identity() * square(PLAY_MM);
+        let own_px = self.pose.evidence.own_px();
+        let equations = Equations::at(self.pose, &self.information, &self.change, shared, &play, &own_px)?;
+        let solver = equations.own.cholesky()?;
+        self.through = solver.solve(&equations.cross);
+        self.alone = solver.solve(&equations.right);
+        let back = equations.cross.transpose();
+        Some((equations.shared - back * self.through, equations.shared_right - back * self.alone))
+    }
+
+    fn follow(&mut self, step: &SharedVector) {
+        self.change = self.alone - self.through * step;
+    }
+}
+
+/// One pose's equations, linearised: of its own unknowns, of the shared ones, and of both.
+struct Equations {
+    own: Information,
+    right: OwnVector,
+    cross: SMatrix<f64, OWN, SHARED>,
+    shared: SharedMatrix,
+    shared_right: SharedVector,
+    constraint: Constraint,
+    firm: Matrix2<f64>,
+}
+
+impl Equations {
+    /// Of a pose moved by `change` from where its edges were solved. `play` is how far its axis may pass beside the fulcrum
+    /// (covariance), `apart_px` how far its offsets may be from the shared ones.
+    fn at(
+        pose: &TubeEstimate,
+        information: &Information,
+        change: &OwnVector,
+        shared: &Adjustment,
+        play: &Matrix2<f64>,
+        apart_px: &[f64; 4],
+    ) -> Option<Self> {
+        let moved = tube_part(change);
+        let mut constraint = Constraint::at(&turned(&pose.tube, &moved), shared.fulcrum.at);
+        constraint.missed -= constraint.by_pose * moved; // as seen from where the edges were solved
+        let firm = play.try_inverse()?;
+        let (to_pose, to_point) = (constraint.by_pose.transpose() * firm, constraint.by_point.transpose() * firm);
+        let mut all = Self {
+            own: *information,
+            right: pose.evidence.pull(),
+            cross: SMatrix::zeros(),
+            shared: SharedMatrix::zeros(),
+            shared_right: SharedVector::zeros(),
+            constraint,
+            firm,
+        };
+        let Constraint { missed, by_pose, by_point } = &all.constraint;
+        let mut of_tube = all.own.fixed_view_mut::<5, 5>(0, 0);
+        of_tube += to_pose * by_pose;
+        all.right.fixed_rows_mut::<5>(0).copy_from(&-(to_pose * missed));
+        all.cross.fixed_view_mut::<5, 3>(0, 0).copy_from(&(to_pose * by_point));
+        all.shared.fixed_view_mut::<3, 3>(0, 0).copy_from(&(to_point * by_point));
+        all.shared_right.fixed_rows_mut::<3>(0).copy_from(&-(to_point * missed));
+        let (share, offsets) = (pose.evidence.share(), pose.evidence.offsets_at(shared.length_mm));
+        for part in 0..4 {
+            let (weight, share) = (1.0 / square(apart_px[part]), share[part]);
+            let ahead = offsets[part] - share * shared.offsets[part];
+            all.own[(5 + part, 5 + part)] += weight;
+            all.right[5 + part] -= weight * ahead;
+            all.cross[(5 + part, 3 + part)] = -weight * share;
+            all.shared[(3 + part, 3 + part)] = weight * square(share);
+            all.shared_right[3 + part] = weight * share * ahead;
+        }
+        Some(all)
+    }
+
+    /// Covariance of the right side by what is the pose's own and lasts: play, and its offsets beside the shared ones.
+    fn differing(&self, own_px: &[f64; 4], apart_px: &[f64; 4]) -> Information {
+        let mut all = Information::zeros();
+        let to_pose = self.constraint.by_pose.transpose() * self.firm;
+        all.fixed_view_mut::<5, 5>(0, 0).copy_from(&(to_pose * to_pose.transpose() * square(PLAY_MM)));
+        for part in 0..4 {
+            all[(5 + part, 5 + part)] = square(own_px[part] / square(apart_px[part]));
+        }
+        all
+    }
+}
+
+/// How much each pose counts: those that are alike err alike, and count as one together.
+fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
+    const ALIKE_MM: f64 = 5.0;
+    let likeness = |one: &TubeEstimate, other: &TubeEstimate| {
+        (-0.5 * (one.tube.tip - other.tube.tip).norm_squared() / square(ALIKE_MM)).exp()
+    };
+    poses.iter().map(|pose| 1.0 / poses.iter().map(|other| likeness(pose, other)).sum::<f64>()).collect()
+}
+
+/// How much a pose counts that disagrees with all others: a false one must not hold them.
+fn robust_weight(information: &SharedMatrix, pull: &SharedVector) -> f64 {
+    const MOST_SQUARED: f64 = 9.0;
+    let of_fulcrum = information.fixed_view::<3, 3>(0, 0) + Matrix3::identity() * 1e-9;
+    let pull = pull.fixed_rows::<3>(0).into_owned();
+    let distance = of_fulcrum.cholesky().map_or(0.0, |solver| pull.dot(&solver.solve(&pull)));
+    if distance > MOST_SQUARED { MOST_SQUARED / distance } else { 1.0 }
+}
+
+fn tube_part(all: &OwnVector) -> Vector5<f64> {
+    all.fixed_rows::<5>(0).into_owned()
+}
+
+fn square(value: f64) -> f64 {
+    value * value
+}
+
+#[cfg(test)]
+mod tests;

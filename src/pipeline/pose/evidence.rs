@@ -1,0 +1,144 @@
+//! What the edges of one pose say, kept for when more is known: of the tube, and of its outline's offsets.
+
+use nalgebra::{Matrix5, SMatrix, SVector, Vector4};
+
+/// A pose's own unknowns: five of the tube (see [`super::turned`]), the offsets of its outline's four parts (pixels).
+pub const OWN: usize = 9;
+/// Information on them.
+pub type Information = SMatrix<f64, OWN, OWN>;
+const PACKED: usize = OWN * (OWN + 1) / 2;
+
+/// Standard deviation of the offset that a whole session shares, of both borders, the distal and the other end, pixels:
+/// what lens, light and compression do to an edge everywhere. At the other end the tape's own thickness shows.
+pub const SHARED_OFFSETS_PX: [f64; 4] = [0.15, 0.15, 0.2, 0.4];
+/// By how much a pose's own offsets differ from it, pixels: background, shadow and gloss.
+pub const OWN_OFFSETS_PX: [f64; 4] = [0.12, 0.12, 0.2, 0.3];
+/// Offsets of one pose alone, pixels: both together.
+pub fn offsets_px() -> [f64; 4] {
+    std::array::from_fn(|part| SHARED_OFFSETS_PX[part].hypot(OWN_OFFSETS_PX[part]))
+}
+
+/// The normal equations of a pose's edges, in single precision: a recording keeps one for each tool and frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evidence {
+    information: [f32; PACKED],
+    /// Offsets that the pose was solved with, pixels.
+    offsets: [f32; 4],
+    /// Where the edges alone would still pull those, px⁻¹.
+    pull: [f32; 4],
+    /// What was believed of the offsets: standard deviations, pixels.
+    believed_px: [f32; 4],
+    /// By how much they may differ from those of like poses: standard deviations, pixels.
+    own_px: [f32; 4],
+    length_mm: f32,
+    px_per_mm: f32,
+}
+
+/// What is believed of a pose's offsets before its edges are looked at: standard deviations, pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beliefs {
+    /// Of each part's offset.
+    pub offsets_px: [f64; 4],
+    /// By how much they differ from those that the session shares.
+    pub own_px: [f64; 4],
+    /// The band's length that is reckoned with, mm.
+    pub length_mm: f64,
+    /// Pixels that one millimetre along the axis takes at the band's other end; 0 where its length was measured.
+    pub px_per_mm: f64,
+}
+
+impl Beliefs {
+    /// The usual ones, of a band of known length.
+    pub fn usual(length_mm: f64) -> Self {
+        Self { offsets_px: offsets_px(), own_px: OWN_OFFSETS_PX, length_mm, px_per_mm: 0.0 }
+    }
+}
+
+impl Evidence {
+    /// Of the edges' information at the pose and offsets that they were solved for under some beliefs, their noise being
+    /// `noise` times as large as the edges said.
+    pub fn new(information: &Information, offsets: &Vector4<f64>, beliefs: &Beliefs, noise: f64) -> Self {
+        let pull = |part: usize| offsets[part] / (beliefs.offsets_px[part].powi(2) * noise);
+        let all = (0..OWN).flat_map(|row| (0..=row).map(move |column| (row, column)));
+        let mut packed = [0.0; PACKED];
+        for (packed, place) in packed.iter_mut().zip(all) {
+            *packed = (information[place] / noise) as f32;
+        }
+        Self {
+            information: packed,
+            offsets: std::array::from_fn(|part| offsets[part] as f32),
+            pull: std::array::from_fn(|part| pull(part) as f32),
+            believed_px: beliefs.offsets_px.map(|px| px as f32),
+            own_px: beliefs.own_px.map(|px| px as f32),
+            length_mm: beliefs.length_mm as f32,
+            px_per_mm: beliefs.px_per_mm as f32,
+        }
+    }
+
+    /// Of a pose of which only the covariance is known.
+    pub fn of_covariance(covariance: &Matrix5<f64>) -> Self {
+        let mut information = Information::zeros();
+        let of_tube = covariance.try_inverse().unwrap_or_else(Matrix5::zeros);
+        information.fixed_view_mut::<5, 5>(0, 0).copy_from(&of_tube);
+        Self::new(&information, &Vector4::zeros(), &Beliefs::usual(0.0), 1.0)
+    }
+
+    /// As if the noise's variance were so many times as large.
+    pub fn doubted(mut self, times: f64) -> Self {
+        self.information.iter_mut().chain(&mut self.pull).for_each(|number| *number /= times as f32);
+        self
+    }
+
+    /// Information on tube and offsets.
+    pub fn information(&self) -> Information {
+        Information::from_fn(|i, j| {
+            let (low, high) = (i.min(j), i.max(j));
+            f64::from(self.information[high * (high + 1) / 2 + low])
+        })
+    }
+
+    /// Where the edges alone would pull tube and offsets.
+    pub fn pull(&self) -> SVector<f64, OWN> {
+        SVector::from_fn(|i, _| if i < 5 { 0.0 } else { f64::from(self.pull[i - 5]) })
+    }
+
+    /// By how much the offsets may differ from the shared ones: standard deviations, pixels.
+    pub fn own_px(&self) -> [f64; 4] {
+        self.own_px.map(f64::from)
+    }
+
+    /// The band's length that the pose was solved with, mm.
+    pub fn length_mm(&self) -> f64 {
+        f64::from(self.length_mm)
+    }
+
+    /// Did nobody measure the band?
+    pub fn is_of_unknown_length(&self) -> bool {
+        self.px_per_mm > 0.0
+    }
+
+    /// By how much the shared offsets show, part by part: those of a band whose length nobody measured are counted in mm of
+    /// that length.
+    pub fn share(&self) -> [f64; 4] {
+        [1.0, 1.0, 1.0, if self.is_of_unknown_length() { f64::from(self.px_per_mm) } else { 1.0 }]
+    }
+
+    /// Offsets as they would be had the pose been solved with a band of this length, pixels.
+    pub fn offsets_at(&self, length_mm: f64) -> Vector4<f64> {
+        let by_length = f64::from(self.px_per_mm) * (self.length_mm() - length_mm);
+        Vector4::from(self.offsets.map(f64::from)) + Vector4::w() * by_length
+    }
+
+    /// The tube's covariance, nothing else being known than what was believed, and that part of it which lasts from frame to
+    /// frame: were the offsets known, only the edges' own noise would be left.
+    pub fn covariance(&self) -> Option<(Matrix5<f64>, Matrix5<f64>)> {
+        let information = self.information();
+        let mut with_beliefs = information;
+        for part in 0..4 {
+            with_beliefs[(5 + part, 5 + part)] += f64::from(self.believed_px[part]).powi(-2);
+        }
+        let all: Matrix5<f64> = with_beliefs.cholesky()?.inverse().fixed_view::<5, 5>(0, 0).into_owned();
+        let passing = information.fixed_view::<5, 5>(0, 0).into_owned().cholesky()?.inverse();
+        Some((all, all - passing))
+    }
+}
