@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector4, Vector5};
 
-use super::evidence::{Evidence, Information, OWN, SHARED_OFFSETS_PX};
+use super::evidence::{Information, OWN, SHARED_OFFSETS_PX};
 use super::fulcrum::{Constraint, Fulcrum, NEAREST_RADII, PLAY_MM, nearest_point};
 use super::{TubeEstimate, turned};
 use crate::pipeline::tube::Tube;
@@ -85,8 +85,7 @@ pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> 
     let mut result = None;
     for _ in 0..ROUNDS {
         let tube = turned(&pose.tube, &tube_part(&change));
-        let by_point = Constraint::at(&tube, shared.fulcrum.at).by_point;
-        let play = Matrix2::identity() * square(PLAY_MM) + by_point * shared.fulcrum.covariance * by_point.transpose();
+        let play = Constraint::at(&tube, shared.fulcrum.at).play(&shared.fulcrum);
         let equations = Equations::at(pose, &information, &change, shared, &play, &apart_px)?;
         let inverse = equations.own.cholesky()?.inverse();
         change = inverse * equations.right;
@@ -220,7 +219,8 @@ impl Equations {
         let Constraint { missed, by_pose, by_point } = &all.constraint;
         let mut of_tube = all.own.fixed_view_mut::<5, 5>(0, 0);
         of_tube += to_pose * by_pose;
-        all.right.fixed_rows_mut::<5>(0).copy_from(&-(to_pose * missed));
+        let mut of_tube = all.right.fixed_rows_mut::<5>(0);
+        of_tube -= to_pose * missed;
         all.cross.fixed_view_mut::<5, 3>(0, 0).copy_from(&(to_pose * by_point));
         all.shared.fixed_view_mut::<3, 3>(0, 0).copy_from(&(to_point * by_point));
         all.shared_right.fixed_rows_mut::<3>(0).copy_from(&-(to_point * missed));

@@ -24,8 +24,8 @@ pub struct Evidence {
     information: [f32; PACKED],
     /// Offsets that the pose was solved with, pixels.
     offsets: [f32; 4],
-    /// Where the edges alone would still pull those, px⁻¹.
-    pull: [f32; 4],
+    /// Where the edges alone would still pull tube and offsets: the right side of the normal equations.
+    pull: [f32; OWN],
     /// What was believed of the offsets: standard deviations, pixels.
     believed_px: [f32; 4],
     /// By how much they may differ from those of like poses: standard deviations, pixels.
@@ -55,10 +55,15 @@ impl Beliefs {
 }
 
 impl Evidence {
-    /// Of the edges' information at the pose and offsets that they were solved for under some beliefs, their noise being
-    /// `noise` times as large as the edges said.
-    pub fn new(information: &Information, offsets: &Vector4<f64>, beliefs: &Beliefs, noise: f64) -> Self {
-        let pull = |part: usize| offsets[part] / (beliefs.offsets_px[part].powi(2) * noise);
+    /// Of the edges' normal equations, at the pose and offsets that were found under some beliefs, their noise being `noise`
+    /// times as large as the edges said.
+    pub fn new(
+        information: &Information,
+        pull: &SVector<f64, OWN>,
+        offsets: &Vector4<f64>,
+        beliefs: &Beliefs,
+        noise: f64,
+    ) -> Self {
         let all = (0..OWN).flat_map(|row| (0..=row).map(move |column| (row, column)));
         let mut packed = [0.0; PACKED];
         for (packed, place) in packed.iter_mut().zip(all) {
@@ -67,7 +72,7 @@ impl Evidence {
         Self {
             information: packed,
             offsets: std::array::from_fn(|part| offsets[part] as f32),
-            pull: std::array::from_fn(|part| pull(part) as f32),
+            pull: std::array::from_fn(|i| (pull[i] / noise) as f32),
             believed_px: beliefs.offsets_px.map(|px| px as f32),
             own_px: beliefs.own_px.map(|px| px as f32),
             length_mm: beliefs.length_mm as f32,
@@ -80,7 +85,7 @@ impl Evidence {
         let mut information = Information::zeros();
         let of_tube = covariance.try_inverse().unwrap_or_else(Matrix5::zeros);
         information.fixed_view_mut::<5, 5>(0, 0).copy_from(&of_tube);
-        Self::new(&information, &Vector4::zeros(), &Beliefs::usual(0.0), 1.0)
+        Self::new(&information, &SVector::zeros(), &Vector4::zeros(), &Beliefs::usual(0.0), 1.0)
     }
 
     /// As if the noise's variance were so many times as large.
@@ -99,7 +104,7 @@ impl Evidence {
 
     /// Where the edges alone would pull tube and offsets.
     pub fn pull(&self) -> SVector<f64, OWN> {
-        SVector::from_fn(|i, _| if i < 5 { 0.0 } else { f64::from(self.pull[i - 5]) })
+        SVector::from(self.pull.map(f64::from))
     }
 
     /// By how much the offsets may differ from the shared ones: standard deviations, pixels.

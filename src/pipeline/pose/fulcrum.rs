@@ -35,7 +35,7 @@ pub(super) const NEAREST_RADII: f64 = 8.0;
 /// How many standard deviations the axis passes beside the fulcrum; squared, with two degrees of freedom.
 pub fn miss_squared(pose: &TubeEstimate, fulcrum: &Fulcrum) -> f64 {
     let constraint = Constraint::at(&pose.tube, fulcrum.at);
-    let spread = constraint.spread(pose) + constraint.by_point * fulcrum.covariance * constraint.by_point.transpose();
+    let spread = constraint.by_pose * pose.covariance * constraint.by_pose.transpose() + constraint.play(fulcrum);
     spread.try_inverse().map_or(f64::INFINITY, |information| constraint.missed.dot(&(information * constraint.missed)))
 }
 
@@ -59,7 +59,8 @@ impl Constraint {
         Self { missed: rows * back, by_pose, by_point: rows }
     }
 
-    fn spread(&self, pose: &TubeEstimate) -> Matrix2<f64> {
-        self.by_pose * pose.covariance * self.by_pose.transpose() + Matrix2::identity() * (PLAY_MM * PLAY_MM)
+    /// How far an exact axis may pass beside a fulcrum that is known so well: covariance, mm².
+    pub(super) fn play(&self, fulcrum: &Fulcrum) -> Matrix2<f64> {
+        Matrix2::identity() * (PLAY_MM * PLAY_MM) + self.by_point * fulcrum.covariance * self.by_point.transpose()
     }
 }

@@ -10,6 +10,7 @@
 use nalgebra::{Matrix5, SMatrix, SVector, Vector2, Vector5};
 
 use super::evidence::{Beliefs, Evidence, OWN as UNKNOWNS};
+use super::fulcrum::{Constraint, Fulcrum};
 use super::{TubeEstimate, turned};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::outline_probes::Place;
@@ -73,13 +74,15 @@ pub enum Trust {
     All,
 }
 
-/// Fits the tube to the edges, starting from `start`, under what is believed of its parts' offsets.
+/// Fits the tube to the edges, starting from `start`, under what is believed of its parts' offsets. Where the
+/// fulcrum is known, the tube is kept to it, but its evidence and covariance are the edges' alone.
 pub fn fit(
     edges: &[MeasuredEdge],
     start: &Tube,
     camera: &Camera,
     trust: Trust,
     beliefs: &Beliefs,
+    fulcrum: Option<&Fulcrum>,
 ) -> Option<TubeEstimate> {
     const ROUNDS: usize = 8;
     let count = |part: usize| edges.iter().filter(|e| e.place.part() == part).count();
@@ -90,8 +93,8 @@ pub fn fit(
     let mut offsets = SVector::<f64, 4>::zeros();
     let mut last = f64::INFINITY;
     for _ in 0..ROUNDS {
-        let system = System::build(edges, &tube, &offsets, &beliefs.offsets_px, camera, trust)?;
-        let step = system.matrix.cholesky()?.solve(&system.right);
+        let system = System::build(edges, &tube, &offsets, camera, trust)?;
+        let step = system.bound(&tube, &offsets, beliefs, fulcrum)?;
         tube = turned(&tube, &Vector5::from(step.fixed_rows::<5>(0)));
         offsets += step.fixed_rows::<4>(5);
         let size = step.fixed_rows::<3>(0).norm();
@@ -103,17 +106,14 @@ pub fn fit(
         }
         last = size;
     }
-    let system = System::build(edges, &tube, &offsets, &beliefs.offsets_px, camera, trust)?;
-    let mut information = system.matrix;
-    for part in 0..4 {
-        information[(5 + part, 5 + part)] -= beliefs.offsets_px[part].powi(-2);
-    }
-    let evidence = Evidence::new(&information, &offsets, beliefs, system.variance_factor.max(1.0));
+    let system = System::build(edges, &tube, &offsets, camera, trust)?;
+    let noise = system.variance_factor.max(1.0);
+    let evidence = Evidence::new(&system.matrix, &system.right, &offsets, beliefs, noise);
     let (covariance, lasting) = evidence.covariance()?;
     Some(TubeEstimate { tube, covariance, lasting, evidence, residual_px: system.residual_px, support: system.support })
 }
 
-/// The normal equations at one linearisation.
+/// The edges' normal equations at one linearisation.
 struct System {
     matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
     right: SVector<f64, UNKNOWNS>,
@@ -123,11 +123,35 @@ struct System {
 }
 
 impl System {
+    /// The step that edges, beliefs and the fulcrum together ask for.
+    fn bound(
+        &self,
+        tube: &Tube,
+        offsets: &SVector<f64, 4>,
+        beliefs: &Beliefs,
+        fulcrum: Option<&Fulcrum>,
+    ) -> Option<SVector<f64, UNKNOWNS>> {
+        let (mut matrix, mut right) = (self.matrix, self.right);
+        for part in 0..4 {
+            let weight = beliefs.offsets_px[part].powi(-2);
+            matrix[(5 + part, 5 + part)] += weight;
+            right[5 + part] -= weight * offsets[part];
+        }
+        if let Some(fulcrum) = fulcrum {
+            let constraint = Constraint::at(tube, fulcrum.at);
+            let to_pose = constraint.by_pose.transpose() * constraint.play(fulcrum).try_inverse()?;
+            let mut of_tube = matrix.fixed_view_mut::<5, 5>(0, 0);
+            of_tube += to_pose * constraint.by_pose;
+            let mut of_tube = right.fixed_rows_mut::<5>(0);
+            of_tube -= to_pose * constraint.missed;
+        }
+        Some(matrix.cholesky()?.solve(&right))
+    }
+
     fn build(
         edges: &[MeasuredEdge],
         tube: &Tube,
         offsets: &SVector<f64, 4>,
-        bias: &[f64; 4],
         camera: &Camera,
         trust: Trust,
     ) -> Option<Self> {
@@ -170,11 +194,10 @@ impl System {
         matrix.fixed_view_mut::<5, 5>(0, 0).copy_from(&by_tube);
         all_right.fixed_rows_mut::<5>(0).copy_from(&right);
         for part in 0..4 {
-            let prior = 1.0 / (bias[part] * bias[part]);
             matrix.fixed_view_mut::<5, 1>(0, 5 + part).copy_from(&across[part]);
             matrix.fixed_view_mut::<1, 5>(5 + part, 0).copy_from(&across[part].transpose());
-            matrix[(5 + part, 5 + part)] = own[part] + prior;
-            all_right[5 + part] = right_own[part] - prior * offsets[part];
+            matrix[(5 + part, 5 + part)] = own[part];
+            all_right[5 + part] = right_own[part];
         }
         let (matrix, right) = system;
         Some(Self {
@@ -266,7 +289,7 @@ mod tests {
     #[test]
     fn clean_edges_give_the_tube_back_from_a_rough_start() {
         let clean = edges(&mut SmallRng::seed_from_u64(1), 0.0, [0.0; 4]);
-        let fitted = fit(&clean, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)).unwrap();
+        let fitted = fit(&clean, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 1e-3, "{}", (fitted.tube.tip - tube().tip).norm());
         assert!((fitted.tube.axis - tube().axis).norm() < 1e-4);
     }
@@ -284,7 +307,7 @@ mod tests {
             )
             .unwrap();
         }
-        let fitted = fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)).unwrap();
+        let fitted = fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 0.5, "{}", (fitted.tube.tip - tube().tip).norm());
     }
 
@@ -298,7 +321,7 @@ mod tests {
             .filter(|_| {
                 let sampled = edges(&mut random, 0.15, offsets_px());
                 let fitted =
-                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)).unwrap();
+                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
                 let miss = fitted.tube.tip - tube().tip;
                 miss.dot(&(fitted.tip_covariance().try_inverse().unwrap() * miss)) < CHI_SQUARED_95
             })
@@ -311,6 +334,6 @@ mod tests {
     fn one_border_alone_is_not_enough() {
         let mut one = edges(&mut SmallRng::seed_from_u64(4), 0.05, [0.0; 4]);
         one.retain(|e| e.place.part() != 1);
-        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM)), None);
+        assert_eq!(fit(&one, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None), None);
     }
 }

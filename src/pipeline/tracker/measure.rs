@@ -12,6 +12,7 @@ use crate::pipeline::edges::shaft;
 use crate::pipeline::edges::subpixel::Fineness;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX, offsets_px};
+use crate::pipeline::pose::fulcrum::{self, Fulcrum};
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::pipeline::pose::{TubeEstimate, pinhole_width, tangent_planes};
 use crate::pipeline::reason::Reason;
@@ -37,7 +38,7 @@ pub struct Bench<'a> {
     /// How it is expected to move in the picture, pixels/s.
     pub motion_px_s: Vector2<f64>,
     /// Where it enters the box, once that is known, camera frame, mm.
-    pub fulcrum: Option<Point3<f64>>,
+    pub fulcrum: Option<Fulcrum>,
     /// Depth at which it was last seen, mm.
     pub last_depth_mm: Option<f64>,
     /// Other tools, that may stand before it.
@@ -63,6 +64,9 @@ pub struct Measurement {
     pub seen_share: f64,
     /// Every end of the band that is in sight was met.
     pub ends_seen: bool,
+    /// How many standard deviations the axis passes beside the fulcrum as the edges alone have it, squared: 0 where no
+    /// fulcrum is known.
+    pub beside_squared: f64,
     /// How far edges are smeared by motion: standard deviation, pixels.
     pub smear_px: f64,
 }
@@ -259,24 +263,30 @@ impl Bench<'_> {
     fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[Look]) -> Result<Measurement, Reason> {
         let smear_px = self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt();
         let mut measurement = Err(Reason::BordersNotFound);
+        let mut found = FoundEdges::default();
         for look in looks {
-            let found = self.edges_along(&tube, length_mm, *look)?;
+            found = self.edges_along(&tube, length_mm, *look)?;
             if found.edges.iter().all(|e| e.place.part() < 2) {
                 return Err(Reason::TipHidden);
             }
             let beliefs = self.beliefs(&found, &tube, length_mm);
-            let estimate = joint_fit::fit(&found.edges, &tube, self.camera, Trust::Majority, &beliefs)
+            let estimate = joint_fit::fit(&found.edges, &tube, self.camera, Trust::Majority, &beliefs, None)
                 .ok_or(Reason::BordersNotFound)?;
             tube = estimate.tube;
             let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
             let ends_seen = found.ends_seen();
             measurement =
-                Ok(Measurement { estimate, length_mm, length_sigma_mm: 0.0, seen_share, ends_seen, smear_px });
+                Ok(Measurement { estimate, length_mm, length_sigma_mm: 0.0, seen_share, ends_seen, beside_squared: 0.0, smear_px });
             if look.fineness == Fineness::Step && seen_share < LEAST_STEPS {
                 return Err(Reason::BordersNotFound);
             }
         }
         let mut measurement: Measurement = measurement?;
+        if let Some(fulcrum) = &self.fulcrum {
+            measurement.beside_squared = fulcrum::miss_squared(&measurement.estimate, fulcrum);
+            measurement.estimate = self.bound(&found, &measurement.estimate, length_mm, fulcrum);
+            tube = measurement.estimate.tube;
+        }
         if !self.is_where_the_tape_is(&tube, length_mm) {
             return Err(Reason::ImpossiblePose);
         }
@@ -290,6 +300,17 @@ impl Bench<'_> {
             measurement.length_sigma_mm = length_sigma(&measurement.estimate, measurement.length_mm);
         }
         Ok(measurement)
+    }
+
+    /// The estimate, kept to the fulcrum: edges of a short piece hardly know its lean, and what a lean is off by is not linear.
+    fn bound(&self, found: &FoundEdges, free: &TubeEstimate, length_mm: f64, fulcrum: &Fulcrum) -> TubeEstimate {
+        let axis = (free.tube.tip - fulcrum.at).try_normalize(1e-9).unwrap_or(free.tube.axis);
+        let beliefs = self.beliefs(found, &free.tube, length_mm);
+        let from = |start: &Tube| {
+            joint_fit::fit(&found.edges, start, self.camera, Trust::Majority, &beliefs, Some(fulcrum))
+        };
+        let bound = from(&Tube { axis, ..free.tube }).or_else(|| from(&free.tube));
+        bound.filter(|bound| bound.residual_px < 2.0 * free.residual_px.max(0.1)).unwrap_or(*free)
     }
 
     /// What is believed of the offsets of a tube's edges: the usual, more where they are smeared or the band's length is not
@@ -425,6 +446,7 @@ impl Bench<'_> {
             length_sigma_mm: 0.0,
             seen_share: 1.0,
             ends_seen: true,
+            beside_squared: 0.0,
             smear_px: 0.0,
         }
     }

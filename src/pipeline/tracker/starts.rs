@@ -19,7 +19,7 @@ impl Bench<'_> {
     /// The tube whose axis comes from the known fulcrum, through whichever end is in sight: needs neither taper nor both
     /// ends, and has only one lean.
     pub(super) fn by_fulcrum(&self, [distal, proximal]: [Normalised; 2], depth: f64) -> Option<Tube> {
-        let (fulcrum, (length_mm, _), radius) = (self.fulcrum?, self.length?, 0.5 * self.spec.diameter_mm);
+        let (fulcrum, (length_mm, _), radius) = (self.fulcrum?.at, self.length?, 0.5 * self.spec.diameter_mm);
         let (at_distal, at_proximal) = (Point3::from(distal.ray() * depth), Point3::from(proximal.ray() * depth));
         let in_sight = |point: Point3<f64>| {
             self.camera.project(CameraPoint(point)).is_some_and(|pixel| self.is_visible(point, pixel))
@@ -44,7 +44,7 @@ impl Bench<'_> {
         let fits = [1.0, -1.0].into_iter().filter_map(|sign| {
             let start = band_length::leaning(ends, depth, length_mm, radius, sign)?;
             let edges = self.coarse_edges(coarse, &start, length_mm)?;
-            joint_fit::fit(&edges, &start, self.camera, Trust::All, &Beliefs::usual(length_mm))
+            joint_fit::fit(&edges, &start, self.camera, Trust::All, &Beliefs::usual(length_mm), None)
         });
         let mut fits: Vec<TubeEstimate> = fits.collect();
         fits.sort_by(|a, b| a.residual_px.total_cmp(&b.residual_px));

@@ -12,7 +12,6 @@ use crate::pipeline::filter::identity::{Advance, Thread, ThreadSettings};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::pose::adjustment::{self, Adjustment};
-use crate::pipeline::pose::fulcrum;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
@@ -217,7 +216,7 @@ impl ToolTracker {
             spec: &self.spec,
             length: self.spec.band_length_mm.map(|known| (known, 0.0)).or_else(|| self.lengths.learned()),
             motion_px_s: self.motion_px_s,
-            fulcrum: self.adjustment.as_ref().map(|a| a.fulcrum.at),
+            fulcrum: self.adjustment.as_ref().map(|a| a.fulcrum),
             last_depth_mm: self.last.map(|(tube, _)| tube.tip.z),
             obstacles: scene.obstacles,
             edges: &mut self.edges,
@@ -274,8 +273,7 @@ impl ToolTracker {
     /// teach a better one.
     fn comes_from_the_hand(&self, measurement: &Measurement) -> bool {
         const MOST_SQUARED: f64 = 18.4; // passes 99.99 % of good ones: two degrees of freedom
-        let miss = self.adjustment.as_ref().map_or(0.0, |a| fulcrum::miss_squared(&measurement.estimate, &a.fulcrum));
-        measurement.is_good() || miss < MOST_SQUARED
+        measurement.is_good() || measurement.beside_squared < MOST_SQUARED
     }
 
     fn steady(&self, measurement: Measurement) -> Measurement {
