@@ -55,6 +55,21 @@ impl Tracker {
         Ok(Self { tools: tools.collect(), table, settings, instants: Vec::new(), light: LightWatch::default() })
     }
 
+    /// Looks at the first frames of a recording only to learn how its edges look and how long its bands are, so that the
+    /// first seconds are measured as well as the rest. Call before [`Tracker::observe`], with at least ten frames if there
+    /// are so many.
+    pub fn rehearse(&mut self, frames: &[Frame<'_>]) {
+        const ROUNDS: u32 = 2; // what the second learns of lengths needs what the first learned of edges
+        for _ in 0..ROUNDS {
+            for frame in frames {
+                self.observe(frame);
+            }
+            self.instants.clear();
+            self.light = LightWatch::default();
+            self.tools.iter_mut().for_each(ToolTracker::start_over);
+        }
+    }
+
     /// Looks at the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));

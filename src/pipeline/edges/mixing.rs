@@ -16,8 +16,6 @@ use crate::pipeline::frame::Frame;
 
 /// Edges that are looked at.
 const ENOUGH: usize = 160;
-/// Of the edges found: neighbours say the same, and other frames something new.
-const ONE_IN: u32 = 3;
 /// Median shift from which codes were mixed, pixels: midway between what was measured of both kinds.
 const CODES_FROM_PX: f32 = 0.23;
 /// How far to look on both sides, pixels.
@@ -27,7 +25,6 @@ const REACH_PX: f64 = 5.5;
 #[derive(Clone, Debug, Default)]
 pub struct Trial {
     shifts_px: Vec<f32>,
-    edges: u32,
     is_over: bool,
 }
 
@@ -35,10 +32,6 @@ impl Trial {
     /// Looks at an edge that was found, unless enough were seen.
     pub(super) fn look(&mut self, model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &EdgeFit) {
         if !self.is_over && self.shifts_px.len() < ENOUGH {
-            self.edges += 1;
-            if !self.edges.is_multiple_of(ONE_IN) {
-                return;
-            }
             self.shifts_px.extend(chroma_shift_px(model, frame, probe, found).map(|shift| shift as f32));
         }
     }

@@ -49,6 +49,8 @@ impl Place {
 pub struct ProbeLayout {
     /// Length of a chord along a border, pixels.
     pub chord_px: f64,
+    /// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
+    pub most_chords: f64,
     /// How far from the predicted outline to look, pixels.
     pub reach_px: f64,
     /// How the tube moves in the picture, pixels/s.
@@ -56,9 +58,6 @@ pub struct ProbeLayout {
     /// How long it does so while the shutter is open, s: edges are looked for that much farther away.
     pub exposure_s: f64,
 }
-
-/// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
-const MOST_CHORDS: f64 = 8.0;
 
 /// Share of the half circle that is probed: nearer to the borders the rim turns along the line of sight.
 const RIM_SHARE: f64 = 0.75;
@@ -76,7 +75,7 @@ pub fn border_probes(
         let seen = |back| pixel_of(camera, outline.border(side, back));
         let (Some(start), Some(end)) = (seen(from_mm), seen(to_mm)) else { continue };
         let length = (end.0 - start.0).norm();
-        let count = (length / layout.chord_px).round().clamp(1.0, MOST_CHORDS) as usize;
+        let count = (length / layout.chord_px).round().clamp(1.0, layout.most_chords) as usize;
         let half_mm = 0.5 * (to_mm - from_mm) * (layout.chord_px / length).min(1.0 / count as f64);
         for i in 0..count {
             let middle = from_mm + (to_mm - from_mm) * (i as f64 + 0.5) / count as f64;

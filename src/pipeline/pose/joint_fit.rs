@@ -35,7 +35,7 @@ pub struct MeasuredEdge {
 }
 
 /// Fewest edges on each border.
-pub const FEWEST_BORDER_EDGES: usize = 3;
+pub const FEWEST_BORDER_EDGES: usize = 2;
 
 /// Least standard deviation of a single edge: texture and compression that the noise does not show, pixels.
 const LEAST_SIGMA_PX: f64 = 0.1;

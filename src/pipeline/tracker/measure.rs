@@ -144,6 +144,11 @@ struct Look {
 /// Share of the probes that must have met a step at the first look: less is no tube, and not looked at closely.
 const LEAST_STEPS: f64 = 0.3;
 
+/// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
+const MOST_CHORDS: f64 = 8.0;
+/// Chords on each border that suffice.
+const ENOUGH_CHORDS: usize = 5;
+
 /// Share of the band's length next to each end that border probes leave out, in radii: there the rim bends away.
 const END_MARGIN: f64 = 0.35;
 
@@ -377,6 +382,7 @@ impl Bench<'_> {
     fn layout(&self, look: Look) -> ProbeLayout {
         ProbeLayout {
             chord_px: look.chord_px,
+            most_chords: MOST_CHORDS,
             reach_px: look.reach_px,
             motion_px_s: self.motion_px_s,
             exposure_s: self.edges.exposure_s,
@@ -394,7 +400,17 @@ impl Bench<'_> {
         let layout = self.layout(look);
         let margin = END_MARGIN * tube.radius;
         let mut probes: Vec<(Place, Probe)> = Vec::new();
-        border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);
+        // Of a band that is hidden but for a piece, few chords are left: then shorter ones.
+        for shorter in [1.0, 2.0] {
+            let layout =
+                ProbeLayout { chord_px: layout.chord_px / shorter, most_chords: MOST_CHORDS * shorter, ..layout };
+            probes.clear();
+            border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);
+            probes.retain(|(place, probe)| self.is_visible(place.on(&outline), probe.middle));
+            if (0..2).all(|side| probes.iter().filter(|(place, _)| place.part() == side).count() >= ENOUGH_CHORDS) {
+                break;
+            }
+        }
         rim_probes(&outline, self.camera, 0.0, 0.5 * length_mm, layout, &mut probes);
         if let Some((_, sigma_mm)) = self.length {
             const FARTHEST_PX: f64 = 6.0;

@@ -136,6 +136,13 @@ impl ToolTracker {
         }
     }
 
+    /// Forgets where the tool was, but not how its edges look and how long its band is.
+    pub(super) fn start_over(&mut self) {
+        let fresh = Self::new(self.spec.clone(), self.class, self.edges.clone());
+        let Self { finder, lengths, .. } = std::mem::replace(self, fresh);
+        (self.finder, self.lengths) = (finder, lengths);
+    }
+
     /// Finds the tool on a frame.
     pub(super) fn observe(&mut self, scene: &Scene<'_>) -> Seen {
         let thread = scene.settings.motion.thread();
