@@ -10,7 +10,7 @@ const PACKED: usize = OWN * (OWN + 1) / 2;
 
 /// Standard deviation of the offset that a whole session shares, of both borders, the distal and the other end, pixels:
 /// what lens, light and compression do to an edge everywhere. At the other end the tape's own thickness shows.
-pub const SHARED_OFFSETS_PX: [f64; 4] = [0.15, 0.15, 0.2, 0.4];
+pub const SHARED_OFFSETS_PX: [f64; 4] = [0.1, 0.1, 0.2, 0.3];
 /// By how much a pose's own offsets differ from it, pixels: background, shadow and gloss.
 pub const OWN_OFFSETS_PX: [f64; 4] = [0.12, 0.12, 0.2, 0.3];
 /// Offsets of one pose alone, pixels: both together.
