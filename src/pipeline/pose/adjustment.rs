@@ -8,9 +8,9 @@
 //! pose's offsets differ from the shared ones by what its evidence says, alike in like poses, which therefore count as one
 //! ([`weights`]). **Gives up** where the axes turn too little to meet anywhere, or meet before the tips.
 
-use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector4, Vector5};
+use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector5};
 
-use super::evidence::{Information, OWN, SHARED_OFFSETS_PX};
+use super::evidence::{Information, OWN, Offsets, SHARED_OFFSETS_PX};
 use super::fulcrum::{Constraint, Fulcrum, NEAREST_RADII, PLAY_MM, nearest_point};
 use super::{TubeEstimate, turned};
 use crate::pipeline::tube::Tube;
@@ -24,14 +24,17 @@ type OwnVector = SVector<f64, OWN>;
 /// How well a band's length that nobody measured is known before all poses are looked at together: a share of it.
 const LENGTH_WITHIN: f64 = 0.1;
 
+/// By how much a pose may turn towards the fulcrum, radians: beyond, nothing is linear.
+const MOST_TURN: f64 = 0.35;
+
 /// What a session's poses share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adjustment {
     /// The point that all axes pass through.
     pub fulcrum: Fulcrum,
-    /// Offsets of the outline's parts, pixels; the last in mm beyond [`Adjustment::length_mm`] where nobody measured the
+    /// What its edges are off by, pixels; the last in mm beyond [`Adjustment::length_mm`] where nobody measured the
     /// band.
-    pub offsets: Vector4<f64>,
+    pub offsets: Offsets,
     /// The band's length that they are counted from, mm.
     pub length_mm: f64,
     /// Covariance of fulcrum and offsets.
@@ -71,7 +74,8 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     None
 }
 
-/// The pose that is most likely when the session's fulcrum and offsets are known so well.
+/// The pose that is most likely when the session's fulcrum and offsets are known so well; `None` for one that would have to
+/// turn by more than [`MOST_TURN`]: its edges were taken for others'.
 pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> {
     const ROUNDS: usize = 4;
     let evidence = &pose.evidence;
@@ -95,6 +99,9 @@ pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> 
         let differing = inverse * equations.differing(&own_px, &apart_px) * inverse;
         result = Some((passing, through * shared.covariance * through.transpose() + differing));
     }
+    if change.fixed_rows::<2>(3).norm() > MOST_TURN {
+        return None;
+    }
     let (passing, lasting) = result?;
     let of_tube = |all: Information| -> Matrix5<f64> {
         let block = all.fixed_view::<5, 5>(0, 0).into_owned();
@@ -114,7 +121,7 @@ impl Adjustment {
         let at = nearest_point(poses.iter().map(|p| (p.tube.tip, p.tube.axis)))?;
         Some(Self {
             fulcrum: Fulcrum { at, covariance: Matrix3::zeros() },
-            offsets: Vector4::zeros(),
+            offsets: Offsets::zeros(),
             length_mm: poses.last()?.evidence.length_mm(),
             covariance: SharedMatrix::zeros(),
         })

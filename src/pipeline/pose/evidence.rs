@@ -2,17 +2,34 @@
 
 use nalgebra::{Matrix5, SMatrix, SVector, Vector4};
 
-/// A pose's own unknowns: five of the tube (see [`super::turned`]), the offsets of its outline's four parts (pixels).
+#[cfg(doc)]
+use crate::pipeline::edges::outline_probes::Place;
+
+/// A pose's own unknowns: five of the tube (see [`super::turned`]), the offsets of its outline's four parts (pixels, see [`Offsets`]).
 pub const OWN: usize = 9;
 /// Information on them.
 pub type Information = SMatrix<f64, OWN, OWN>;
 const PACKED: usize = OWN * (OWN + 1) / 2;
 
-/// Standard deviation of the offset that a whole session shares, of both borders, the distal and the other end, pixels:
-/// what lens, light and compression do to an edge everywhere. At the other end the tape's own thickness shows.
-pub const SHARED_OFFSETS_PX: [f64; 4] = [0.1, 0.1, 0.2, 0.3];
-/// By how much a pose's own offsets differ from it, pixels: background, shadow and gloss.
-pub const OWN_OFFSETS_PX: [f64; 4] = [0.12, 0.12, 0.2, 0.3];
+/// By how much an outline's edges lie off, pixels outwards: both borders alike (the tube seems wider), both towards the
+/// first one (it seems displaced), the distal end, the other end. Light from one side, and where a camera puts its chroma
+/// samples, displace a tube five times as much as they widen it, and depth hangs on its width alone.
+pub type Offsets = Vector4<f64>;
+
+/// The offset of one of the outline's four parts (see [`Place::part`]), pixels outwards.
+pub fn offset_of_part(offsets: &Offsets, part: usize) -> f64 {
+    match part {
+        0 => offsets[0] + offsets[1],
+        1 => offsets[0] - offsets[1],
+        _ => offsets[part],
+    }
+}
+
+/// Standard deviations of the offsets that a whole session shares, pixels: what lens, light and compression do to an edge
+/// everywhere; at the other end the tape's own thickness shows. RMS over scenes of three renderers.
+pub const SHARED_OFFSETS_PX: [f64; 4] = [0.06, 0.12, 0.25, 0.3];
+/// By how much a pose's own offsets differ from them, pixels: background, shadow and gloss.
+pub const OWN_OFFSETS_PX: [f64; 4] = [0.08, 0.1, 0.2, 0.3];
 /// Offsets of one pose alone, pixels: both together.
 pub fn offsets_px() -> [f64; 4] {
     std::array::from_fn(|part| SHARED_OFFSETS_PX[part].hypot(OWN_OFFSETS_PX[part]))
@@ -37,7 +54,7 @@ pub struct Evidence {
 /// What is believed of a pose's offsets before its edges are looked at: standard deviations, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beliefs {
-    /// Of each part's offset.
+    /// Of each offset.
     pub offsets_px: [f64; 4],
     /// By how much they differ from those that the session shares.
     pub own_px: [f64; 4],
@@ -60,7 +77,7 @@ impl Evidence {
     pub fn new(
         information: &Information,
         pull: &SVector<f64, OWN>,
-        offsets: &Vector4<f64>,
+        offsets: &Offsets,
         beliefs: &Beliefs,
         noise: f64,
     ) -> Self {
@@ -129,7 +146,7 @@ impl Evidence {
     }
 
     /// Offsets as they would be had the pose been solved with a band of this length, pixels.
-    pub fn offsets_at(&self, length_mm: f64) -> Vector4<f64> {
+    pub fn offsets_at(&self, length_mm: f64) -> Offsets {
         let by_length = f64::from(self.px_per_mm) * (self.length_mm() - length_mm);
         Vector4::from(self.offsets.map(f64::from)) + Vector4::w() * by_length
     }

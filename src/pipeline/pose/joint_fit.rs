@@ -9,7 +9,7 @@
 
 use nalgebra::{Matrix5, SMatrix, SVector, Vector2, Vector5};
 
-use super::evidence::{Beliefs, Evidence, OWN as UNKNOWNS};
+use super::evidence::{Beliefs, Evidence, OWN as UNKNOWNS, Offsets, offset_of_part};
 use super::fulcrum::{Constraint, Fulcrum};
 use super::{TubeEstimate, turned};
 use crate::pipeline::camera::Camera;
@@ -90,7 +90,7 @@ pub fn fit(
         return None;
     }
     let mut tube = *start;
-    let mut offsets = SVector::<f64, 4>::zeros();
+    let mut offsets = Offsets::zeros();
     let mut last = f64::INFINITY;
     for _ in 0..ROUNDS {
         let system = System::build(edges, &tube, &offsets, camera, trust)?;
@@ -127,7 +127,7 @@ impl System {
     fn bound(
         &self,
         tube: &Tube,
-        offsets: &SVector<f64, 4>,
+        offsets: &Offsets,
         beliefs: &Beliefs,
         fulcrum: Option<&Fulcrum>,
     ) -> Option<SVector<f64, UNKNOWNS>> {
@@ -151,7 +151,7 @@ impl System {
     fn build(
         edges: &[MeasuredEdge],
         tube: &Tube,
-        offsets: &SVector<f64, 4>,
+        offsets: &Offsets,
         camera: &Camera,
         trust: Trust,
     ) -> Option<Self> {
@@ -159,7 +159,7 @@ impl System {
         let nudged = nudged_outlines(tube)?;
         let residuals: Vec<f64> = edges
             .iter()
-            .map(|e| e.residual_px(&outline, camera).map(|r| r - offsets[e.place.part()]))
+            .map(|e| e.residual_px(&outline, camera).map(|r| r - offset_of_part(offsets, e.place.part())))
             .collect::<Option<_>>()?;
         let sigma = |e: &MeasuredEdge| (e.sigma_px * e.sigma_px + LEAST_SIGMA_PX * LEAST_SIGMA_PX).sqrt();
         let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
@@ -178,7 +178,7 @@ impl System {
             let mut row = Vector5::zeros();
             for (i, ahead) in nudged.iter().enumerate() {
                 // The outline moves outwards by as much as the residual falls.
-                row[i] = (residual + offsets[part] - edge.residual_px(ahead, camera)?) / NUDGE[i];
+                row[i] = (residual + offset_of_part(offsets, part) - edge.residual_px(ahead, camera)?) / NUDGE[i];
             }
             let weighed = row * information;
             by_tube.ger(1.0, &weighed, &row, 1.0);
@@ -198,6 +198,18 @@ impl System {
             matrix.fixed_view_mut::<1, 5>(5 + part, 0).copy_from(&across[part].transpose());
             matrix[(5 + part, 5 + part)] = own[part];
             all_right[5 + part] = right_own[part];
+        }
+        // From an offset of each border to one of both alike and one of both apart.
+        {
+            let (first, second) = (5, 6);
+            let (one, other) = (matrix.column(first).into_owned(), matrix.column(second).into_owned());
+            matrix.set_column(first, &(one + other));
+            matrix.set_column(second, &(one - other));
+            let (one, other) = (matrix.row(first).into_owned(), matrix.row(second).into_owned());
+            matrix.set_row(first, &(one + other));
+            matrix.set_row(second, &(one - other));
+            (all_right[first], all_right[second]) =
+                (all_right[first] + all_right[second], all_right[first] - all_right[second]);
         }
         let (matrix, right) = system;
         Some(Self {

@@ -107,9 +107,12 @@ struct FoundEdges {
 const SMEAR_ERROR: f64 = 0.3;
 
 impl FoundEdges {
-    /// Usual offsets of the four parts, more where they are smeared: standard deviations, pixels.
+    /// Usual offsets, more where edges are smeared: standard deviations, pixels.
     fn offsets_px(&self, usual: [f64; 4]) -> [f64; 4] {
-        std::array::from_fn(|part| usual[part].hypot(SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0)))
+        let smear = |part: usize| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
+        let of_borders = 0.5 * smear(0).hypot(smear(1));
+        let more = [of_borders, of_borders, smear(2), smear(3)];
+        std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
     }
 
     /// Was every end that is in sight met?
@@ -289,7 +292,12 @@ impl Bench<'_> {
         let mut measurement: Measurement = measurement?;
         if let Some(fulcrum) = &self.fulcrum {
             measurement.beside_squared = fulcrum::miss_squared(&measurement.estimate, fulcrum);
-            measurement.estimate = self.bound(&found, &measurement.estimate, length_mm, fulcrum);
+            match self.bound(&found, &measurement.estimate, length_mm, fulcrum) {
+                Some(bound) => measurement.estimate = bound,
+                // What the pixels explain well is believed without: it may teach a better fulcrum.
+                None if measurement.is_good() => {}
+                None => return Err(Reason::ImpossiblePose),
+            }
             tube = measurement.estimate.tube;
         }
         if !self.is_where_the_tape_is(&tube, length_mm) {
@@ -307,15 +315,18 @@ impl Bench<'_> {
         Ok(measurement)
     }
 
-    /// The estimate, kept to the fulcrum: edges of a short piece hardly know its lean, and what a lean is off by is not linear.
-    fn bound(&self, found: &FoundEdges, free: &TubeEstimate, length_mm: f64, fulcrum: &Fulcrum) -> TubeEstimate {
+    /// The estimate, kept to the fulcrum: edges of a short piece hardly know its lean, and what a lean is off by is not
+    /// linear. `None` where that does not explain the edges.
+    fn bound(&self, found: &FoundEdges, free: &TubeEstimate, length_mm: f64, fulcrum: &Fulcrum) -> Option<TubeEstimate> {
+        const WORSE: f64 = 2.0;
+        const SHARP_PX: f64 = 0.1;
         let axis = (free.tube.tip - fulcrum.at).try_normalize(1e-9).unwrap_or(free.tube.axis);
         let beliefs = self.beliefs(found, &free.tube, length_mm);
         let from = |start: &Tube| {
             joint_fit::fit(&found.edges, start, self.camera, Trust::Majority, &beliefs, Some(fulcrum))
         };
         let bound = from(&Tube { axis, ..free.tube }).or_else(|| from(&free.tube));
-        bound.filter(|bound| bound.residual_px < 2.0 * free.residual_px.max(0.1)).unwrap_or(*free)
+        bound.filter(|bound| bound.residual_px < WORSE * free.residual_px.max(SHARP_PX))
     }
 
     /// What is believed of the offsets of a tube's edges: the usual, more where they are smeared or the band's length is not

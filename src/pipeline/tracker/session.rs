@@ -54,11 +54,16 @@ pub fn rework(
     let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
     let mut reasons = Vec::with_capacity(instants.len());
     for (record, instant) in tool.records.iter().zip(instants) {
-        let pose = record.estimate.map(|e| adjustment.as_ref().and_then(|a| adjustment::steady(&e, a)).unwrap_or(e));
+        let pose = record.estimate.and_then(|e| match &adjustment {
+            Some(adjustment) => adjustment::steady(&e, adjustment),
+            None => Some(e),
+        });
+        let misread = (record.estimate.is_some() && pose.is_none()).then_some(Reason::ImpossiblePose);
+        let reason = record.reason.or(misread);
         let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
         let advance = following.advance(instant.1, measured, &hindsight);
-        reasons.push(record.reason.or(advance.refused));
-        count(&mut paths.quality, advance.observed, advance.step.is_some(), record.reason.or(advance.refused));
+        reasons.push(reason.or(advance.refused));
+        count(&mut paths.quality, advance.observed, advance.step.is_some(), reason.or(advance.refused));
         let believed = pose.filter(|_| advance.observed);
         if advance.disowns {
             run.drop_from(&mut paths);
