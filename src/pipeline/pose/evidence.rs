@@ -27,9 +27,9 @@ pub fn offset_of_part(offsets: &Offsets, part: usize) -> f64 {
 
 /// Standard deviations of the offsets that a whole session shares, pixels: what lens, light and compression do to an edge
 /// everywhere; at the other end the tape's own thickness shows. RMS over scenes of three renderers.
-pub const SHARED_OFFSETS_PX: [f64; 4] = [0.06, 0.12, 0.25, 0.3];
+pub const SHARED_OFFSETS_PX: [f64; 4] = [0.05, 0.12, 0.2, 0.25];
 /// By how much a pose's own offsets differ from them, pixels: background, shadow and gloss.
-pub const OWN_OFFSETS_PX: [f64; 4] = [0.08, 0.1, 0.2, 0.3];
+pub const OWN_OFFSETS_PX: [f64; 4] = [0.06, 0.1, 0.15, 0.25];
 /// Offsets of one pose alone, pixels: both together.
 pub fn offsets_px() -> [f64; 4] {
     std::array::from_fn(|part| SHARED_OFFSETS_PX[part].hypot(OWN_OFFSETS_PX[part]))
