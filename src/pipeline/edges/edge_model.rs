@@ -32,7 +32,7 @@ pub struct EdgeModel {
     /// How long the shutter is open, s; learned from how much moving edges are smeared.
     pub exposure_s: f64,
     /// Blur of chroma's codes beyond that of light, pixels of luma per halving.
-    pub chroma_blur_px: f64,
+    pub(super) chroma_blur_px: f64,
     lens: Learned,
     chroma_blur: Learned,
     exposure: Learned,

@@ -6,7 +6,7 @@
 //! its time here: [`LANES`] bins are worked on at once, in single precision, in the widest registers that the machine has.
 
 use super::edge_curves::EdgeCurves;
-use super::profile::{LANES, MOST_BINS, Profile};
+use super::profile::{LANES, Profile};
 use super::tone::Tone;
 
 /// Heights of light: inside `base` of three channels, outside `out` of three, by how much more the inside shades in each

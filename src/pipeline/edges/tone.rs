@@ -102,7 +102,7 @@ mod tests {
         const STEP: f64 = 1e-3;
         for mixing in [Mixing::Light, Mixing::Codes] {
             let tone = Tone::of(mixing);
-            for light in [-0.1, 0.001, 0.02, 0.2, 0.5, 0.9] {
+            for light in [-0.1_f64, 0.001, 0.02, 0.2, 0.5, 0.9] {
                 let step = STEP * light.abs();
                 let slope = (tone.code(light + step) - tone.code(light - step)) / (2.0 * step);
                 assert!(

@@ -64,3 +64,38 @@ impl Constraint {
         Matrix2::identity() * (PLAY_MM * PLAY_MM) + self.by_point * fulcrum.covariance * self.by_point.transpose()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix5;
+
+    use super::*;
+    use crate::pipeline::pose::evidence::Evidence;
+
+    const TRUE: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
+
+    fn lines() -> impl Iterator<Item = (Point3<f64>, Vector3<f64>)> {
+        (0..50).map(|k| {
+            let t = f64::from(k) * 0.3;
+            let tip = Point3::new(-20.0 + 30.0 * t.sin(), -5.0 + 25.0 * t.cos(), 190.0 + 12.0 * (t * 1.3).sin());
+            (tip, (tip - TRUE).normalize())
+        })
+    }
+
+    #[test]
+    fn exact_axes_meet_in_the_fulcrum() {
+        assert!((nearest_point(lines()).unwrap() - TRUE).norm() < 1e-9);
+    }
+
+    #[test]
+    fn an_axis_beside_the_fulcrum_misses_by_as_many_sigmas_as_it_is_unsure_and_has_play() {
+        let fulcrum = Fulcrum { at: TRUE, covariance: Matrix3::zeros() };
+        let (tip, axis) = lines().next().unwrap();
+        let covariance = Matrix5::identity() * 1e-12;
+        let aside = across(axis)[0] * (3.0 * PLAY_MM);
+        let tube = Tube { tip: tip + aside, axis, radius: 2.5 };
+        let evidence = Evidence::of_covariance(&covariance);
+        let pose = TubeEstimate { tube, covariance, lasting: covariance, evidence, residual_px: 0.1, support: 50.0 };
+        assert!((miss_squared(&pose, &fulcrum) - 9.0).abs() < 1e-3);
+    }
+}

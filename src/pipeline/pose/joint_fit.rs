@@ -148,13 +148,7 @@ impl System {
         Some(matrix.cholesky()?.solve(&right))
     }
 
-    fn build(
-        edges: &[MeasuredEdge],
-        tube: &Tube,
-        offsets: &Offsets,
-        camera: &Camera,
-        trust: Trust,
-    ) -> Option<Self> {
+    fn build(edges: &[MeasuredEdge], tube: &Tube, offsets: &Offsets, camera: &Camera, trust: Trust) -> Option<Self> {
         let outline = tube.outline()?;
         let nudged = nudged_outlines(tube)?;
         let residuals: Vec<f64> = edges
@@ -319,7 +313,8 @@ mod tests {
             )
             .unwrap();
         }
-        let fitted = fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
+        let fitted =
+            fit(&spoiled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
         assert!((fitted.tube.tip - tube().tip).norm() < 0.5, "{}", (fitted.tube.tip - tube().tip).norm());
     }
 
@@ -333,7 +328,8 @@ mod tests {
             .filter(|_| {
                 let sampled = edges(&mut random, 0.15, offsets_px());
                 let fitted =
-                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None).unwrap();
+                    fit(&sampled, &rough_start(), &camera(), Trust::Majority, &Beliefs::usual(LENGTH_MM), None)
+                        .unwrap();
                 let miss = fitted.tube.tip - tube().tip;
                 miss.dot(&(fitted.tip_covariance().try_inverse().unwrap() * miss)) < CHI_SQUARED_95
             })

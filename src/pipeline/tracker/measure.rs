@@ -283,8 +283,15 @@ impl Bench<'_> {
             tube = estimate.tube;
             let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
             let ends_seen = found.ends_seen();
-            measurement =
-                Ok(Measurement { estimate, length_mm, length_sigma_mm: 0.0, seen_share, ends_seen, beside_squared: 0.0, smear_px });
+            measurement = Ok(Measurement {
+                estimate,
+                length_mm,
+                length_sigma_mm: 0.0,
+                seen_share,
+                ends_seen,
+                beside_squared: 0.0,
+                smear_px,
+            });
             if look.fineness == Fineness::Step && seen_share < LEAST_STEPS {
                 return Err(Reason::BordersNotFound);
             }
@@ -317,14 +324,19 @@ impl Bench<'_> {
 
     /// The estimate, kept to the fulcrum: edges of a short piece hardly know its lean, and what a lean is off by is not
     /// linear. `None` where that does not explain the edges.
-    fn bound(&self, found: &FoundEdges, free: &TubeEstimate, length_mm: f64, fulcrum: &Fulcrum) -> Option<TubeEstimate> {
+    fn bound(
+        &self,
+        found: &FoundEdges,
+        free: &TubeEstimate,
+        length_mm: f64,
+        fulcrum: &Fulcrum,
+    ) -> Option<TubeEstimate> {
         const WORSE: f64 = 2.0;
         const SHARP_PX: f64 = 0.1;
         let axis = (free.tube.tip - fulcrum.at).try_normalize(1e-9).unwrap_or(free.tube.axis);
         let beliefs = self.beliefs(found, &free.tube, length_mm);
-        let from = |start: &Tube| {
-            joint_fit::fit(&found.edges, start, self.camera, Trust::Majority, &beliefs, Some(fulcrum))
-        };
+        let from =
+            |start: &Tube| joint_fit::fit(&found.edges, start, self.camera, Trust::Majority, &beliefs, Some(fulcrum));
         let bound = from(&Tube { axis, ..free.tube }).or_else(|| from(&free.tube));
         bound.filter(|bound| bound.residual_px < WORSE * free.residual_px.max(SHARP_PX))
     }

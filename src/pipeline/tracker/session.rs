@@ -235,6 +235,7 @@ mod tests {
 
     use super::*;
     use crate::pipeline::camera::testing::STRAIGHT as CAMERA;
+    use crate::pipeline::pose::evidence::Evidence;
     use crate::pipeline::tube::Tube;
 
     /// No multiple of it is a limit, where rounding would decide.

@@ -93,6 +93,7 @@ impl Drawing {
     fn model(&self) -> EdgeModel {
         let mut model = EdgeModel::new(self.tape, ENCODING);
         model.lens_px = self.blur;
+        model.chroma_blur_px = 0.5; // chroma is drawn as the mean of two pixels each way
         model.mixing = self.mixing;
         model
     }
@@ -232,4 +233,43 @@ fn vivid_limbs_tell_whether_light_was_mixed_or_codes() {
 fn a_step_is_known_to_half_a_pixel() {
     let step = PLAIN.looked_at(&mut PLAIN.model(), &PLAIN.probe(), Fineness::Step).unwrap();
     assert!((step.offset_px - PLAIN.edge).abs() <= 0.5, "{step:?}");
+}
+
+/// Edges of many places and backgrounds, frame by frame.
+fn teach(model: &mut EdgeModel, like: Drawing) {
+    const FRAMES: u32 = 30;
+    const EDGES: u32 = 12;
+    let backgrounds = [GREY_GREEN, [60.0, 150.0, 120.0], [140.0, 120.0, 120.0], [40.0, 128.0, 128.0]];
+    for frame in 0..FRAMES {
+        for edge in 0..EDGES {
+            let turn = f64::from(frame * EDGES + edge);
+            let outside = backgrounds[(frame + edge) as usize % backgrounds.len()];
+            let drawing = Drawing { normal: normal(0.7 * turn), edge: 0.9 * (1.7 * turn).sin(), outside, ..like };
+            drawing.located_by(model, &drawing.probe());
+        }
+        model.settle();
+    }
+}
+
+#[test]
+fn limbs_teach_how_much_chroma_is_blurred() {
+    let limb = Drawing { limb: Some(0.5), ..PLAIN };
+    for wrong_px in [0.2, 0.9] {
+        let mut model = limb.model();
+        model.chroma_blur_px = wrong_px;
+        teach(&mut model, limb);
+        let left = (model.chroma_blur_px - 0.5) / (wrong_px - 0.5);
+        assert!(left.abs() < 0.5, "from {wrong_px} to {} px", model.chroma_blur_px);
+    }
+}
+
+#[test]
+fn ends_teach_how_sharp_the_lens_is() {
+    for wrong_px in [0.5, 1.3] {
+        let mut model = PLAIN.model();
+        model.lens_px = wrong_px;
+        teach(&mut model, PLAIN);
+        let left = (model.lens_px - PLAIN.blur) / (wrong_px - PLAIN.blur);
+        assert!(left.abs() < 0.5, "from {wrong_px} to {} px", model.lens_px);
+    }
 }

@@ -1,1 +1,168 @@
+//! Poses of one simulated session, with edges that err as real ones do, put right together.
 
+use nalgebra::{Matrix5, Point3, Vector2, Vector3, Vector4};
+use rand::rngs::SmallRng;
+use rand::{Rng, RngExt, SeedableRng};
+
+use super::*;
+use crate::pipeline::camera::Camera;
+use crate::pipeline::camera::testing::wide;
+use crate::pipeline::edges::outline_probes::Place;
+use crate::pipeline::pose::across;
+use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX, offset_of_part};
+use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
+use crate::pipeline::space::{CameraPoint, Pixel};
+
+const FULCRUM: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
+const LENGTH_MM: f64 = 26.0;
+
+fn gaussian(random: &mut impl Rng) -> f64 {
+    (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
+}
+
+/// Tools in a trocar whose tips wander by `reach_mm`.
+fn tubes(reach_mm: f64) -> Vec<Tube> {
+    (0..60)
+        .map(|k| {
+            let t = f64::from(k) * 0.3;
+            let wander = Vector3::new((t * 0.7).sin(), t.cos(), 0.5 * (t * 1.3).sin()) * reach_mm;
+            let tip = Point3::new(-20.0, -5.0, 190.0) + wander;
+            Tube { tip, axis: (tip - FULCRUM).normalize(), radius: 2.5 }
+        })
+        .collect()
+}
+
+/// Edges along a tube's outline that are off by some offsets of the session, some of this pose, and noise.
+fn edges(tube: &Tube, camera: &Camera, shared: &Vector4<f64>, random: &mut impl Rng) -> Vec<MeasuredEdge> {
+    const NOISE_PX: f64 = 0.1;
+    let outline = tube.outline().unwrap();
+    let own = Vector4::from(OWN_OFFSETS_PX.map(|sigma| 0.5 * sigma * gaussian(random)));
+    let borders =
+        (0..2).flat_map(|side| (0..8).map(move |k| Place::Border { side, back_mm: 2.0 + 3.0 * f64::from(k) }));
+    let rims = [0.0, LENGTH_MM]
+        .into_iter()
+        .flat_map(|back_mm| (-2..=2).map(move |k| Place::Rim { back_mm, across: 0.3 * f64::from(k) }));
+    let pixel = |place: Point3<f64>| camera.project(CameraPoint(place)).unwrap().0;
+    borders
+        .chain(rims)
+        .map(|place| {
+            let at = pixel(place.on(&outline));
+            let along = match place {
+                Place::Border { side, back_mm } => pixel(outline.border(side, back_mm + 0.5)) - at,
+                Place::Rim { back_mm, across } => pixel(outline.rim(back_mm, across + 0.05)) - at,
+            };
+            let inwards = pixel(tube.tip - tube.axis * (0.5 * LENGTH_MM)) - at;
+            let normal = Vector2::new(-along.y, along.x).normalize();
+            let outward = if normal.dot(&inwards) > 0.0 { -normal } else { normal };
+            let off = offset_of_part(&(shared + own), place.part()) + NOISE_PX * gaussian(random);
+            MeasuredEdge::new(place, Pixel(at + outward * off), outward, NOISE_PX, camera).unwrap()
+        })
+        .collect()
+}
+
+/// A session's true tubes, and its poses as they were measured, each alone.
+fn session(reach_mm: f64, shared: [f64; 4], seed: u64) -> Vec<(Tube, TubeEstimate)> {
+    let (camera, mut random) = (wide(), SmallRng::seed_from_u64(seed));
+    let measured = tubes(reach_mm).into_iter().filter_map(|tube| {
+        let edges = edges(&tube, &camera, &shared.into(), &mut random);
+        let beliefs = Beliefs::usual(LENGTH_MM);
+        Some((tube, joint_fit::fit(&edges, &tube, &camera, Trust::Majority, &beliefs, None)?))
+    });
+    measured.collect()
+}
+
+fn poses(session: &[(Tube, TubeEstimate)]) -> Vec<TubeEstimate> {
+    session.iter().map(|(_, pose)| *pose).collect()
+}
+
+fn rms_mm(errors: impl Iterator<Item = f64>) -> f64 {
+    let (count, squares) = errors.fold((0.0, 0.0), |(n, s), e| (n + 1.0, s + e * e));
+    (squares / f64::max(count, 1.0)).sqrt()
+}
+
+#[test]
+fn the_fulcrum_is_found_within_its_stated_error() {
+    let session = session(30.0, [0.0; 4], 1);
+    let shared = estimate(&poses(&session)).unwrap();
+    let miss = shared.fulcrum.at - FULCRUM;
+    let squared = miss.dot(&(shared.fulcrum.covariance.try_inverse().unwrap() * miss));
+    assert!(miss.norm() < 6.0 && squared < 16.3, "{miss:?}, squared {squared}");
+}
+
+#[test]
+fn steadied_poses_are_much_closer_than_single_ones() {
+    let session = session(30.0, [0.03, 0.1, 0.1, 0.1], 2);
+    let shared = estimate(&poses(&session)).unwrap();
+    let alone = rms_mm(session.iter().map(|(tube, pose)| (pose.tube.tip - tube.tip).norm()));
+    let together =
+        rms_mm(session.iter().map(|(tube, pose)| (steady(pose, &shared).unwrap().tube.tip - tube.tip).norm()));
+    assert!(together < 0.75 * alone, "{together} mm together, {alone} alone");
+}
+
+#[test]
+fn an_offset_of_both_borders_is_told_from_depth() {
+    let widening = 0.12;
+    let session = session(40.0, [widening, 0.0, 0.0, 0.0], 3);
+    let shared = estimate(&poses(&session)).unwrap();
+    assert!((0.3 * widening..1.3 * widening).contains(&shared.offsets[0]), "{}", shared.offsets[0]);
+}
+
+/// The claim "this is the covariance", over many sessions with offsets as they are believed to be.
+#[test]
+fn steadied_tips_lie_inside_their_stated_region() {
+    const CHI_SQUARED_95: f64 = 7.815; // three degrees of freedom
+    let mut random = SmallRng::seed_from_u64(4);
+    let (mut inside, mut all) = (0, 0);
+    for seed in 0..20 {
+        let offsets = SHARED_OFFSETS_PX.map(|sigma| sigma * gaussian(&mut random));
+        let session = session(25.0, offsets, 100 + seed);
+        let shared = estimate(&poses(&session)).unwrap();
+        for (tube, pose) in session.iter().step_by(6) {
+            let steadied = steady(pose, &shared).unwrap();
+            let miss = steadied.tube.tip - tube.tip;
+            let squared = miss.dot(&(steadied.tip_covariance().try_inverse().unwrap() * miss));
+            all += 1;
+            inside += i32::from(squared < CHI_SQUARED_95);
+        }
+    }
+    let share = f64::from(inside) / f64::from(all);
+    assert!((0.9..=1.0).contains(&share), "{share} inside");
+}
+
+#[test]
+fn poses_that_hardly_turn_do_not_claim_to_know_the_fulcrum() {
+    let session = session(1.0, [0.0; 4], 5);
+    let known = estimate(&poses(&session)).map(|shared| shared.fulcrum.covariance.trace().sqrt());
+    assert!(known.is_none_or(|sigma_mm| sigma_mm > 30.0), "{known:?}");
+}
+
+#[test]
+fn a_few_false_poses_do_not_hold_it() {
+    let session = session(30.0, [0.0; 4], 6);
+    let mut spoiled = poses(&session);
+    for pose in spoiled.iter_mut().step_by(12) {
+        pose.tube = turned(&pose.tube, &Vector5::new(0.0, 0.0, 0.0, 0.5, -0.3));
+    }
+    let shared = estimate(&spoiled).unwrap();
+    assert!((shared.fulcrum.at - FULCRUM).norm() < 12.0, "{}", shared.fulcrum.at);
+}
+
+#[test]
+fn a_pose_that_would_have_to_turn_far_is_refused() {
+    let session = session(30.0, [0.0; 4], 7);
+    let shared = estimate(&poses(&session)).unwrap();
+    let (_, pose) = session[0];
+    let false_axis = across(pose.tube.axis)[0];
+    let misread = TubeEstimate {
+        tube: Tube { axis: (pose.tube.axis + false_axis).normalize(), ..pose.tube },
+        evidence: Evidence::of_covariance(&Matrix5::identity()),
+        ..pose
+    };
+    assert!(steady(&pose, &shared).is_some());
+    assert!(steady(&misread, &shared).is_none());
+}
+
+#[test]
+fn too_few_poses_are_not_enough() {
+    assert_eq!(estimate(&poses(&session(30.0, [0.0; 4], 8))[..5]), None);
+}
