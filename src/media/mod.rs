@@ -4,13 +4,16 @@
 //! open descriptor), and budgets for pixels, frames, streams and time bound what a file can do; the process around it
 //! is confined by [`crate::sandbox`].
 
+mod ahead;
 mod clock;
 mod encode;
 mod file;
 mod limits;
 pub mod photo;
 mod picture;
+mod picture_maker;
 
+pub use ahead::ReadAhead;
 pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use file::{RecordingInfo, VideoFile};
 pub use limits::Limits;

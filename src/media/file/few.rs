@@ -1,0 +1,113 @@
+//! A few frames of a recording, told by their numbers, without decoding all that lies before them.
+//!
+//! The packets' time stamps say which frame is the n-th. Decoding begins at the last key frame before each frame that is
+//! asked for, and leaves out frames to which no other refers. In a sound recording these are the very pictures that
+//! [`VideoFile::next_picture`] counts up to; what a damaged one shows depends on what was decoded before, and its
+//! packets may promise frames that never come. Who needs to be sure compares when the whole recording passes by.
+
+use std::collections::BTreeMap;
+
+use ff::{Rescale, codec, packet::Ref};
+use ffmpeg_next as ff;
+
+use super::{Picture, VideoFile};
+
+/// Packets read beyond the last frame that is asked for, as earlier frames may be stored after it: more than any codec
+/// reorders (H.264 and H.265: 16).
+const MOST_REORDERED: u64 = 32;
+
+/// A frame's packet.
+struct Listed {
+    pts: i64,
+    dts: i64,
+    is_key: bool,
+}
+
+impl VideoFile {
+    /// Shows the frames of these numbers, in order, each with its number as index; their times mean nothing. `None`,
+    /// perhaps after some of them, where packets do not tell enough: then only decoding from the start does.
+    pub fn show_few(mut self, numbers: &[u64], mut show: impl FnMut(&Picture)) -> Option<()> {
+        let listed = self.list_packets(*numbers.iter().max()?)?;
+        let at = |number: u64| listed.get(usize::try_from(number).ok()?);
+        let wanted: BTreeMap<i64, u64> =
+            numbers.iter().map(|&number| Some((at(number)?.pts, number))).collect::<Option<_>>()?;
+        let mut fed_dts = None;
+        for (&pts, &number) in &wanted {
+            let key = listed.iter().take_while(|packet| packet.pts <= pts).filter(|packet| packet.is_key).last()?;
+            if fed_dts.is_none_or(|fed| fed < key.dts) {
+                self.go_to(key.dts)?;
+            }
+            let video = self.frame_at(pts, &wanted, &mut fed_dts)?;
+            self.decoded = number;
+            let picture = self.picture(video).ok()?;
+            show(&picture);
+            self.take_back(picture);
+        }
+        Some(())
+    }
+
+    /// The packets of the frames up to this one and a few more, in presentation order; `None` unless each has a stamp of
+    /// its own and the first begins the recording.
+    fn list_packets(&mut self, last: u64) -> Option<Vec<Listed>> {
+        let enough = last.saturating_add(MOST_REORDERED);
+        let mut listed = Vec::new();
+        while listed.len() as u64 <= enough
+            && let Some(packet) = self.read_packet()
+        {
+            if packet.stream() == self.stream {
+                let is_usable = !packet.is_corrupt() && !is_left_out(&packet);
+                let (pts, dts) = packet.pts().zip(packet.dts()).filter(|_| is_usable)?;
+                listed.push(Listed { pts, dts, is_key: packet.is_key() });
+            }
+        }
+        let first_pts = listed.first().filter(|first| first.is_key)?.pts;
+        listed.sort_by_key(|packet| packet.pts);
+        let is_distinct = listed.windows(2).all(|pair| pair[0].pts < pair[1].pts);
+        (is_distinct && listed[0].pts == first_pts).then_some(listed)
+    }
+
+    fn go_to(&mut self, dts: i64) -> Option<()> {
+        let time_base = self.input.stream(self.stream)?.time_base();
+        let time = dts.rescale(time_base, ff::rescale::TIME_BASE);
+        self.input.seek(time, ..time).ok()?;
+        self.decoder.flush();
+        (self.pending, self.drained) = (None, false);
+        Some(())
+    }
+
+    /// Decodes up to the frame of this stamp; of those on the way, what that takes and what is still wanted.
+    fn frame_at(
+        &mut self,
+        pts: i64,
+        wanted: &BTreeMap<i64, u64>,
+        fed_dts: &mut Option<i64>,
+    ) -> Option<ff::frame::Video> {
+        let mut video = self.maker.frame_to_fill();
+        for _ in 0..self.limits.frames.saturating_mul(2) {
+            match self.decoder.receive_frame(&mut video) {
+                Ok(()) if video.pts() == Some(pts) => return Some(video),
+                Ok(()) if video.pts().is_none_or(|passed| passed > pts) => return None,
+                Ok(()) => {}
+                Err(_) if self.drained => return None,
+                Err(_) => {
+                    let packet = self.next_packet();
+                    if let Some(packet) = packet.as_ref().filter(|packet| packet.stream() == self.stream) {
+                        let is_wanted = packet.pts().is_some_and(|pts| wanted.contains_key(&pts));
+                        let skip = if is_wanted { ff::Discard::Default } else { ff::Discard::NonReference };
+                        self.decoder.skip_frame(skip);
+                        *fed_dts = (*fed_dts).max(packet.dts());
+                    }
+                    self.send(packet);
+                }
+            }
+        }
+        None
+    }
+}
+
+/// Is the frame decoded, but not part of the recording (an edit list of MP4)?
+fn is_left_out(packet: &codec::packet::Packet) -> bool {
+    // SAFETY: the packet lives as long as the reference, and its flags are a plain number.
+    let flags = unsafe { (*packet.as_ptr()).flags };
+    flags & ff::ffi::AV_PKT_FLAG_DISCARD != 0
+}
