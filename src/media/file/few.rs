@@ -35,7 +35,7 @@ impl VideoFile {
         for (&pts, &number) in &wanted {
             let key = listed.iter().take_while(|packet| packet.pts <= pts).filter(|packet| packet.is_key).last()?;
             if fed_dts.is_none_or(|fed| fed < key.dts) {
-                self.go_to(key.dts)?;
+                self.go_to(key)?;
             }
             let video = self.frame_at(pts, &wanted, &mut fed_dts)?;
             self.decoded = number;
@@ -66,13 +66,26 @@ impl VideoFile {
         (is_distinct && listed[0].pts == first_pts).then_some(listed)
     }
 
-    fn go_to(&mut self, dts: i64) -> Option<()> {
+    /// Goes to a key frame, or to one before it. Some containers seek by one kind of stamp, some by the other, and both
+    /// may miss; a packet that is no key frame's must not be decoded as if it were.
+    fn go_to(&mut self, key: &Listed) -> Option<()> {
         let time_base = self.input.stream(self.stream)?.time_base();
-        let time = dts.rescale(time_base, ff::rescale::TIME_BASE);
-        self.input.seek(time, ..time).ok()?;
-        self.decoder.flush();
-        (self.pending, self.drained) = (None, false);
-        Some(())
+        for stamp in [key.pts, key.dts] {
+            let time = stamp.rescale(time_base, ff::rescale::TIME_BASE);
+            if self.input.seek(time, ..time).is_err() {
+                continue;
+            }
+            let first = std::iter::from_fn(|| self.read_packet()).find(|packet| packet.stream() == self.stream);
+            if let Some(packet) = first
+                && packet.is_key()
+                && packet.pts().is_some_and(|pts| pts <= key.pts)
+            {
+                self.decoder.flush();
+                (self.pending, self.drained) = (Some(packet), false);
+                return Some(());
+            }
+        }
+        None
     }
 
     /// Decodes up to the frame of this stamp; of those on the way, what that takes and what is still wanted.
