@@ -127,6 +127,7 @@ fn track(
             return Ok((followed.tracking, followed.frames_expected));
         }
     }
+    clock.track_again();
     let samples = marks.collect(clock)?;
     warn_of_colours(args, marked, &samples);
     clock.lap_of(Stage::Samples);

@@ -92,3 +92,6 @@ fn decode(mut video: VideoFile, made: &SyncSender<Result<Picture, MediaError>>, 
         back.try_iter().for_each(|picture| video.take_back(picture));
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -12,6 +12,8 @@ mod limits;
 pub mod photo;
 mod picture;
 mod picture_maker;
+#[cfg(test)]
+mod testing;
 
 pub use ahead::ReadAhead;
 pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};

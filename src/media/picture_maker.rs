@@ -65,7 +65,7 @@ impl PictureMaker {
 
     /// The picture that the decoder gave; nothing is copied if it is planar, of 8 bits and upright.
     pub(super) fn make(&mut self, decoded: frame::Video, index: u64, time_s: f64) -> Result<Picture, MediaError> {
-        let planar = self.to_planar(decoded)?;
+        let planar = self.planar(decoded)?;
         let (sx, sy) = chroma_shift(planar.frame.format());
         let encoding = encoding_of(&planar.frame);
         let (planes, shift) = match self.rotation {
@@ -83,7 +83,7 @@ impl PictureMaker {
     }
 
     /// 8-bit planar frames pass untouched; deeper ones keep their chroma resolution, anything else becomes 4:4:4.
-    fn to_planar(&mut self, decoded: frame::Video) -> Result<PlanarFrame, MediaError> {
+    fn planar(&mut self, decoded: frame::Video) -> Result<PlanarFrame, MediaError> {
         let from = decoded.format();
         let unusable = || MediaError::PixelFormat(format!("{from:?}"));
         if is_planar_8_bit(from) {

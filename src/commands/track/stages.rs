@@ -83,6 +83,11 @@ impl StageClock {
         (self.last, self.last_cpu_ms) = (now, now_cpu_ms);
     }
 
+    /// Every frame is to be looked at once more; what that took so far stays with its stage.
+    pub(super) fn track_again(&mut self) {
+        self.tracking_cpu_ms.clear();
+    }
+
     pub(super) fn save(&self, mut out: impl Write) -> io::Result<()> {
         let frames = self.tracking_cpu_ms.len();
         let cpu = |stage: Stage| self.spent[stage as usize].cpu_ms;

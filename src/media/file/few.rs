@@ -5,7 +5,7 @@
 //! [`VideoFile::next_picture`] counts up to; what a damaged one shows depends on what was decoded before, and its
 //! packets may promise frames that never come. Who needs to be sure compares when the whole recording passes by.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ff::{Rescale, codec, packet::Ref};
 use ffmpeg_next as ff;
@@ -15,6 +15,9 @@ use super::{Picture, VideoFile};
 /// Packets read beyond the last frame that is asked for, as earlier frames may be stored after it: more than any codec
 /// reorders (H.264 and H.265: 16).
 const MOST_REORDERED: u64 = 32;
+
+/// Frames that hang on one key frame: their stamps and numbers.
+type Wanted = BTreeMap<i64, u64>;
 
 /// A frame's packet.
 struct Listed {
@@ -28,20 +31,22 @@ impl VideoFile {
     /// perhaps after some of them, where packets do not tell enough: then only decoding from the start does.
     pub fn show_few(mut self, numbers: &[u64], mut show: impl FnMut(&Picture)) -> Option<()> {
         let listed = self.list_packets(*numbers.iter().max()?)?;
-        let at = |number: u64| listed.get(usize::try_from(number).ok()?);
-        let wanted: BTreeMap<i64, u64> =
-            numbers.iter().map(|&number| Some((at(number)?.pts, number))).collect::<Option<_>>()?;
-        let mut fed_dts = None;
-        for (&pts, &number) in &wanted {
-            let key = listed.iter().take_while(|packet| packet.pts <= pts).filter(|packet| packet.is_key).last()?;
-            if fed_dts.is_none_or(|fed| fed < key.dts) {
-                self.go_to(key)?;
+        let mut groups: BTreeMap<usize, Wanted> = BTreeMap::new();
+        for &number in numbers {
+            let place = usize::try_from(number).ok().filter(|&place| place < listed.len())?;
+            let key = listed[..=place].iter().rposition(|packet| packet.is_key)?;
+            groups.entry(key).or_default().insert(listed[place].pts, number);
+        }
+        for (key, wanted) in groups {
+            self.go_to(&listed[key])?;
+            let mut to_feed: BTreeSet<i64> = wanted.keys().copied().collect();
+            for (&pts, &number) in &wanted {
+                let video = self.frame_at(pts, &wanted, &mut to_feed)?;
+                self.decoded = number;
+                let picture = self.picture(video).ok()?;
+                show(&picture);
+                self.take_back(picture);
             }
-            let video = self.frame_at(pts, &wanted, &mut fed_dts)?;
-            self.decoded = number;
-            let picture = self.picture(video).ok()?;
-            show(&picture);
-            self.take_back(picture);
         }
         Some(())
     }
@@ -75,7 +80,8 @@ impl VideoFile {
             if self.input.seek(time, ..time).is_err() {
                 continue;
             }
-            let first = std::iter::from_fn(|| self.read_packet()).find(|packet| packet.stream() == self.stream);
+            let stream = self.stream;
+            let first = std::iter::from_fn(|| self.read_packet()).find(|packet| packet.stream() == stream);
             if let Some(packet) = first
                 && packet.is_key()
                 && packet.pts().is_some_and(|pts| pts <= key.pts)
@@ -88,13 +94,9 @@ impl VideoFile {
         None
     }
 
-    /// Decodes up to the frame of this stamp; of those on the way, what that takes and what is still wanted.
-    fn frame_at(
-        &mut self,
-        pts: i64,
-        wanted: &BTreeMap<i64, u64>,
-        fed_dts: &mut Option<i64>,
-    ) -> Option<ff::frame::Video> {
+    /// Decodes up to the frame of this stamp. When nothing is left to feed, the decoder is ended: it would hold frames
+    /// back to put them in order.
+    fn frame_at(&mut self, pts: i64, wanted: &Wanted, to_feed: &mut BTreeSet<i64>) -> Option<ff::frame::Video> {
         let mut video = self.maker.frame_to_fill();
         for _ in 0..self.limits.frames.saturating_mul(2) {
             match self.decoder.receive_frame(&mut video) {
@@ -102,19 +104,25 @@ impl VideoFile {
                 Ok(()) if video.pts().is_none_or(|passed| passed > pts) => return None,
                 Ok(()) => {}
                 Err(_) if self.drained => return None,
-                Err(_) => {
-                    let packet = self.next_packet();
-                    if let Some(packet) = packet.as_ref().filter(|packet| packet.stream() == self.stream) {
-                        let is_wanted = packet.pts().is_some_and(|pts| wanted.contains_key(&pts));
-                        let skip = if is_wanted { ff::Discard::Default } else { ff::Discard::NonReference };
-                        self.decoder.skip_frame(skip);
-                        *fed_dts = (*fed_dts).max(packet.dts());
-                    }
-                    self.send(packet);
-                }
+                Err(_) if to_feed.is_empty() => self.send(None),
+                Err(_) => self.feed_towards(wanted, to_feed)?,
             }
         }
         None
+    }
+
+    /// Gives the decoder one more packet; of a frame that is not wanted, only if another may refer to it.
+    fn feed_towards(&mut self, wanted: &Wanted, to_feed: &mut BTreeSet<i64>) -> Option<()> {
+        let packet = self.next_packet()?;
+        let pts = packet.pts().filter(|pts| packet.stream() == self.stream && wanted.contains_key(pts));
+        self.decoder.skip_frame(if pts.is_some() { ff::Discard::Default } else { ff::Discard::NonReference });
+        self.send(Some(packet));
+        if self.pending.is_none()
+            && let Some(pts) = pts
+        {
+            to_feed.remove(&pts);
+        }
+        Some(())
     }
 }
 
@@ -124,3 +132,6 @@ fn is_left_out(packet: &codec::packet::Packet) -> bool {
     let flags = unsafe { (*packet.as_ptr()).flags };
     flags & ff::ffi::AV_PKT_FLAG_DISCARD != 0
 }
+
+#[cfg(test)]
+mod tests;
