@@ -30,7 +30,8 @@ impl VideoFile {
     /// Shows the frames of these numbers, in order, each with its number as index; their times mean nothing. `None`,
     /// perhaps after some of them, where packets do not tell enough: then only decoding from the start does.
     pub fn show_few(mut self, numbers: &[u64], mut show: impl FnMut(&Picture)) -> Option<()> {
-        let listed = self.list_packets(*numbers.iter().max()?)?;
+        let last = *numbers.iter().max().filter(|&&last| last < self.limits.frames)?;
+        let listed = self.list_packets(last)?;
         let mut groups: BTreeMap<usize, Wanted> = BTreeMap::new();
         for &number in numbers {
             let place = usize::try_from(number).ok().filter(|&place| place < listed.len())?;
