@@ -198,4 +198,24 @@ mod tests {
         turn_plane(plane, Rotation::Half, &mut turned);
         assert_eq!((turned.width, turned.height, &turned.data[..]), (3, 2, &[6, 5, 4, 3, 2, 1][..]));
     }
+
+    #[test]
+    fn the_memory_of_a_picture_that_is_done_with_serves_the_next() {
+        let decoded = || frame::Video::new(format::Pixel::YUV420P10LE, 96, 64);
+        let mut maker = PictureMaker::new(Rotation::Right);
+        let first = maker.make(decoded(), 0, 0.0).unwrap();
+        let place = first.frame().y.data.as_ptr();
+        maker.take_back(first);
+        let spare = |maker: &PictureMaker| {
+            let Spare { decoded, converted, turned } = &maker.spare;
+            (decoded.len(), converted.len(), turned.len())
+        };
+        assert_eq!(spare(&maker), (1, 1, 1));
+        let to_fill = maker.frame_to_fill();
+        assert_eq!(spare(&maker), (0, 1, 1));
+        drop(to_fill);
+        let second = maker.make(decoded(), 1, 0.04).unwrap();
+        assert_eq!(second.frame().y.data.as_ptr(), place);
+        assert_eq!(spare(&maker), (1, 1, 0), "converted into the spare buffer, which is spare again once turned");
+    }
 }
