@@ -9,17 +9,20 @@ from statistics import median
 
 from programs import ROUNDS, Goal, Part, decoding, frames_and_mbit_s, run, table
 
-HEAD = ["scene", "bit rate", "own CPU a frame", "peer's", "ratio", "decoding alone", "whole run", "peer's", "wall ÷ decoding alone"]
+HEAD = ["scene", "bit rate", "own CPU a frame", "peer's", "ratio", "decoding alone", "whole run", "peer's", "wall ÷ decoding alone",
+        "one pass"]
 
 
 def measure(bench, scenes):
     chosen = [*scenes.rendered, scenes.peer_1080p]
     results = {scene.name: result(bench, scene) for scene in chosen}
     about = ("Cost, CPU milliseconds a frame. *Own*: all stages but decoding, start and colour samples included (for the peer left out). "
-             "*Decoding alone*: `ffmpeg -threads 2 -i clip -f null -`. *Whole run*: with decoding; Trocar decodes up to the "
-             "last marked frame twice, the peer's second time is not counted. *Wall*: `trocar track` ÷ that ffmpeg.")
+             "*Decoding alone*: `ffmpeg -threads 2 -i clip -f null -`. *Whole run*: with decoding; before it tracks, Trocar decodes "
+             "what leads from key frames to marked frames, the peer's first pass is not counted. *Wall*: `trocar track` ÷ that ffmpeg; "
+             "*one pass*: the same without those marked frames.")
     rows = [[name, f"{r['mbit_s']:.1f} Mbit/s", *(f"{r[key]:.2f} ms" for key in ("own", "peer")), f"1/{r['peer'] / r['own']:.1f}",
-             *(f"{r[key]:.1f} ms" for key in ("decode", "whole", "peer_whole")), f"{r['wall']:.2f}"] for name, r in results.items()]
+             *(f"{r[key]:.1f} ms" for key in ("decode", "whole", "peer_whole")),
+             *(f"{r[key]:.2f}" for key in ("wall", "one_pass"))] for name, r in results.items()]
     return Part(goals(results[scenes.peer_1080p.name]), [about, table(HEAD, rows)])
 
 
@@ -27,7 +30,7 @@ def result(bench, scene):
     camera = bench.calibrate(scene)
     bench.peer_track(scene, camera)  # fills its colour table once; setting it up is no per-frame cost
     frames, mbit_s = frames_and_mbit_s(scene.video)
-    took = {"decode": [], "own": [], "whole": [], "peer_whole": [], "decode_wall": [], "track_wall": []}
+    took = {key: [] for key in ("decode", "own", "whole", "peer_whole", "decode_wall", "track_wall", "one_pass_wall")}
     for _ in range(bench.rounds(ROUNDS)):
         decoded = run(decoding(scene.video))
         timings = scene.out / "timings.json"
@@ -35,18 +38,20 @@ def result(bench, scene):
         _, peer = bench.peer_track(scene, camera)
         took["decode"].append(1e3 * decoded.cpu_s / frames)
         took["decode_wall"].append(decoded.wall_s)
-        took["own"].append(json.loads(timings.read_text())["own_cpu_ms_per_frame"])
+        stages = json.loads(timings.read_text())
+        took["own"].append(stages["own_cpu_ms_per_frame"])
+        took["one_pass_wall"].append(tracked.wall_s - 1e-3 * stages["wall_ms_of"]["decode_marked_frames"])
         took["whole"].append(1e3 * tracked.cpu_s / frames)
         took["track_wall"].append(tracked.wall_s)
         took["peer_whole"].append(peer["cpu_ms_per_frame"])
     middle = {key: median(values) for key, values in took.items()}
     return {**middle, "mbit_s": mbit_s, "peer": middle["peer_whole"] - middle["decode"],
-            "wall": middle["track_wall"] / middle["decode_wall"]}
+            "wall": middle["track_wall"] / middle["decode_wall"], "one_pass": middle["one_pass_wall"] / middle["decode_wall"]}
 
 
 def goals(at_1080p):
-    own, peer, wall, mbit_s = (at_1080p[key] for key in ("own", "peer", "wall", "mbit_s"))
+    own, peer, wall, one_pass, mbit_s = (at_1080p[key] for key in ("own", "peer", "wall", "one_pass", "mbit_s"))
     return [Goal("own CPU a frame, 1080p, two tools (thesis: 460 ms)", "≤ 0.5 ms", f"{own:.2f} ms", own <= 0.5),
             Goal("the peer's own CPU ÷ that", "≥ 25", f"{peer / own:.1f} ({peer:.1f} ms)", peer >= 25 * own),
             Goal("wall time of `trocar track` ÷ `ffmpeg -threads 2 -f null`, 1080p", "≤ 1.15",
-                 f"{wall:.2f} at {mbit_s:.1f} Mbit/s", wall <= 1.15)]
+                 f"{wall:.2f} at {mbit_s:.1f} Mbit/s; {one_pass:.2f} without the pass over marked frames", wall <= 1.15)]

@@ -10,7 +10,8 @@ use crate::sandbox::{Budget, LandlockPolicy};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AnalysisSettings {
-    /// Decoder threads of each child. More than two seldom help; workers times threads should not exceed the cores. Usually 2.
+    /// Decoder threads of each child, beside the one that tracks. More than two seldom help; workers times threads should
+    /// not exceed the cores. Usually 2.
     pub decoder_threads: usize,
     /// Memory a child may take beyond the program's own, MiB. Less refuses large pictures and long recordings, more lets a
     /// hostile file take more. 448 decodes 4096×2304 and tracks an hour of two tools.

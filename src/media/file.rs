@@ -3,13 +3,16 @@
 //! A file may be cut anywhere, damaged anywhere or made to harm: every loop here has a bound, a damaged packet costs that
 //! packet, and what remains is an explained end.
 
+mod few;
+
 use std::io::{Read, Seek};
 
-use ff::{Dictionary, codec, format, frame, media, software::scaling};
+use ff::{Dictionary, codec, format, frame, media};
 use ffmpeg_next as ff;
 
 use super::clock::FrameClock;
-use super::picture::{Picture, Rotation};
+use super::picture::Picture;
+use super::picture_maker::{PictureMaker, Rotation};
 use super::{Limits, MediaError};
 
 /// Containers that are accepted. FFmpeg would otherwise follow playlists to other files (TRUST, finding 1).
@@ -57,10 +60,9 @@ pub struct VideoFile {
     decoder: ff::decoder::Video,
     stream: usize,
     clock: FrameClock,
-    rotation: Rotation,
+    maker: PictureMaker,
     info: RecordingInfo,
     limits: Limits,
-    scaler: Option<scaling::Context>,
     decoded: u64,
     pending: Option<ff::Packet>,
     drained: bool,
@@ -116,9 +118,8 @@ impl VideoFile {
             decoder,
             stream: index,
             clock,
-            rotation,
+            maker: PictureMaker::new(rotation),
             limits,
-            scaler: None,
             decoded: 0,
             pending: None,
             drained: false,
@@ -139,7 +140,7 @@ impl VideoFile {
     /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file cut short ends
     /// where its bytes end.
     pub fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {
-        let mut video = frame::Video::empty();
+        let mut video = self.maker.frame_to_fill();
         for _ in 0..MOST_FRUITLESS_PACKETS {
             match self.decoder.receive_frame(&mut video) {
                 Ok(()) => return self.picture(video).map(Some),
@@ -152,14 +153,28 @@ impl VideoFile {
         self.end()
     }
 
+    /// Takes back a picture that is done with: its memory serves one to come.
+    pub fn take_back(&mut self, picture: Picture) {
+        self.maker.take_back(picture);
+    }
+
     fn end(&self) -> Result<Option<Picture>, MediaError> {
         if self.decoded == 0 { Err(MediaError::NoFrames) } else { Ok(None) }
     }
 
+    fn feed(&mut self) {
+        let packet = self.next_packet();
+        self.send(packet);
+    }
+
+    fn next_packet(&mut self) -> Option<ff::Packet> {
+        self.pending.take().or_else(|| self.read_packet())
+    }
+
     /// Gives the decoder one more packet, or its end. A packet it refuses is damaged, and the frames around it still
     /// count; one it has no room for yet is kept.
-    fn feed(&mut self) {
-        match self.pending.take().or_else(|| self.read_packet()) {
+    fn send(&mut self, packet: Option<ff::Packet>) {
+        match packet {
             Some(packet) if packet.stream() != self.stream => {}
             Some(packet) => {
                 if self.decoder.send_packet(&packet) == Err(AGAIN) {
@@ -200,7 +215,7 @@ impl VideoFile {
         if time_s > self.limits.duration_s {
             return Err(over("the duration in seconds", time_s, self.limits.duration_s));
         }
-        let picture = Picture::new(video, self.decoded, time_s, self.rotation, &mut self.scaler)?;
+        let picture = self.maker.make(video, self.decoded, time_s)?;
         self.decoded += 1;
         Ok(picture)
     }

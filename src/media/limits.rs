@@ -13,7 +13,7 @@ pub struct Limits {
     pub duration_s: f64,
     /// Most frames.
     pub frames: u64,
-    /// Decoder threads; cores divided by recordings decoded at a time.
+    /// Decoder threads; cores divided by recordings decoded at a time. With [`super::ReadAhead`] they work beside the caller's.
     pub threads: usize,
 }
 

@@ -3,14 +3,22 @@
 //! Recordings come from strangers. A whitelist of containers and codecs, no protocols at all (bytes are read from an
 //! open descriptor), and budgets for pixels, frames, streams and time bound what a file can do; the process around it
 //! is confined by [`crate::sandbox`].
+//!
+//! A [`VideoFile`] decodes when it is asked; a [`ReadAhead`] does so on a thread of its own while its user looks at the
+//! picture before.
 
+mod ahead;
 mod clock;
 mod encode;
 mod file;
 mod limits;
 pub mod photo;
 mod picture;
+mod picture_maker;
+#[cfg(test)]
+mod testing;
 
+pub use ahead::ReadAhead;
 pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use file::{RecordingInfo, VideoFile};
 pub use limits::Limits;

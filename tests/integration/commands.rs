@@ -59,6 +59,9 @@ fn a_recording_becomes_a_path_that_can_be_judged_and_scored() {
     assert!(track.status.success() && track.stdout.is_empty() && track.stderr.is_empty(), "{track:?}");
     let timings: Value = serde_json::from_slice(&fs::read(folder.path().join("timings.json")).unwrap()).unwrap();
     assert_eq!(timings["frames"], 25);
+    let stages: f64 = timings["wall_ms_of"].as_object().unwrap().values().map(|ms| ms.as_f64().unwrap()).sum();
+    let wall = timings["wall_ms"].as_f64().unwrap();
+    assert!(stages <= wall && wall - stages < 0.1 * wall, "the stages take {stages} of {wall} ms");
     let evaluated = trocar(folder.path(), "evaluate --json track.csv truth.json");
     let figures: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
     assert_eq!(figures["all"]["levels"][0]["coverage"], 1.0, "{figures:#}");
@@ -160,6 +163,46 @@ fn a_mark_outside_the_picture_or_behind_the_last_frame_is_refused() {
     change(folder.path(), "annotations.json", |marks| marks["labels"][0]["frame"] = 400.into());
     let said = refusal(folder.path(), TRACK);
     assert!(said.contains("400") && said.contains("25 frames"), "{said}");
+}
+
+/// Tracks the scene twice: marked in the recording itself, and in a copy of it, which is decoded up to the last mark.
+fn tracked_with_marks_here_and_in_a_copy(folder: &Path) -> [String; 2] {
+    fs::copy(folder.join("clip.mp4"), folder.join("copy.mp4")).unwrap();
+    ["clip.mp4", "copy.mp4"].map(|marked| {
+        change(folder, "annotations.json", |marks| marks["video"] = marked.into());
+        let track = trocar(folder, TRACK);
+        assert!(track.status.success(), "{track:?}");
+        String::from_utf8(track.stdout).unwrap()
+    })
+}
+
+#[test]
+fn marked_frames_decoded_in_passing_give_the_path_that_counting_up_to_them_gives() {
+    let folder = scene();
+    let [here, in_copy] = tracked_with_marks_here_and_in_a_copy(folder.path());
+    assert!(here.lines().count() > 25, "{here}");
+    assert_eq!(here, in_copy);
+}
+
+#[test]
+fn marks_count_the_frames_that_come_where_a_packet_gives_none() {
+    let folder = scene();
+    let clip = folder.path().join("clip.mp4");
+    let mut bytes = fs::read(&clip).unwrap();
+    let lost = slice_to_which_no_other_refers(&bytes);
+    bytes[lost] = 12; // now it is filler, and its packet holds no picture
+    fs::write(&clip, bytes).unwrap();
+    let [here, in_copy] = tracked_with_marks_here_and_in_a_copy(folder.path());
+    assert_eq!(here, in_copy);
+}
+
+/// Where the first such slice's head lies in an MP4 whose media are one stream of H.264.
+fn slice_to_which_no_other_refers(mp4: &[u8]) -> usize {
+    let mut at = mp4.windows(4).position(|name| name == b"mdat").unwrap() + 4;
+    while mp4[at + 4] != 1 {
+        at += 4 + u32::from_be_bytes(*mp4[at..].first_chunk().unwrap()) as usize;
+    }
+    at + 4
 }
 
 #[test]

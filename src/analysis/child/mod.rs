@@ -14,7 +14,7 @@ use reporter::Reporter;
 
 use super::protocol::{self, Answer, PaletteWork, Request, Work};
 use crate::domain::problem::Problem;
-use crate::media::{Limits, MediaError, Picture, VideoFile};
+use crate::media::{Limits, VideoFile};
 use crate::sandbox::{self, ConfinementError, Enforced};
 
 /// Why a child ends without having explained itself to its parent.
@@ -86,11 +86,6 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
         }
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
     }
-}
-
-/// A recording's next frame, where there must be one.
-fn next_picture(video: &mut VideoFile) -> Result<Picture, Halt> {
-    Ok(video.next_picture()?.ok_or(MediaError::NoFrames)?)
 }
 
 /// The one recording among the inputs.

@@ -1,35 +1,34 @@
-//! Track one recording: every frame through the [`Tracker`], then the paths with hindsight.
+//! Track one recording: every frame through the [`Tracker`], then the paths with hindsight. Decoding runs ahead on a
+//! thread of its own; all else stays on this one.
 
 use super::preview::Preview;
 use super::reporter::Reporter;
-use super::{Halt, explain, next_picture};
+use super::{Halt, explain};
 use crate::analysis::protocol::{Answer, KindShape, PathRow, QualityShape, SeenRow, TrackWork};
-use crate::media::VideoFile;
+use crate::media::{MediaError, ReadAhead, VideoFile};
 use crate::pipeline::tracker::{Quality, Tracker, TrackerSettings, Tracking};
 use crate::pipeline::trajectory::Trajectory;
 
 /// Rows of a path told of at a time.
 const ROWS_AT_A_TIME: usize = 1024;
 
-pub(super) fn run(work: TrackWork, mut video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
+pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
     let info = video.info();
     reporter.recording(info)?;
-    let mut picture = next_picture(&mut video)?;
-    let settings = settings(work)?;
-    let mut tracker = Tracker::new(settings, info.width, info.height, picture.frame().encoding)?;
+    let mut pictures = ReadAhead::new(video)?;
+    let first = pictures.next_picture()?.ok_or(MediaError::NoFrames)?;
+    let mut tracker = Tracker::new(settings(work)?, info.width, info.height, first.frame().encoding)?;
     let mut preview = Preview::new(info.frames_expected);
-    loop {
-        let frame = picture.frame();
+    let mut picture = Some(first);
+    while let Some(seen) = picture {
+        let frame = seen.frame();
         preview.consider(&frame);
         let report = tracker.observe(&frame);
         reporter.frame(frame.time_s, report.tools.iter().map(|tool| SeenRow::new(frame.index, tool)))?;
-        match video.next_picture()? {
-            Some(next) => picture = next,
-            None => break,
-        }
+        picture = pictures.next_picture()?;
     }
     reporter.frames_end()?;
-    drop((picture, video)); // the paths need the memory now
+    drop(pictures); // the paths need the memory now
     tell(&tracker.finish(), reporter)?;
     Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
 }

@@ -1,0 +1,151 @@
+//! The colours that an instructor marked, from the clip in which they were marked.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+
+use super::stages::{Stage, StageClock};
+use super::{Failure, about, open, rectangle};
+use crate::domain::files::annotations::AnnotationsFile;
+use crate::media::{MediaError, VideoFile};
+use crate::pipeline::frame::Frame;
+use crate::pipeline::segmentation::samples::ColourSamples;
+
+/// Rectangles on frames of a clip.
+pub(super) struct Marks<'a> {
+    marked: &'a AnnotationsFile,
+    annotations: &'a Path,
+    clip: PathBuf,
+    is_tracked_too: bool,
+}
+
+impl<'a> Marks<'a> {
+    /// Of the clip that the annotations name; if they name none, of the one to be tracked.
+    pub(super) fn new(marked: &'a AnnotationsFile, annotations: &'a Path, tracked: &Path) -> Self {
+        let folder = annotations.parent().unwrap_or(Path::new("."));
+        let clip = marked.video.as_ref().map_or_else(|| tracked.to_owned(), |name| folder.join(name));
+        let is_tracked_too =
+            fs::canonicalize(&clip).is_ok_and(|clip| fs::canonicalize(tracked).is_ok_and(|tracked| clip == tracked));
+        Self { marked, annotations, clip, is_tracked_too }
+    }
+
+    /// Collects from frames as they come.
+    pub(super) fn collector(&self) -> Collector<'a> {
+        Collector { marked: self.marked, samples: None }
+    }
+
+    /// Collects while decoding as little as that takes. `None` where it cannot be done, or could not be checked since
+    /// the clip will not pass by again.
+    pub(super) fn collect_few(&self, clock: &mut StageClock) -> Result<Option<ColourSamples>, Failure> {
+        if !self.is_tracked_too {
+            return Ok(None);
+        }
+        let video = self.open()?;
+        // The first frame says how all samples are encoded.
+        let numbers: Vec<u64> = self.marked.labels.iter().map(|label| label.frame).chain([0]).collect();
+        let mut collector = self.collector();
+        let shown = video.show_few(&numbers, |picture| {
+            clock.lap_of(Stage::DecodingMarked);
+            collector.look_at(&picture.frame());
+            clock.lap_of(Stage::Samples);
+        });
+        clock.lap_of(Stage::DecodingMarked);
+        Ok(shown.and_then(|()| collector.into_samples()))
+    }
+
+    /// Collects while decoding from the start up to the last mark.
+    pub(super) fn collect(&self, clock: &mut StageClock) -> Result<ColourSamples, Failure> {
+        let mut video = self.open()?;
+        let last = self.marked.labels.iter().map(|label| label.frame).max().unwrap_or(0);
+        let mut collector = self.collector();
+        for number in 0..=last {
+            let Some(picture) = video.next_picture().map_err(|e| about(&self.clip, e))? else {
+                return Err(about(
+                    self.annotations,
+                    anyhow!("a rectangle is on frame {last}, but {} has only {number} frames", self.clip.display()),
+                ));
+            };
+            clock.lap_of(Stage::DecodingMarked);
+            collector.look_at(&picture.frame());
+            video.take_back(picture);
+            clock.lap_of(Stage::Samples);
+        }
+        collector.into_samples().ok_or_else(|| about(&self.clip, MediaError::NoFrames))
+    }
+
+    fn open(&self) -> Result<VideoFile, Failure> {
+        let video = open(&self.clip)?;
+        let info = video.info();
+        self.marked.check_inside(info.width, info.height).map_err(|e| about(self.annotations, e))?;
+        Ok(video)
+    }
+}
+
+/// Takes what is marked on the frames it is shown.
+pub(super) struct Collector<'a> {
+    marked: &'a AnnotationsFile,
+    samples: Option<ColourSamples>,
+}
+
+impl Collector<'_> {
+    /// Takes what is marked on this frame. The first one's encoding is that of all samples.
+    pub(super) fn look_at(&mut self, frame: &Frame<'_>) {
+        let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
+        for label in self.marked.labels.iter().filter(|label| label.frame == frame.index) {
+            samples.collect(frame, &rectangle(label));
+        }
+    }
+
+    /// The samples; `None` if no frame came.
+    pub(super) fn into_samples(self) -> Option<ColourSamples> {
+        self.samples
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::segmentation::colour_table::ColourTable;
+    use crate::pipeline::segmentation::knn::Knn;
+
+    fn shared() -> Option<PathBuf> {
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let named = std::env::var_os("TROCAR_SHARED").map(PathBuf::from);
+        let beside = ["../shared", "../../shared"].map(|p| here.join(p));
+        named.into_iter().chain(beside).find(|p| p.join("scenes").is_dir())
+    }
+
+    /// What quantising costs, on every pixel that tracking would look up.
+    #[test]
+    fn the_table_agrees_with_exact_neighbours_on_nearly_all_real_pixels() {
+        let Some(shared) = shared() else {
+            eprintln!("SKIPPED: no shared scenes; set TROCAR_SHARED");
+            return;
+        };
+        for scene in ["V1", "V2"] {
+            let folder = shared.join("scenes").join(scene);
+            let (annotations, video) = (folder.join("annotations.json"), folder.join("video.mp4"));
+            let marked = AnnotationsFile::parse(&fs::read_to_string(&annotations).unwrap()).unwrap();
+            let samples = Marks::new(&marked, &annotations, &video).collect(&mut StageClock::start()).unwrap();
+            let names: Vec<String> = marked.marked_tools().unwrap().into_iter().map(|t| t.name).collect();
+            let class = |label: &String| names.iter().position(|n| n == label).map_or(0, |i| i as u8 + 1);
+            let classes: Vec<u8> = samples.labels.iter().map(class).collect();
+            let knn = Knn::new(&samples, &classes).unwrap();
+            let table = ColourTable::new(Knn::new(&samples, &classes).unwrap(), samples.encoding);
+            let picture = open(&video).unwrap().next_picture().unwrap().unwrap();
+            let frame = picture.frame();
+            let pixels: Vec<(usize, usize)> = (0..frame.height())
+                .step_by(6)
+                .flat_map(|y| (0..frame.width()).step_by(6).map(move |x| (x, y)))
+                .collect();
+            let agree = |(x, y): &&(usize, usize)| {
+                let codes = frame.yuv_at(*x, *y);
+                table.class_of(codes) == knn.class_of(samples.encoding.colour_of(codes))
+            };
+            let share = pixels.iter().filter(agree).count() as f64 / pixels.len() as f64;
+            eprintln!("{scene}: {:.3} % of {} pixels agree", 100.0 * share, pixels.len());
+            assert!(share >= 0.995, "{scene}: only {:.2} % agree", 100.0 * share);
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! How far the tracking is.
+
+use std::io::{self, IsTerminal};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    plain: bool,
+    expected: Option<u64>,
+    last_line: std::cell::Cell<Instant>,
+}
+
+impl Progress {
+    pub(super) fn new(expected: Option<u64>, quiet: bool) -> Self {
+        const LOOK: &str = "tracking {bar:30} {pos}/{len} frames, {eta} left";
+        let terminal = io::stderr().is_terminal() && !quiet;
+        let bar = if terminal { ProgressBar::new(expected.unwrap_or(0)) } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template(LOOK) {
+            bar.set_style(style);
+        }
+        Self { bar, plain: !terminal && !quiet, expected, last_line: std::cell::Cell::new(Instant::now()) }
+    }
+
+    pub(super) fn step(&self) {
+        const EVERY: Duration = Duration::from_secs(5);
+        self.bar.inc(1);
+        if self.plain && self.last_line.get().elapsed() >= EVERY {
+            self.last_line.set(Instant::now());
+            let of = self.expected.map(|n| format!(" of {n}")).unwrap_or_default();
+            eprintln!("tracking: {}{of} frames", self.bar.position());
+        }
+    }
+
+    pub(super) fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,97 @@
+//! Decoding on a thread of its own, a few pictures ahead of whoever looks at them, so that both go on at the same time.
+//!
+//! Pictures go round: the decoder's thread makes one in memory that came back, the queue holds at most [`MOST_WAITING`],
+//! one is looked at. A full queue halts the decoder, an empty one whoever looks. Order, times and errors are those of
+//! [`VideoFile::next_picture`], whatever the threads' pace.
+
+use std::panic::resume_unwind;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::{Builder, JoinHandle};
+
+use super::{MediaError, Picture, VideoFile};
+
+/// Pictures that wait to be looked at. They take the edge off frames that are slow to decode or to look at; each takes
+/// 3 MB at 1080p.
+const MOST_WAITING: usize = 3;
+
+/// A recording that is decoded ahead.
+pub struct ReadAhead {
+    seen: Option<Picture>,
+    // Gone when the decoder's thread has been joined.
+    decoder: Option<Decoder>,
+}
+
+struct Decoder {
+    thread: JoinHandle<()>,
+    pictures: Receiver<Result<Picture, MediaError>>,
+    done_with: Sender<Picture>,
+}
+
+impl ReadAhead {
+    /// Begins to decode.
+    ///
+    /// # Errors
+    /// [`MediaError::Memory`] if there is no room for a thread.
+    pub fn new(video: VideoFile) -> Result<Self, MediaError> {
+        let (made, pictures) = sync_channel(MOST_WAITING);
+        let (done_with, back) = channel();
+        let thread = Builder::new()
+            .name("decoder".into())
+            .spawn(move || decode(video, &made, &back))
+            .map_err(|_| MediaError::Memory)?;
+        Ok(Self { seen: None, decoder: Some(Decoder { thread, pictures, done_with }) })
+    }
+
+    /// The next picture in presentation order, lent until the one after it; `None` at the end and after an error.
+    ///
+    /// # Errors
+    /// Those of [`VideoFile::next_picture`], after the pictures before them.
+    pub fn next_picture(&mut self) -> Result<Option<&Picture>, MediaError> {
+        let Some(decoder) = &self.decoder else { return Ok(None) };
+        if let Some(seen) = self.seen.take() {
+            // Refused at the recording's end, when nothing is left to decode into it.
+            let _ = decoder.done_with.send(seen);
+        }
+        match decoder.pictures.recv() {
+            Ok(Ok(picture)) => Ok(Some(self.seen.insert(picture))),
+            Ok(Err(error)) => {
+                self.stop();
+                Err(error)
+            }
+            Err(_) => {
+                self.stop();
+                Ok(None)
+            }
+        }
+    }
+
+    /// Ends the decoder's thread and waits for it, so that its memory is free; passes its panic on.
+    fn stop(&mut self) {
+        let Some(Decoder { thread, pictures, done_with }) = self.decoder.take() else { return };
+        drop((pictures, done_with)); // its next picture is refused
+        if let Err(panic) = thread.join()
+            && !std::thread::panicking()
+        {
+            resume_unwind(panic);
+        }
+    }
+}
+
+impl Drop for ReadAhead {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+fn decode(mut video: VideoFile, made: &SyncSender<Result<Picture, MediaError>>, back: &Receiver<Picture>) {
+    while let Some(next) = video.next_picture().transpose() {
+        let is_last = next.is_err();
+        if made.send(next).is_err() || is_last {
+            return;
+        }
+        back.try_iter().for_each(|picture| video.take_back(picture));
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,39 @@
+use std::sync::Arc;
+
+use super::*;
+use crate::media::testing::{all, open, recording, seen};
+use crate::media::{Limits, Samples};
+
+#[test]
+fn every_picture_comes_once_in_order_whoever_waits_for_whom() {
+    let clip: Arc<[u8]> = recording(Samples::Yuv420, 80).into();
+    let mut pictures = ReadAhead::new(open(&clip, Limits::default())).unwrap();
+    let mut ahead = Vec::new();
+    while let Some(picture) = pictures.next_picture().unwrap() {
+        ahead.push(seen(&picture.frame()));
+    }
+    assert_eq!(ahead, all(&clip));
+    assert!(pictures.next_picture().unwrap().is_none(), "the end stays the end");
+}
+
+#[test]
+fn an_error_comes_after_the_pictures_before_it() {
+    let clip: Arc<[u8]> = recording(Samples::Yuv420, 30).into();
+    let limits = Limits { frames: 20, ..Limits::default() };
+    let mut pictures = ReadAhead::new(open(&clip, limits)).unwrap();
+    for _ in 0..20 {
+        assert!(pictures.next_picture().unwrap().is_some());
+    }
+    assert!(matches!(pictures.next_picture(), Err(MediaError::OverLimit { .. })));
+    assert!(pictures.next_picture().unwrap().is_none());
+}
+
+#[test]
+fn who_leaves_early_leaves_no_decoder_behind() {
+    let clip: Arc<[u8]> = recording(Samples::Yuv420, 60).into();
+    let mut pictures = ReadAhead::new(open(&clip, Limits::default())).unwrap();
+    assert!(pictures.next_picture().unwrap().is_some());
+    assert!(Arc::strong_count(&clip) > 1, "it is being read");
+    drop(pictures);
+    assert_eq!(Arc::strong_count(&clip), 1);
+}

@@ -1,0 +1,221 @@
+//! From what the decoder gives to [`Picture`]s: planar, 8 bits, in display orientation; in memory of pictures that are
+//! done with, so that after the first few nothing is allocated here any more.
+
+use ffmpeg_next::{format, frame, software::scaling, util::color};
+
+use super::MediaError;
+use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, plane_of};
+use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
+
+/// A quarter turn's multiple, clockwise, that display asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rotation {
+    /// As recorded.
+    None,
+    /// 90° clockwise.
+    Right,
+    /// 180°.
+    Half,
+    /// 270° clockwise.
+    Left,
+}
+
+impl Rotation {
+    /// Width and height as displayed.
+    pub(super) fn turned(self, width: u32, height: u32) -> (u32, u32) {
+        match self {
+            Rotation::None | Rotation::Half => (width, height),
+            Rotation::Right | Rotation::Left => (height, width),
+        }
+    }
+}
+
+/// Makes the pictures of one recording.
+pub(super) struct PictureMaker {
+    rotation: Rotation,
+    scaler: Option<Scaler>,
+    spare: Spare,
+}
+
+/// Memory that was given back. There is as much of it as there are pictures about, which is for their holder to bound.
+#[derive(Default)]
+struct Spare {
+    decoded: Vec<frame::Video>,
+    converted: Vec<frame::Video>,
+    turned: Vec<[OwnedPlane; 3]>,
+}
+
+impl PictureMaker {
+    pub(super) fn new(rotation: Rotation) -> Self {
+        Self { rotation, scaler: None, spare: Spare::default() }
+    }
+
+    /// A frame for the decoder to fill; what it still refers to goes back to the decoder then.
+    pub(super) fn frame_to_fill(&mut self) -> frame::Video {
+        self.spare.decoded.pop().unwrap_or_else(frame::Video::empty)
+    }
+
+    /// Takes the memory of a picture that is done with.
+    pub(super) fn take_back(&mut self, picture: Picture) {
+        match picture.into_planes() {
+            Planes::Frame(planar) => self.spare.keep(planar),
+            Planes::Owned(planes) => self.spare.turned.push(planes),
+        }
+    }
+
+    /// The picture that the decoder gave; nothing is copied if it is planar, of 8 bits and upright.
+    pub(super) fn make(&mut self, decoded: frame::Video, index: u64, time_s: f64) -> Result<Picture, MediaError> {
+        let planar = self.planar(decoded)?;
+        let (sx, sy) = chroma_shift(planar.frame.format());
+        let encoding = encoding_of(&planar.frame);
+        let (planes, shift) = match self.rotation {
+            Rotation::None => (Planes::Frame(planar), (sx, sy)),
+            turn => {
+                let mut turned = self.spare.turned.pop().unwrap_or_default();
+                for (i, plane) in turned.iter_mut().enumerate() {
+                    turn_plane(plane_of(&planar.frame, i), turn, plane);
+                }
+                self.spare.keep(planar);
+                (Planes::Owned(turned), if turn == Rotation::Half { (sx, sy) } else { (sy, sx) })
+            }
+        };
+        Ok(Picture::new(planes, shift, encoding, index, time_s))
+    }
+
+    /// 8-bit planar frames pass untouched; deeper ones keep their chroma resolution, anything else becomes 4:4:4.
+    fn planar(&mut self, decoded: frame::Video) -> Result<PlanarFrame, MediaError> {
+        let from = decoded.format();
+        let unusable = || MediaError::PixelFormat(format!("{from:?}"));
+        if is_planar_8_bit(from) {
+            let usable = has_whole_planes(&decoded).then_some(PlanarFrame { frame: decoded, is_converted: false });
+            return usable.ok_or_else(unusable);
+        }
+        let to = match chroma_shift(from) {
+            (1, 1) => format::Pixel::YUV420P,
+            (1, 0) => format::Pixel::YUV422P,
+            _ => format::Pixel::YUV444P,
+        };
+        let (width, height) = (decoded.width(), decoded.height());
+        let scaler = match &mut self.scaler {
+            Some(scaler) if scaler.0.input().format == from => scaler,
+            slot => slot.insert(Scaler(
+                scaling::Context::get(from, width, height, to, width, height, scaling::Flags::POINT)
+                    .map_err(|_| unusable())?,
+            )),
+        };
+        let fits = |spare: &frame::Video| (spare.format(), spare.width(), spare.height()) == (to, width, height);
+        let mut planar = self.spare.converted.pop().filter(fits).unwrap_or_else(frame::Video::empty);
+        scaler.0.run(&decoded, &mut planar).map_err(|_| unusable())?;
+        if is_rgb_or_grey(from) {
+            // What the scaler makes of them.
+            planar.set_color_range(color::Range::MPEG);
+            planar.set_color_space(color::Space::SMPTE170M);
+        } else {
+            planar.set_color_range(decoded.color_range());
+            planar.set_color_space(decoded.color_space());
+        }
+        self.spare.decoded.push(decoded);
+        Ok(PlanarFrame { frame: planar, is_converted: true })
+    }
+}
+
+impl Spare {
+    fn keep(&mut self, planar: PlanarFrame) {
+        let spare = if planar.is_converted { &mut self.converted } else { &mut self.decoded };
+        spare.push(planar.frame);
+    }
+}
+
+struct Scaler(scaling::Context);
+
+// SAFETY: a scaler is bound to no thread, and only whoever owns it can use it.
+unsafe impl Send for Scaler {}
+
+fn chroma_shift(format: format::Pixel) -> (u8, u8) {
+    format.descriptor().map_or((0, 0), |d| (d.log2_chroma_w(), d.log2_chroma_h()))
+}
+
+fn is_planar_8_bit(format: format::Pixel) -> bool {
+    use format::Pixel::*;
+    matches!(format, YUV420P | YUVJ420P | YUV422P | YUVJ422P | YUV444P | YUVJ444P | YUV440P | YUVJ440P)
+}
+
+fn is_rgb_or_grey(format: format::Pixel) -> bool {
+    let name = format.descriptor().map_or("", |d| d.name());
+    ["gbr", "rgb", "bgr", "gray", "pal"].iter().any(|family| name.starts_with(family))
+}
+
+/// Three planes whose rows run downwards and hold the width: what [`plane_of`] relies on.
+fn has_whole_planes(video: &frame::Video) -> bool {
+    const WIDEST_STRIDE: usize = 1 << 20; // a bottom-up picture's negative stride reads as far more
+    video.planes() >= 3 && (0..3).all(|i| (video.plane_width(i) as usize..WIDEST_STRIDE).contains(&video.stride(i)))
+}
+
+fn encoding_of(video: &frame::Video) -> ColourEncoding {
+    use format::Pixel::*;
+    let jpeg = matches!(video.format(), YUVJ420P | YUVJ422P | YUVJ444P | YUVJ440P);
+    let range = if jpeg || video.color_range() == color::Range::JPEG { Range::Full } else { Range::Limited };
+    let matrix = match video.color_space() {
+        color::Space::BT709 => Matrix::Bt709,
+        color::Space::BT2020NCL | color::Space::BT2020CL => Matrix::Bt2020,
+        color::Space::BT470BG | color::Space::SMPTE170M | color::Space::FCC => Matrix::Bt601,
+        // Unlabelled: players take 709 from 720 lines on.
+        _ if !jpeg && video.height() >= 720 => Matrix::Bt709,
+        _ => Matrix::Bt601,
+    };
+    ColourEncoding { range, matrix }
+}
+
+/// Fills a plane with another that is turned.
+fn turn_plane(plane: Plane<'_>, turn: Rotation, turned: &mut OwnedPlane) {
+    let (w, h) = (plane.width, plane.height);
+    (turned.width, turned.height) = if turn == Rotation::Half { (w, h) } else { (h, w) };
+    turned.data.clear();
+    for y in 0..turned.height {
+        for x in 0..turned.width {
+            turned.data.push(match turn {
+                Rotation::None => plane.at(x, y),
+                Rotation::Right => plane.at(y, h - 1 - x),
+                Rotation::Half => plane.at(w - 1 - x, h - 1 - y),
+                Rotation::Left => plane.at(w - 1 - y, x),
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quarter_turn_moves_the_top_left_corner_to_the_top_right() {
+        let plane = Plane { data: &[1, 2, 3, 4, 5, 6], stride: 3, width: 3, height: 2 };
+        let mut turned = OwnedPlane::default();
+        turn_plane(plane, Rotation::Right, &mut turned);
+        assert_eq!((turned.width, turned.height, &turned.data[..]), (2, 3, &[4, 1, 5, 2, 6, 3][..]));
+        turn_plane(plane, Rotation::Left, &mut turned);
+        assert_eq!(turned.data, [3, 6, 2, 5, 1, 4]);
+        turn_plane(plane, Rotation::Half, &mut turned);
+        assert_eq!((turned.width, turned.height, &turned.data[..]), (3, 2, &[6, 5, 4, 3, 2, 1][..]));
+    }
+
+    #[test]
+    fn the_memory_of_a_picture_that_is_done_with_serves_the_next() {
+        let decoded = || frame::Video::new(format::Pixel::YUV420P10LE, 96, 64);
+        let mut maker = PictureMaker::new(Rotation::Right);
+        let first = maker.make(decoded(), 0, 0.0).unwrap();
+        let place = first.frame().y.data.as_ptr();
+        maker.take_back(first);
+        let spare = |maker: &PictureMaker| {
+            let Spare { decoded, converted, turned } = &maker.spare;
+            (decoded.len(), converted.len(), turned.len())
+        };
+        assert_eq!(spare(&maker), (1, 1, 1));
+        let to_fill = maker.frame_to_fill();
+        assert_eq!(spare(&maker), (0, 1, 1));
+        drop(to_fill);
+        let second = maker.make(decoded(), 1, 0.04).unwrap();
+        assert_eq!(second.frame().y.data.as_ptr(), place);
+        assert_eq!(spare(&maker), (1, 1, 0), "converted into the spare buffer, which is spare again once turned");
+    }
+}

@@ -1,0 +1,62 @@
+//! Recordings for this folder's tests, and what their frames hold.
+
+use std::fs::File;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::Cursor;
+use std::sync::Arc;
+
+use super::{Limits, Samples, VideoFile, VideoSettings, VideoWriter};
+use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
+
+const WIDTH: usize = 96;
+const HEIGHT: usize = 64;
+
+/// The bytes of an MP4 recording at 25 Hz with a key frame every two seconds: a texture that moves, and grain.
+pub(super) fn recording(samples: Samples, frames: u64) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("clip.mp4");
+    let settings = VideoSettings { width: WIDTH as u32, height: HEIGHT as u32, fps: 25.0, samples, crf: 23 };
+    let mut writer = VideoWriter::create(File::create(&path).unwrap(), settings).unwrap();
+    for index in 0..frames {
+        let code = |x: usize, y: usize| {
+            let grain = (((x * 31 + y * 17 + index as usize * 101) * 2_654_435_761) >> 12) & 15;
+            (60 + (x * 3 + y * 5 + index as usize * 2) % 120 + grain) as u8
+        };
+        let plane = |w: usize, h: usize| (0..w * h).map(|i| code(i % w, i / w)).collect::<Vec<u8>>();
+        let (y, u, v) = (plane(WIDTH, HEIGHT), plane(WIDTH / 2, HEIGHT / 2), plane(WIDTH / 2, HEIGHT / 2));
+        let chroma = |data| Plane { data, stride: WIDTH / 2, width: WIDTH / 2, height: HEIGHT / 2 };
+        let frame = Frame {
+            index,
+            time_s: index as f64 / 25.0,
+            y: Plane { data: &y, stride: WIDTH, width: WIDTH, height: HEIGHT },
+            u: chroma(&u),
+            v: chroma(&v),
+            shift_x: 1,
+            shift_y: 1,
+            encoding: ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 },
+        };
+        writer.write(&frame).unwrap();
+    }
+    writer.finish().unwrap();
+    std::fs::read(&path).unwrap()
+}
+
+/// Opens it. Whether it is still held shows in the count of its owners.
+pub(super) fn open(recording: &Arc<[u8]>, limits: Limits) -> VideoFile {
+    VideoFile::open(Cursor::new(recording.clone()), limits).unwrap()
+}
+
+/// A frame's number, time and all that can be seen of it.
+pub(super) fn seen(frame: &Frame<'_>) -> (u64, f64, u64) {
+    let mut hasher = DefaultHasher::new();
+    for plane in [frame.y, frame.u, frame.v] {
+        (0..plane.height).for_each(|row| plane.row(row).hash(&mut hasher));
+    }
+    (frame.index, frame.time_s, hasher.finish())
+}
+
+/// All its frames, decoded one after the other.
+pub(super) fn all(recording: &Arc<[u8]>) -> Vec<(u64, f64, u64)> {
+    let mut video = open(recording, Limits::default());
+    std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| seen(&picture.frame())).collect()
+}
