@@ -177,6 +177,7 @@ mod tests {
             reasons: vec![],
             border_residual_px: Some(0.2),
             gaps: vec![],
+            colour: [None, None],
         };
         let heard = Heard {
             size: Some((1280, 720)),

@@ -16,6 +16,7 @@ use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::frame::{ColourEncoding, Frame};
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
+use crate::pipeline::segmentation::palette;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 use crate::pipeline::tube::Outline;
@@ -80,9 +81,10 @@ impl Tracker {
         let mut paths = [Vec::new(), Vec::new(), Vec::new()];
         let mut quality =
             Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
-        for (i, tool) in self.tools.iter().enumerate() {
+        let colours = palette::apart(&self.settings.samples, &names);
+        for ((i, tool), colour) in self.tools.iter().enumerate().zip(colours) {
             let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, motion);
-            quality.tools.push(reworked.quality);
+            quality.tools.push(ToolQuality { colour, ..reworked.quality });
             for (all, own) in paths.iter_mut().zip([reworked.raw, reworked.filtered, reworked.smoothed]) {
                 all.extend(own);
             }

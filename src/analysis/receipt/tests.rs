@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::protocol::{
-    CameraShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
+    CameraShape, MarginShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
 };
 use crate::domain::palette::{ConfusionRow, LightShares};
 use crate::pipeline::camera::Camera;
@@ -111,12 +111,29 @@ fn answers_out_of_turn_are_refused() {
     }
 }
 
+fn tool() -> ToolQualityShape {
+    let colour = [None, None];
+    let (reasons, gaps) = (vec![], vec![]);
+    ToolQualityShape { observed_predicted_missing: [1, 0, 1], reasons, border_residual_px: None, gaps, colour }
+}
+
+#[test]
+fn a_colour_is_a_few_numbers_and_a_short_name() {
+    let hear = |steps: f64, nearest: String| {
+        let margin = MarginShape { margin_spread_steps: [steps, 4.0], nearest };
+        let tool = ToolQualityShape { colour: [None, Some(margin)], ..tool() };
+        hear(vec![Answer::Quality(QualityShape { frames: 2, tools: vec![tool], light: vec![] })])
+    };
+    assert!(hear(-2.5, "background".into()).is_ok());
+    assert!(hear(f64::NAN, "background".into()).is_err());
+    assert!(hear(-2.5, "b".repeat(100_000)).is_err());
+}
+
 #[test]
 fn a_summary_is_of_the_frames_that_were_told() {
     let gap = |first, last| (first, last, None);
     let hear = |gaps: Vec<(u64, u64, Option<ReasonShape>)>, light: Vec<[f64; 4]>| {
-        let tool =
-            ToolQualityShape { observed_predicted_missing: [1, 0, 1], reasons: vec![], border_residual_px: None, gaps };
+        let tool = ToolQualityShape { gaps, ..tool() };
         hear(vec![Answer::Quality(QualityShape { frames: 2, tools: vec![tool], light })])
     };
     assert!(hear(vec![gap(0, 0), gap(1, 1)], vec![[0.0, 1.0, 0.0, 0.0]]).is_ok());

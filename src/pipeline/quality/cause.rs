@@ -7,6 +7,10 @@ pub enum Cause {
     NothingSeen,
     /// A tool was never in the picture.
     NeverInPicture,
+    /// A tool's colour is hardly apart from what is no tool.
+    ColourBackground,
+    /// A tool's colour is hardly apart from another tool's.
+    ColourPair,
     /// A tool was measured on too few frames.
     Coverage,
     /// A tool was out of view for too long.
@@ -47,9 +51,11 @@ pub enum Cause {
 
 impl Cause {
     /// Every cause, in the order in which people should mend them.
-    pub const ALL: [Cause; 20] = [
+    pub const ALL: [Cause; 22] = [
         Cause::NothingSeen,
         Cause::NeverInPicture,
+        Cause::ColourBackground,
+        Cause::ColourPair,
         Cause::Coverage,
         Cause::LeftView,
         Cause::Lost,
@@ -75,6 +81,8 @@ impl Cause {
         match self {
             Cause::NothingSeen => "nothing_seen",
             Cause::NeverInPicture => "never_in_picture",
+            Cause::ColourBackground => "colour_background",
+            Cause::ColourPair => "colour_pair",
             Cause::Coverage => "coverage",
             Cause::LeftView => "left_view",
             Cause::Lost => "lost",
@@ -105,6 +113,7 @@ impl Cause {
             Cause::ErrorBar => "mm",
             Cause::FrameRate => "Hz",
             Cause::WhiteBalance => "codes",
+            Cause::ColourBackground | Cause::ColourPair => "steps",
             _ => "1",
         }
     }
@@ -115,6 +124,14 @@ impl Cause {
         match self {
             Cause::NothingSeen => "no tool was measured on any frame".to_owned(),
             Cause::NeverInPicture => "it was never in the picture".to_owned(),
+            Cause::ColourBackground => {
+                let steps = figure.max(0.0);
+                format!("its colour is told from the rest of the box by {steps:.1} of 255 steps only; needs {limit:.1}")
+            }
+            Cause::ColourPair => {
+                let steps = figure.max(0.0);
+                format!("its colour is told from another tool's by {steps:.1} of 255 steps only; needs {limit:.1}")
+            }
             Cause::Coverage => format!("measured on {percent:.0} % of the frames; needs {percents:.0} %"),
             Cause::LeftView => format!("out of view for {percent:.0} % of the session; at most {percents:.0} %"),
             Cause::Lost => format!("in view but not followed on {percent:.0} % of the frames; at most {percents:.0} %"),
@@ -159,6 +176,8 @@ impl Cause {
             Cause::NeverInPicture => {
                 "if the task needs this tool, mark its tape again in this light; if not, nothing is lost"
             }
+            Cause::ColourBackground => "wind a tape of a colour that nothing else in the box has, and mark it again",
+            Cause::ColourPair => "wind a tape of another colour on one of the two tools, and mark both again",
             Cause::Coverage => "keep the tape in sight of the camera; what hid it is listed with what was seen",
             Cause::LeftView => "keep the tip in the picture, or move the camera so that the whole task is in view",
             Cause::Lost => {
