@@ -187,6 +187,7 @@ impl Receipt {
         self.only(&[Kind::Track])?;
         let frames = self.heard.times_s.len() as u64;
         let consistent = quality.frames == frames
+            && quality.frames_interlaced <= frames
             && quality.tools.len() == self.tools
             && quality.tools.iter().all(|tool| {
                 tool.observed_predicted_missing.iter().all(|&n| n <= frames)

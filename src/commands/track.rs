@@ -102,6 +102,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let evidence = Evidence {
         calibration_rms_px: camera.rms_px(),
         frames_expected: video.info().frames_expected,
+        frames_interlaced: Some(video.interlaced_frames()),
         ..Evidence::of_tracking(&tracking, MotionSettings::default())
     };
     let figures = quality::measure(&evidence);

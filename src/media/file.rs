@@ -62,6 +62,7 @@ pub struct VideoFile {
     limits: Limits,
     scaler: Option<scaling::Context>,
     decoded: u64,
+    interlaced: u64,
     pending: Option<ff::Packet>,
     drained: bool,
     first_size: Option<(u32, u32)>,
@@ -120,6 +121,7 @@ impl VideoFile {
             limits,
             scaler: None,
             decoded: 0,
+            interlaced: 0,
             pending: None,
             drained: false,
             first_size: None,
@@ -134,6 +136,11 @@ impl VideoFile {
     /// Frames whose time stamp was missing or did not advance, so far; their times were continued at the frame rate.
     pub fn repaired_times(&self) -> u64 {
         self.clock.repaired()
+    }
+
+    /// Frames so far that held two moments, line by line; of each only the first was kept.
+    pub fn interlaced_frames(&self) -> u64 {
+        self.interlaced
     }
 
     /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file cut short ends
@@ -200,6 +207,7 @@ impl VideoFile {
         if time_s > self.limits.duration_s {
             return Err(over("the duration in seconds", time_s, self.limits.duration_s));
         }
+        self.interlaced += u64::from(video.is_interlaced());
         let picture = Picture::new(video, self.decoded, time_s, self.rotation, &mut self.scaler)?;
         self.decoded += 1;
         Ok(picture)

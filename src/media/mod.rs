@@ -6,6 +6,7 @@
 
 mod clock;
 mod encode;
+mod fields;
 mod file;
 mod limits;
 pub mod photo;

@@ -3,6 +3,7 @@
 use ffmpeg_next::{format, frame, software::scaling, util::color};
 
 use super::MediaError;
+use super::fields::one_field;
 use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 
 /// A quarter turn's multiple, clockwise, that display asks for.
@@ -42,10 +43,10 @@ enum Planes {
     Owned([OwnedPlane; 3]),
 }
 
-struct OwnedPlane {
-    data: Vec<u8>,
-    width: usize,
-    height: usize,
+pub(super) struct OwnedPlane {
+    pub(super) data: Vec<u8>,
+    pub(super) width: usize,
+    pub(super) height: usize,
 }
 
 impl Picture {
@@ -56,15 +57,18 @@ impl Picture {
         rotation: Rotation,
         scaler: &mut Option<scaling::Context>,
     ) -> Result<Self, MediaError> {
+        let first_line = decoded.is_interlaced().then(|| usize::from(!decoded.is_top_first()));
         let planar = to_planar(decoded, scaler)?;
         let (sx, sy) = chroma_shift(planar.format());
         let encoding = encoding_of(&planar);
-        let (planes, shift) = match rotation {
-            Rotation::None => (Planes::Decoded(planar), (sx, sy)),
-            turn => {
-                let turned = [0, 1, 2].map(|i| turn_plane(plane_of(&planar, i), turn));
-                let shift = if turn == Rotation::Half { (sx, sy) } else { (sy, sx) };
-                (Planes::Owned(turned), shift)
+        let shift = if matches!(rotation, Rotation::None | Rotation::Half) { (sx, sy) } else { (sy, sx) };
+        let each_plane = |change: &dyn Fn(Plane<'_>) -> OwnedPlane| [0, 1, 2].map(|i| change(plane_of(&planar, i)));
+        let planes = match (first_line, rotation) {
+            (None, Rotation::None) => Planes::Decoded(planar),
+            (Some(first), Rotation::None) => Planes::Owned(each_plane(&|plane| one_field(plane, first))),
+            (None, turn) => Planes::Owned(each_plane(&|plane| turn_plane(plane, turn))),
+            (Some(first), turn) => {
+                Planes::Owned(each_plane(&|plane| turn_plane(one_field(plane, first).borrow(), turn)))
             }
         };
         Ok(Self { index, time_s, planes, shift, encoding })

@@ -29,8 +29,9 @@ pub(super) fn run(work: TrackWork, mut video: VideoFile, reporter: &mut Reporter
         }
     }
     reporter.frames_end()?;
+    let frames_interlaced = video.interlaced_frames();
     drop((picture, video)); // the paths need the memory now
-    tell(&tracker.finish(), reporter)?;
+    tell(&tracker.finish(), frames_interlaced, reporter)?;
     Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
 }
 
@@ -42,14 +43,14 @@ fn settings(work: TrackWork) -> Result<TrackerSettings, Halt> {
     Ok(settings)
 }
 
-fn tell(tracking: &Tracking, reporter: &mut Reporter) -> Result<(), Halt> {
+fn tell(tracking: &Tracking, frames_interlaced: u64, reporter: &mut Reporter) -> Result<(), Halt> {
     if was_never_seen(&tracking.quality) {
         return Err(Halt::Explained(explain::never_seen(&tracking.quality)));
     }
     path(KindShape::Raw, &tracking.raw, reporter)?;
     path(KindShape::Filtered, &tracking.filtered, reporter)?;
     path(KindShape::Smoothed, &tracking.smoothed, reporter)?;
-    Ok(reporter.say(&Answer::Quality(QualityShape::from(&tracking.quality)))?)
+    Ok(reporter.say(&Answer::Quality(QualityShape::new(&tracking.quality, frames_interlaced)))?)
 }
 
 fn was_never_seen(quality: &Quality) -> bool {

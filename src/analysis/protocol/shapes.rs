@@ -186,6 +186,8 @@ pub struct BoardShape {
 pub struct QualityShape {
     /// Frames seen.
     pub frames: u64,
+    /// How many of them were recorded interlaced.
+    pub frames_interlaced: u64,
     /// Per tool.
     pub tools: Vec<ToolQualityShape>,
     /// The scene's light: time, s, ratio of luma, shift of blue and red.
@@ -229,8 +231,9 @@ impl From<&MarginShape> for Margin {
     }
 }
 
-impl From<&Quality> for QualityShape {
-    fn from(quality: &Quality) -> Self {
+impl QualityShape {
+    /// Of a recording that had so many interlaced frames.
+    pub fn new(quality: &Quality, frames_interlaced: u64) -> Self {
         let tool = |t: &ToolQuality| ToolQualityShape {
             observed_predicted_missing: [t.observed, t.predicted, t.missing],
             reasons: t.reasons.iter().map(|(&reason, &n)| (reason.into(), n)).collect(),
@@ -241,6 +244,7 @@ impl From<&Quality> for QualityShape {
         let light = |l: &LightSample| [l.time_s, l.luma_ratio, l.chroma_shift[0], l.chroma_shift[1]];
         Self {
             frames: quality.frames,
+            frames_interlaced,
             tools: quality.tools.iter().map(tool).collect(),
             light: quality.light.iter().map(light).collect(),
         }

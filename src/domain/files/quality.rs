@@ -59,6 +59,8 @@ pub struct RecordingDocument {
     pub longest_interval_s: Option<f64>,
     /// Share of the announced frames that are not in the file.
     pub cut_share: Option<f64>,
+    /// Share of the frames that are interlaced.
+    pub interlaced_share: Option<f64>,
     /// Speed of the fastest tool as it begins, mm/s.
     pub first_speed_mm_s: Option<f64>,
     /// Speed of the fastest tool as it ends, mm/s.
@@ -163,6 +165,7 @@ impl From<&SessionFigures> for RecordingDocument {
             dropped_share: session.dropped_share,
             longest_interval_s: session.longest_interval_s,
             cut_share: session.cut_share,
+            interlaced_share: session.interlaced_share,
             first_speed_mm_s: session.first_speed_mm_s,
             last_speed_mm_s: session.last_speed_mm_s,
             exposure_drift: session.exposure_drift,

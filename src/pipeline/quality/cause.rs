@@ -33,6 +33,8 @@ pub enum Cause {
     Calibration,
     /// The file ends before the recording does.
     CutFile,
+    /// Frames that hold two moments, line by line.
+    Interlaced,
     /// Too few frames a second.
     FrameRate,
     /// Too many frames were dropped.
@@ -51,7 +53,7 @@ pub enum Cause {
 
 impl Cause {
     /// Every cause, in the order in which people should mend them.
-    pub const ALL: [Cause; 22] = [
+    pub const ALL: [Cause; 23] = [
         Cause::NothingSeen,
         Cause::NeverInPicture,
         Cause::ColourBackground,
@@ -67,6 +69,7 @@ impl Cause {
         Cause::ErrorBar,
         Cause::Calibration,
         Cause::CutFile,
+        Cause::Interlaced,
         Cause::FrameRate,
         Cause::DroppedFrames,
         Cause::Break,
@@ -94,6 +97,7 @@ impl Cause {
             Cause::ErrorBar => "error_bar",
             Cause::Calibration => "calibration",
             Cause::CutFile => "cut_file",
+            Cause::Interlaced => "interlaced",
             Cause::FrameRate => "frame_rate",
             Cause::DroppedFrames => "dropped_frames",
             Cause::Break => "break",
@@ -155,6 +159,9 @@ impl Cause {
             Cause::CutFile => {
                 format!("{percent:.0} % of the recording's frames are not in the file; at most {percents:.0} %")
             }
+            Cause::Interlaced => {
+                format!("{percent:.0} % of the frames are interlaced: only every second of their lines was used")
+            }
             Cause::FrameRate => format!("{figure:.1} frames a second; needs {limit:.0}"),
             Cause::DroppedFrames => format!("{percent:.0} % of the frames were dropped; at most {percents:.0} %"),
             Cause::Break => format!("no frame for {figure:.1} s; at most {limit:.1} s"),
@@ -194,6 +201,9 @@ impl Cause {
             Cause::ErrorBar => "bring the camera nearer, record a larger picture, and give the tape's length",
             Cause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
             Cause::CutFile => "send the recording again, whole; it was cut or damaged on the way",
+            Cause::Interlaced => {
+                "record progressively (25p, not 50i), or send it deinterlaced: ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4"
+            }
             Cause::FrameRate => "record at 25 frames a second or more",
             Cause::DroppedFrames => "record to a faster disk or over a better line, or in a smaller picture",
             Cause::Break => "record the task in one piece",

@@ -134,6 +134,7 @@ fn of_the_session(figures: &Figures, cause: Cause) -> Option<f64> {
         Cause::NothingSeen => Some(session.observed as f64),
         Cause::Calibration => session.calibration_rms_px,
         Cause::CutFile => session.cut_share,
+        Cause::Interlaced => session.interlaced_share,
         Cause::FrameRate => session.frame_rate_hz,
         Cause::DroppedFrames => session.dropped_share,
         Cause::Break => session.longest_interval_s,

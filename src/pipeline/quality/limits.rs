@@ -84,6 +84,9 @@ impl Cause {
             Cause::Calibration => at_most(1.0, 2.5),
             // As coverage: what is not in the file was not seen.
             Cause::CutFile => at_most(0.05, 0.5),
+            // Half of the lines are made up: borders that lie across the picture are known half as well. Single frames do no
+            // harm.
+            Cause::Interlaced => care_at_most(0.05),
             // Hands move below 5 Hz: 10 frames a second are the least that show it, and filters need more. A little less than
             // 15 and 10, because cameras do not keep their rates to the digit.
             Cause::FrameRate => at_least(14.0, 9.0),

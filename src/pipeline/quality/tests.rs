@@ -175,6 +175,17 @@ fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
 }
 
 #[test]
+fn an_interlaced_recording_asks_for_care_and_says_how_to_mend_it() {
+    let path = path(|_| true);
+    let judged = |frames| judge(&measure(&Evidence { frames_interlaced: Some(frames), ..Evidence::of_path(&path) }));
+    assert_eq!(judged(0), Verdict::Valid);
+    assert_eq!(judged(FRAMES / 50), Verdict::Valid, "single frames do no harm");
+    let verdict = judged(FRAMES);
+    assert_eq!((causes(&verdict), rank(&verdict)), (vec![Cause::Interlaced], Some(Severity::Care)));
+    assert!(verdict.concerns()[0].advice().contains("bwdif"));
+}
+
+#[test]
 fn light_is_held_against_its_median() {
     let path = path(|_| true);
     let mut counts = counts(Vec::new());
