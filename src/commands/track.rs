@@ -21,6 +21,10 @@ use crate::pipeline::segmentation::palette::{self, Verdict};
 use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use crate::pipeline::tracker::{MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking, View};
 
+mod debug;
+
+use debug::{DebugArgs, DebugPictures, Scene};
+
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
 pub struct Args {
@@ -48,6 +52,8 @@ pub struct Args {
     /// Write how the session was seen, and whether its numbers may be believed, to this file (JSON).
     #[arg(long, value_name = "FILE")]
     quality: Option<PathBuf>,
+    #[command(flatten)]
+    debug: DebugArgs,
     /// Say nothing but errors.
     #[arg(long)]
     quiet: bool,
@@ -66,6 +72,7 @@ enum Pose {
 /// Runs the command.
 pub fn run(args: Args) -> Result<(), Failure> {
     let mut clock = StageClock::start();
+    let mut pictures = DebugPictures::open(&args.debug)?;
     let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     clock.lap_of(Stage::Samples);
@@ -85,7 +92,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         Pose::Planes => PoseMethod::TangentPlanes,
         Pose::Width => PoseMethod::PinholeWidth,
     };
-    let tracking = follow(&mut video, settings, &args, &mut clock)?;
+    let tracking = follow(&mut video, settings, pictures.as_mut(), &args, &mut clock)?;
     let trajectory = match (args.raw, args.causal) {
         (true, _) => &tracking.raw,
         (_, true) => &tracking.filtered,
@@ -114,6 +121,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     if !args.quiet {
         report(&tracking);
+        pictures.iter().for_each(|pictures| eprintln!("{}", pictures.report()));
         eprint!("{}", verdict::text(&judged));
     }
     Ok(())
@@ -131,6 +139,7 @@ fn warn_of_colours(marked: &AnnotationsFile, samples: &ColourSamples) {
 fn follow(
     video: &mut VideoFile,
     settings: TrackerSettings,
+    mut pictures: Option<&mut DebugPictures>,
     args: &Args,
     clock: &mut StageClock,
 ) -> Result<Tracking, Failure> {
@@ -141,12 +150,24 @@ fn follow(
     let encoding =
         picture.as_ref().map(|p| p.frame().encoding).ok_or_else(|| about(&args.video, MediaError::NoFrames))?;
     clock.lap_of(Stage::Decoding);
+    let scene = Scene::new(&settings);
     let mut tracker = Tracker::new(settings, info.width, info.height, encoding).map_err(|e| about(&args.camera, e))?;
     clock.lap_of(Stage::Preparing);
     while let Some(seen) = picture {
-        tracker.observe(&seen.frame());
+        let frame = seen.frame();
+        match pictures.as_mut().filter(|pictures| pictures.wants(frame.index)) {
+            None => {
+                tracker.observe(&frame);
+                clock.lap_of(Stage::Tracking);
+            }
+            Some(pictures) => {
+                let (report, trace) = tracker.observe_traced(&frame);
+                clock.lap_of(Stage::Tracking);
+                pictures.draw(&scene, &frame, &report, &trace)?;
+                clock.lap_of(Stage::Writing);
+            }
+        }
         progress.step();
-        clock.lap_of(Stage::Tracking);
         picture = next(video)?;
         clock.lap_of(Stage::Decoding);
     }
@@ -372,6 +393,7 @@ mod tests {
                 pose: Pose::Planes,
                 timings: None,
                 quality: None,
+                debug: DebugArgs::default(),
                 quiet: true,
                 video: folder.join("video.mp4"),
             };

@@ -8,9 +8,11 @@ mod session;
 mod settings;
 mod starts;
 mod tool;
+mod trace;
 
 pub use report::{Absence, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality, ToolReport, Tracking};
 pub use settings::{MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings, View};
+pub use trace::{Fit, FrameTrace, Look, ToolTrace};
 
 use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::frame::{ColourEncoding, Frame};
@@ -71,6 +73,16 @@ impl Tracker {
             })
             .collect();
         FrameReport { frame: frame.index, time_s: frame.time_s, tools }
+    }
+
+    /// As [`Self::observe`], and tells what was looked at on the way: to find out why a frame failed. A full look at the
+    /// frame's colours takes several times as long as the frame itself.
+    pub fn observe_traced(&mut self, frame: &Frame<'_>) -> (FrameReport, FrameTrace) {
+        self.tools.iter_mut().for_each(|tool| tool.tracing.begin());
+        let report = self.observe(frame);
+        let tools = self.tools.iter_mut().map(|tool| tool.tracing.end()).collect();
+        let (classes, columns) = trace::classes(frame, &self.table);
+        (report, FrameTrace { classes, columns, tools })
     }
 
     /// Ends the recording: every frame again with hindsight.

@@ -16,6 +16,7 @@ use crate::pipeline::pose::{TubeEstimate, pinhole_width, tangent_planes};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::tracker::trace::Tracing;
 use crate::pipeline::tracker::{PoseMethod, ToolSpec, View};
 use crate::pipeline::tube::{Outline, Tube};
 
@@ -43,6 +44,8 @@ pub struct Bench<'a> {
     pub obstacles: &'a [Outline],
     /// How its edges look.
     pub edges: &'a mut EdgeModel,
+    /// Takes notes of what is looked at, if anybody wants them.
+    pub tracing: &'a mut Tracing,
     /// Pose method.
     pub method: PoseMethod,
     /// Camera's place, where known.
@@ -248,6 +251,7 @@ impl Bench<'_> {
     fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[Look]) -> Result<Measurement, Reason> {
         let smear_px = self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt();
         let mut measurement = Err(Reason::BordersNotFound);
+        self.tracing.fit(&tube, length_mm);
         for look in looks {
             let found = self.edges_along(&tube, length_mm, *look)?;
             if found.edges.iter().all(|e| e.place.part() < 2) {
@@ -257,6 +261,7 @@ impl Bench<'_> {
             let estimate = joint_fit::fit(&found.edges, &tube, self.camera, Trust::Majority, length_sigma_px)
                 .ok_or(Reason::BordersNotFound)?;
             tube = estimate.tube;
+            self.tracing.fitted(&tube);
             let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
             let ends_seen = found.ends_seen();
             measurement =
@@ -354,13 +359,16 @@ impl Bench<'_> {
             rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, wider, &mut probes);
         }
         let mut found = FoundEdges::default();
+        self.tracing.look();
         for (place, probe) in &probes {
             if !self.is_visible(place.on(&outline), probe.middle) {
                 continue;
             }
             found.visible[place.part()] += 1.0;
-            let Some(edge) = self.locate(probe, look.fineness) else { continue };
-            let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
+            let edge = self.locate(probe, look.fineness);
+            let at = edge.map(|edge| Pixel(probe.middle.0 + probe.outward * edge.offset_px));
+            self.tracing.probe(probe, at);
+            let (Some(edge), Some(at)) = (edge, at) else { continue };
             found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
         }
         Ok(found)
