@@ -62,7 +62,8 @@ impl Tracked {
         heard: Heard,
     ) -> Result<Self, ProductError> {
         let (width, height) = heard.size.ok_or(ProductError::Missing("a picture size"))?;
-        let counts = heard.quality.ok_or(ProductError::Missing("a summary"))?.quality(&tools);
+        let summary = heard.quality.ok_or(ProductError::Missing("a summary"))?;
+        let (counts, frames_interlaced) = (summary.quality(&tools), Some(summary.frames_interlaced));
         let diagnostics = Diagnostics::new((width, height), &tools, &heard.seen).to_json()?;
         let video = facts(width, height, &heard.times_s);
         let paths = Paths {
@@ -81,6 +82,7 @@ impl Tracked {
             motion: MotionSettings::default(),
             calibration_rms_px,
             frames_expected: heard.frames_expected,
+            frames_interlaced,
         });
         let verdict = quality::judge(&figures);
         Ok(Self {
@@ -177,12 +179,18 @@ mod tests {
             reasons: vec![],
             border_residual_px: Some(0.2),
             gaps: vec![],
+            colour: [None, None],
         };
         let heard = Heard {
             size: Some((1280, 720)),
             times_s: (0..FRAMES).map(|frame| frame as f64 * 0.04).collect(),
             smoothed,
-            quality: Some(QualityShape { frames: FRAMES, tools: vec![tool], light: vec![] }),
+            quality: Some(QualityShape {
+                frames: FRAMES,
+                frames_interlaced: FRAMES / 2,
+                tools: vec![tool],
+                light: vec![],
+            }),
             ..Heard::default()
         };
         let video = Blob::of(b"a recording");
@@ -202,6 +210,7 @@ mod tests {
         );
         assert_eq!((&hidden.quality["verdict"], values(&hidden)), (&"refused".into(), 0));
         assert_eq!(seen.quality["recording"]["calibration_rms_px"], 0.3);
+        assert_eq!(seen.quality["recording"]["interlaced_share"], 0.5);
         assert_eq!(hidden.quality["reasons"][0]["name"], "coverage");
         assert_eq!(hidden.features.len(), seen.features.len(), "each says why it has no value");
     }

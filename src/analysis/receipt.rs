@@ -187,6 +187,7 @@ impl Receipt {
         self.only(&[Kind::Track])?;
         let frames = self.heard.times_s.len() as u64;
         let consistent = quality.frames == frames
+            && quality.frames_interlaced <= frames
             && quality.tools.len() == self.tools
             && quality.tools.iter().all(|tool| {
                 tool.observed_predicted_missing.iter().all(|&n| n <= frames)
@@ -195,6 +196,10 @@ impl Receipt {
                     && tool.border_residual_px.is_none_or(sensible)
                     && tool.gaps.iter().all(|gap| gap.0 <= gap.1 && gap.1 < frames)
                     && tool.gaps.is_sorted_by(|a, b| a.1 < b.0)
+                    && tool.colour.iter().flatten().all(|margin| {
+                        margin.margin_spread_steps.iter().all(|&x| sensible(x))
+                            && margin.nearest.chars().count() <= TEXTS[0]
+                    })
             })
             && quality.light.len() as u64 <= frames
             && quality.light.iter().flatten().all(|&x| sensible(x));

@@ -1,6 +1,7 @@
 //! `trocar track`: the whole tracker without a server. Recording, camera and annotations in; trajectory out, and on stderr
 //! whether it may be believed. A refused session was tracked all the same: its path is written, and the status is 0.
 
+mod debug;
 mod marks;
 mod progress;
 mod stages;
@@ -11,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
+use debug::{DebugArgs, DebugPictures, Scene};
 use marks::{Collector, Marks};
 use progress::Progress;
 use stages::{Stage, StageClock};
@@ -53,6 +55,8 @@ pub struct Args {
     /// Write how the session was seen, and whether its numbers may be believed, to this file (JSON).
     #[arg(long, value_name = "FILE")]
     quality: Option<PathBuf>,
+    #[command(flatten)]
+    debug: DebugArgs,
     /// Say nothing but errors.
     #[arg(long)]
     quiet: bool,
@@ -71,11 +75,13 @@ enum Pose {
 /// Runs the command.
 pub fn run(args: Args) -> Result<(), Failure> {
     let mut clock = StageClock::start();
+    let mut pictures = DebugPictures::open(&args.debug)?;
     let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     clock.lap_of(Stage::Samples);
     let marks = Marks::new(&marked, &args.annotations, &args.video);
-    let (tracking, frames_expected) = track(&args, &camera, &marked, &marks, &mut clock)?;
+    let Followed { tracking, frames_expected, frames_interlaced, .. } =
+        track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
     let trajectory = match (args.raw, args.causal) {
         (true, _) => &tracking.raw,
         (_, true) => &tracking.filtered,
@@ -92,6 +98,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let evidence = Evidence {
         calibration_rms_px: camera.rms_px(),
         frames_expected,
+        frames_interlaced: Some(frames_interlaced),
         ..Evidence::of_tracking(&tracking, MotionSettings::default())
     };
     let figures = quality::measure(&evidence);
@@ -103,12 +110,13 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     if !args.quiet {
         report(&tracking);
+        pictures.iter().for_each(|pictures| eprintln!("{}", pictures.report()));
         eprint!("{}", verdict::text(&judged));
     }
     Ok(())
 }
 
-/// Collects the marked colours and tracks; also says how many frames the recording claims to have.
+/// Collects the marked colours and tracks.
 ///
 /// Samples that were collected in passing over most frames are compared with those of the full pass that tracking is; in
 /// a damaged recording they can differ, and then all is done once more without such savings.
@@ -117,22 +125,22 @@ fn track(
     camera: &CameraFile,
     marked: &AnnotationsFile,
     marks: &Marks<'_>,
+    mut pictures: Option<&mut DebugPictures>,
     clock: &mut StageClock,
-) -> Result<(Tracking, Option<u64>), Failure> {
+) -> Result<Followed, Failure> {
     if let Some(samples) = marks.collect_few(clock)? {
         warn_of_colours(args, marked, &samples);
         clock.lap_of(Stage::Samples);
-        let followed = follow(args, settings(args, camera, marked, &samples)?, Some(marks), clock)?;
-        if followed.samples.is_some_and(|again| again == samples) {
-            return Ok((followed.tracking, followed.frames_expected));
+        let followed = follow(args, settings(args, camera, marked, &samples)?, Some(marks), pictures.as_deref_mut(), clock)?;
+        if followed.samples.as_ref().is_some_and(|again| *again == samples) {
+            return Ok(followed);
         }
     }
     clock.track_again();
     let samples = marks.collect(clock)?;
     warn_of_colours(args, marked, &samples);
     clock.lap_of(Stage::Samples);
-    let followed = follow(args, settings(args, camera, marked, &samples)?, None, clock)?;
-    Ok((followed.tracking, followed.frames_expected))
+    follow(args, settings(args, camera, marked, &samples)?, None, pictures, clock)
 }
 
 fn settings(
@@ -170,6 +178,7 @@ struct Followed {
     /// The marked colours, collected again; `None` if that was not asked for.
     samples: Option<ColourSamples>,
     frames_expected: Option<u64>,
+    frames_interlaced: u64,
 }
 
 /// Tracks every frame of the recording, while the next ones are decoded.
@@ -177,6 +186,7 @@ fn follow(
     args: &Args,
     settings: TrackerSettings,
     marks: Option<&Marks<'_>>,
+    mut pictures: Option<&mut DebugPictures>,
     clock: &mut StageClock,
 ) -> Result<Followed, Failure> {
     let in_video = |error: MediaError| about(&args.video, error);
@@ -184,30 +194,43 @@ fn follow(
     let info = video.info();
     clock.lap_of(Stage::Opening);
     let progress = Progress::new(info.frames_expected, args.quiet);
-    let mut pictures = ReadAhead::new(video).map_err(in_video)?;
-    let first = pictures.next_picture().map_err(in_video)?.ok_or_else(|| in_video(MediaError::NoFrames))?;
+    let scene = Scene::new(&settings);
+    let mut ahead = ReadAhead::new(video).map_err(in_video)?;
+    let first = ahead.next_picture().map_err(in_video)?.ok_or_else(|| in_video(MediaError::NoFrames))?;
     clock.lap_of(Stage::Waiting);
     let mut tracker =
         Tracker::new(settings, info.width, info.height, first.frame().encoding).map_err(|e| about(&args.camera, e))?;
     clock.lap_of(Stage::Preparing);
     let mut again = marks.map(Marks::collector);
+    let mut frames_interlaced = 0;
     let mut picture = Some(first);
     while let Some(seen) = picture {
         let frame = seen.frame();
+        frames_interlaced += u64::from(seen.is_interlaced());
         if let Some(again) = &mut again {
             again.look_at(&frame);
         }
-        tracker.observe(&frame);
+        match pictures.as_mut().filter(|pictures| pictures.wants(frame.index)) {
+            None => {
+                tracker.observe(&frame);
+                clock.lap_of(Stage::Tracking);
+            }
+            Some(pictures) => {
+                let (report, trace) = tracker.observe_traced(&frame);
+                clock.lap_of(Stage::Tracking);
+                pictures.draw(&scene, &frame, &report, &trace)?;
+                clock.lap_of(Stage::Writing);
+            }
+        }
         progress.step();
-        clock.lap_of(Stage::Tracking);
-        picture = pictures.next_picture().map_err(in_video)?;
+        picture = ahead.next_picture().map_err(in_video)?;
         clock.lap_of(Stage::Waiting);
     }
     progress.end();
     let tracking = tracker.finish();
     clock.lap_of(Stage::Finishing);
     let samples = again.and_then(Collector::into_samples);
-    Ok(Followed { tracking, samples, frames_expected: info.frames_expected })
+    Ok(Followed { tracking, samples, frames_expected: info.frames_expected, frames_interlaced })
 }
 
 /// A marked rectangle that has been checked to lie inside the frame.

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::boxes::BoxTool;
 use super::files::annotations::AnnotationsFile;
 use super::named;
-use crate::pipeline::segmentation::palette::confusion::{Confusion, Margin, Row};
+use crate::pipeline::segmentation::palette::confusion::{Confusion, Row};
 use crate::pipeline::segmentation::palette::light::Light;
-use crate::pipeline::segmentation::palette::{FalseArea, Grade, Verdict, verdict};
+use crate::pipeline::segmentation::palette::{FalseArea, Grade, Margin, Verdict, verdict};
 
 /// Colour samples to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]

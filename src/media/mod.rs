@@ -10,6 +10,7 @@
 mod ahead;
 mod clock;
 mod encode;
+mod fields;
 mod file;
 mod limits;
 pub mod photo;

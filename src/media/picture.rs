@@ -11,6 +11,7 @@ pub struct Picture {
     planes: Planes,
     shift: (u8, u8),
     encoding: ColourEncoding,
+    is_interlaced: bool,
 }
 
 /// Whose memory a picture's planes lie in.
@@ -38,7 +39,17 @@ pub(super) struct OwnedPlane {
 
 impl Picture {
     pub(super) fn new(planes: Planes, shift: (u8, u8), encoding: ColourEncoding, index: u64, time_s: f64) -> Self {
-        Self { index, time_s, planes, shift, encoding }
+        Self { index, time_s, planes, shift, encoding, is_interlaced: false }
+    }
+
+    /// The same, made of one of an interlaced frame's two fields.
+    pub(super) fn of_one_field(self) -> Self {
+        Self { is_interlaced: true, ..self }
+    }
+
+    /// Was the frame interlaced? Then this is its first field.
+    pub fn is_interlaced(&self) -> bool {
+        self.is_interlaced
     }
 
     pub(super) fn into_planes(self) -> Planes {
@@ -56,7 +67,7 @@ impl Picture {
             v.push(codes[2]);
         }
         let planes = [y, u, v].map(|data| OwnedPlane { data, width, height });
-        Self { index, time_s: 0.0, planes: Planes::Owned(planes), shift: (0, 0), encoding }
+        Self { index, time_s: 0.0, planes: Planes::Owned(planes), shift: (0, 0), encoding, is_interlaced: false }
     }
 
     /// The picture as the pipeline sees it.
@@ -79,7 +90,7 @@ impl Picture {
 }
 
 impl OwnedPlane {
-    fn borrow(&self) -> Plane<'_> {
+    pub(super) fn borrow(&self) -> Plane<'_> {
         Plane { data: &self.data, stride: self.width, width: self.width, height: self.height }
     }
 }

@@ -4,6 +4,7 @@
 use ffmpeg_next::{format, frame, software::scaling, util::color};
 
 use super::MediaError;
+use super::fields::one_field;
 use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, plane_of};
 use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
 
@@ -63,23 +64,28 @@ impl PictureMaker {
         }
     }
 
-    /// The picture that the decoder gave; nothing is copied if it is planar, of 8 bits and upright.
+    /// The picture that the decoder gave, or its first field; nothing is copied if it is planar, of 8 bits, progressive and
+    /// upright.
     pub(super) fn make(&mut self, decoded: frame::Video, index: u64, time_s: f64) -> Result<Picture, MediaError> {
+        let first_line = decoded.is_interlaced().then(|| usize::from(!decoded.is_top_first()));
         let planar = self.planar(decoded)?;
         let (sx, sy) = chroma_shift(planar.frame.format());
         let encoding = encoding_of(&planar.frame);
-        let (planes, shift) = match self.rotation {
-            Rotation::None => (Planes::Frame(planar), (sx, sy)),
-            turn => {
-                let mut turned = self.spare.turned.pop().unwrap_or_default();
-                for (i, plane) in turned.iter_mut().enumerate() {
-                    turn_plane(plane_of(&planar.frame, i), turn, plane);
+        let turns = matches!(self.rotation, Rotation::Right | Rotation::Left);
+        let shift = if turns { (sy, sx) } else { (sx, sy) };
+        let planes = match (first_line, self.rotation) {
+            (None, Rotation::None) => Planes::Frame(planar),
+            (first_line, turn) => {
+                let mut changed = self.spare.turned.pop().unwrap_or_default();
+                for (i, into) in changed.iter_mut().enumerate() {
+                    change_plane(plane_of(&planar.frame, i), first_line, turn, into);
                 }
                 self.spare.keep(planar);
-                (Planes::Owned(turned), if turn == Rotation::Half { (sx, sy) } else { (sy, sx) })
+                Planes::Owned(changed)
             }
         };
-        Ok(Picture::new(planes, shift, encoding, index, time_s))
+        let picture = Picture::new(planes, shift, encoding, index, time_s);
+        Ok(if first_line.is_some() { picture.of_one_field() } else { picture })
     }
 
     /// 8-bit planar frames pass untouched; deeper ones keep their chroma resolution, anything else becomes 4:4:4.
@@ -164,6 +170,19 @@ fn encoding_of(video: &frame::Video) -> ColourEncoding {
         _ => Matrix::Bt601,
     };
     ColourEncoding { range, matrix }
+}
+
+/// Fills a plane with another, or one field of it, turned.
+fn change_plane(plane: Plane<'_>, first_line: Option<usize>, turn: Rotation, into: &mut OwnedPlane) {
+    match (first_line, turn) {
+        (Some(first), Rotation::None) => one_field(plane, first, into),
+        (Some(first), turn) => {
+            let mut field = OwnedPlane::default();
+            one_field(plane, first, &mut field);
+            turn_plane(field.borrow(), turn, into);
+        }
+        (None, turn) => turn_plane(plane, turn, into),
+    }
 }
 
 /// Fills a plane with another that is turned.

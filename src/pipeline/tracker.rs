@@ -8,14 +8,17 @@ mod session;
 mod settings;
 mod starts;
 mod tool;
+mod trace;
 
 pub use report::{Absence, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality, ToolReport, Tracking};
 pub use settings::{MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings, View};
+pub use trace::{Fit, FrameTrace, Look, ToolTrace};
 
 use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::frame::{ColourEncoding, Frame};
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
+use crate::pipeline::segmentation::palette;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 use crate::pipeline::tube::Outline;
@@ -87,6 +90,16 @@ impl Tracker {
         FrameReport { frame: frame.index, time_s: frame.time_s, tools }
     }
 
+    /// As [`Self::observe`], and tells what was looked at on the way: to find out why a frame failed. A full look at the
+    /// frame's colours takes several times as long as the frame itself.
+    pub fn observe_traced(&mut self, frame: &Frame<'_>) -> (FrameReport, FrameTrace) {
+        self.tools.iter_mut().for_each(|tool| tool.tracing.begin());
+        let report = self.observe(frame);
+        let tools = self.tools.iter_mut().map(|tool| tool.tracing.end()).collect();
+        let (classes, columns) = trace::classes(frame, &self.table);
+        (report, FrameTrace { classes, columns, tools })
+    }
+
     /// Ends the recording: every frame again with hindsight.
     pub fn finish(self) -> Tracking {
         let names: Vec<String> = self.settings.tools.iter().map(|t| t.name.clone()).collect();
@@ -95,9 +108,10 @@ impl Tracker {
         let mut paths = [Vec::new(), Vec::new(), Vec::new()];
         let mut quality =
             Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
-        for (i, tool) in self.tools.iter().enumerate() {
+        let colours = palette::apart(&self.settings.samples, &names);
+        for ((i, tool), colour) in self.tools.iter().enumerate().zip(colours) {
             let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, motion);
-            quality.tools.push(reworked.quality);
+            quality.tools.push(ToolQuality { colour, ..reworked.quality });
             for (all, own) in paths.iter_mut().zip([reworked.raw, reworked.filtered, reworked.smoothed]) {
                 all.extend(own);
             }

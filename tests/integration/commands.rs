@@ -137,6 +137,37 @@ fn without_a_file_to_write_to_the_path_goes_to_stdout_and_nothing_else_does() {
 }
 
 #[test]
+fn debug_pictures_show_the_chosen_frames_stage_by_stage_and_change_no_result() {
+    let folder = scene();
+    let said = trocar(folder.path(), &format!("{TRACK} --debug-dir pictures/new --debug-frames 0,7,99"));
+    assert!(said.status.success() && said.stderr.is_empty(), "{said:?}");
+    assert_eq!(said.stdout, trocar(folder.path(), TRACK).stdout);
+    let pictures = folder.path().join("pictures/new");
+    let mut names: Vec<String> =
+        fs::read_dir(&pictures).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    let stages = ["1_colours", "2_edges_tool1_fit1", "3_result"];
+    let of_frames = ["000000", "000007"].map(|frame| stages.map(|stage| format!("frame_{frame}_{stage}.png")));
+    assert_eq!(names, of_frames.as_flattened());
+    let drawn = image::open(pictures.join("frame_000007_3_result.png")).unwrap();
+    assert!(drawn.width() == 1280 && drawn.height() > 720, "the picture and its legend");
+}
+
+#[test]
+fn a_folder_that_debug_pictures_cannot_use_is_named_before_anything_is_tracked() {
+    let folder = scene();
+    fs::create_dir(folder.path().join("full")).unwrap();
+    fs::write(folder.path().join("full/notes.txt"), "mine").unwrap();
+    let said = refusal(folder.path(), &format!("{TRACK} --debug-dir full"));
+    assert!(said.contains("full: is not empty") && said.contains("name a new or an empty folder"), "{said}");
+    let said = refusal(folder.path(), &format!("{TRACK} --debug-dir clip.mp4"));
+    assert!(said.contains("clip.mp4"), "{said}");
+    for alone in ["--debug-every 5", "--debug-frames 1", "--debug-dir new --debug-every 0"] {
+        assert_eq!(trocar(folder.path(), &format!("{TRACK} {alone}")).status.code(), Some(2), "{alone}");
+    }
+}
+
+#[test]
 fn a_file_that_is_not_there_is_named() {
     let folder = scene();
     for name in ["camera.json", "annotations.json", "clip.mp4"] {

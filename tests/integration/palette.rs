@@ -3,13 +3,14 @@
 use trocar::pipeline::blob::false_area::false_area;
 use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
 use trocar::pipeline::frame::Frame;
+use trocar::pipeline::quality::{self, Cause, Concern, Evidence, Severity};
 use trocar::pipeline::segmentation::colour_table::ColourTable;
 use trocar::pipeline::segmentation::knn::Knn;
 use trocar::pipeline::segmentation::palette::advice::{self, advise};
 use trocar::pipeline::segmentation::palette::confusion::Confusion;
 use trocar::pipeline::segmentation::palette::{FalseArea, Grade, Verdict, verdict, verdicts};
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
-use trocar::pipeline::tracker::{ToolSpec, Tracker, TrackerSettings, View};
+use trocar::pipeline::tracker::{MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking, View};
 use trocar::simulation::marks::{self, Mark};
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::tool::Tape;
@@ -75,7 +76,7 @@ impl TapedBox {
         found
     }
 
-    fn tracked(&self) -> Accuracy {
+    fn tracked(&self) -> Tracking {
         let tool = |tool: &trocar::simulation::tool::Tool| ToolSpec {
             name: tool.design.tape.name.to_owned(),
             diameter_mm: tool.design.diameter_mm,
@@ -89,14 +90,25 @@ impl TapedBox {
         for index in 0..FRAMES {
             tracker.observe(&self.frame(index));
         }
+        tracker.finish()
+    }
+
+    fn accuracy(&self, tracking: &Tracking) -> Accuracy {
         let frame = |(index, time_s): (usize, &f64)| TruthFrame {
             frame: index as u64,
             time_s: *time_s,
             tools: truth::at(&self.world, *time_s),
         };
         let truth = Truth { frames: self.times_s.iter().enumerate().map(frame).collect() };
-        accuracy(&tracker.finish().smoothed, &truth).unwrap()
+        accuracy(&tracking.smoothed, &truth).unwrap()
     }
+}
+
+/// What the gate has against the colours of a session.
+fn of_colours(tracking: &Tracking) -> Vec<Concern> {
+    let figures = quality::measure(&Evidence::of_tracking(tracking, MotionSettings::default()));
+    let concerns = quality::judge(&figures).concerns().to_vec();
+    concerns.into_iter().filter(|c| [Cause::ColourBackground, Cause::ColourPair].contains(&c.cause)).collect()
 }
 
 fn rectangle(mark: &Mark) -> Rectangle {
@@ -109,6 +121,17 @@ fn vivid_tapes_are_good() {
     let scene = TapedBox::with(["orange", "cyan"].map(|name| Tape::named(name).unwrap()));
     let verdicts = scene.verdicts();
     assert!(verdicts.iter().all(|verdict| verdict.grade == Grade::Good), "{verdicts:?}");
+    assert_eq!(of_colours(&scene.tracked()), []);
+}
+
+#[test]
+fn a_session_with_two_tapes_of_nearly_one_colour_is_used_with_care() {
+    let orange = Tape::named("orange").unwrap();
+    let redder = Tape { name: "redder", colour: [0.86, 0.155, 0.012] };
+    let concerns = of_colours(&TapedBox::with([orange, redder]).tracked());
+    let found: Vec<_> = concerns.iter().map(|c| (c.cause, c.severity, c.tool.as_deref(), c.label.as_deref())).collect();
+    let pair = |tool, other| (Cause::ColourPair, Severity::Care, Some(tool), Some(other));
+    assert_eq!(found, [pair("orange", "redder"), pair("redder", "orange")]);
 }
 
 #[test]
@@ -116,8 +139,12 @@ fn purple_on_a_mat_with_red_blue_and_purple_is_called_bad_before_it_is_followed_
     let purple = Tape { name: "purple", colour: [0.2, 0.065, 0.25] }; // as printed on the mat
     let scene = TapedBox::with([purple, Tape::named("orange").unwrap()]);
     let level = |accuracy: &Accuracy, index: usize| accuracy.tools[index].levels[0].errors.unwrap().three_d.rms;
-    let tracked = scene.tracked();
+    let tracking = scene.tracked();
+    let tracked = scene.accuracy(&tracking);
     assert!(level(&tracked, 0) > 20.0 && level(&tracked, 1) < 3.0, "purple is the hard one: {tracked:?}");
+    let [concern] = &of_colours(&tracking)[..] else { panic!("{:?}", of_colours(&tracking)) };
+    assert_eq!((concern.cause, concern.severity), (Cause::ColourBackground, Severity::Refuse), "{concern:?}");
+    assert_eq!((concern.tool.as_deref(), concern.label.as_deref()), (Some("purple"), Some("background")));
     for verdicts in [scene.verdicts(), verdicts(&scene.samples(), &scene.tools())] {
         let grades: Vec<Grade> = verdicts.iter().map(|verdict| verdict.grade).collect();
         assert_eq!(grades, [Grade::Bad, Grade::Good], "{verdicts:?}");

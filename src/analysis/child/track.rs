@@ -19,9 +19,11 @@ pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) ->
     let first = pictures.next_picture()?.ok_or(MediaError::NoFrames)?;
     let mut tracker = Tracker::new(settings(work)?, info.width, info.height, first.frame().encoding)?;
     let mut preview = Preview::new(info.frames_expected);
+    let mut frames_interlaced = 0;
     let mut picture = Some(first);
     while let Some(seen) = picture {
         let frame = seen.frame();
+        frames_interlaced += u64::from(seen.is_interlaced());
         preview.consider(&frame);
         let report = tracker.observe(&frame);
         reporter.frame(frame.time_s, report.tools.iter().map(|tool| SeenRow::new(frame.index, tool)))?;
@@ -29,7 +31,7 @@ pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) ->
     }
     reporter.frames_end()?;
     drop(pictures); // the paths need the memory now
-    tell(&tracker.finish(), reporter)?;
+    tell(&tracker.finish(), frames_interlaced, reporter)?;
     Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
 }
 
@@ -41,14 +43,14 @@ fn settings(work: TrackWork) -> Result<TrackerSettings, Halt> {
     Ok(settings)
 }
 
-fn tell(tracking: &Tracking, reporter: &mut Reporter) -> Result<(), Halt> {
+fn tell(tracking: &Tracking, frames_interlaced: u64, reporter: &mut Reporter) -> Result<(), Halt> {
     if was_never_seen(&tracking.quality) {
         return Err(Halt::Explained(explain::never_seen(&tracking.quality)));
     }
     path(KindShape::Raw, &tracking.raw, reporter)?;
     path(KindShape::Filtered, &tracking.filtered, reporter)?;
     path(KindShape::Smoothed, &tracking.smoothed, reporter)?;
-    Ok(reporter.say(&Answer::Quality(QualityShape::from(&tracking.quality)))?)
+    Ok(reporter.say(&Answer::Quality(QualityShape::new(&tracking.quality, frames_interlaced)))?)
 }
 
 fn was_never_seen(quality: &Quality) -> bool {

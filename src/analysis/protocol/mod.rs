@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 pub use rows::{PathRow, ReasonShape, SeenRow};
 pub use shapes::{
-    BoardShape, CalibrationShape, CameraShape, MarkShape, PaletteShape, QualityShape, ToolQualityShape, ToolShape,
-    ViewShape,
+    BoardShape, CalibrationShape, CameraShape, MarginShape, MarkShape, PaletteShape, QualityShape, ToolQualityShape,
+    ToolShape, ViewShape,
 };
 
 use crate::domain::palette::PaletteReport;

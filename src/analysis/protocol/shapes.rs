@@ -7,6 +7,7 @@ use super::rows::ReasonShape;
 use crate::domain::files::annotations;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+use crate::pipeline::segmentation::palette::{Apart, Margin};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, Rectangle};
 use crate::pipeline::tracker::{Absence, Gap, LightSample, Quality, ToolQuality, ToolSpec, View};
 
@@ -185,6 +186,8 @@ pub struct BoardShape {
 pub struct QualityShape {
     /// Frames seen.
     pub frames: u64,
+    /// How many of them were recorded interlaced.
+    pub frames_interlaced: u64,
     /// Per tool.
     pub tools: Vec<ToolQualityShape>,
     /// The scene's light: time, s, ratio of luma, shift of blue and red.
@@ -202,19 +205,46 @@ pub struct ToolQualityShape {
     pub border_residual_px: Option<f64>,
     /// First and last frame of each gap, and why it was lost; `None`: it had left the view.
     pub gaps: Vec<(u64, u64, Option<ReasonShape>)>,
+    /// How far its colour is from the other tools' and from what is no tool.
+    pub colour: [Option<MarginShape>; 2],
 }
 
-impl From<&Quality> for QualityShape {
-    fn from(quality: &Quality) -> Self {
+/// [`Margin`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MarginShape {
+    /// Margin and spread, steps.
+    pub margin_spread_steps: [f64; 2],
+    /// The nearest label.
+    pub nearest: String,
+}
+
+impl From<&Margin> for MarginShape {
+    fn from(Margin { margin_steps, spread_steps, nearest }: &Margin) -> Self {
+        Self { margin_spread_steps: [*margin_steps, *spread_steps], nearest: nearest.clone() }
+    }
+}
+
+impl From<&MarginShape> for Margin {
+    fn from(shape: &MarginShape) -> Self {
+        let [margin_steps, spread_steps] = shape.margin_spread_steps;
+        Self { margin_steps, spread_steps, nearest: shape.nearest.clone() }
+    }
+}
+
+impl QualityShape {
+    /// Of a recording that had so many interlaced frames.
+    pub fn new(quality: &Quality, frames_interlaced: u64) -> Self {
         let tool = |t: &ToolQuality| ToolQualityShape {
             observed_predicted_missing: [t.observed, t.predicted, t.missing],
             reasons: t.reasons.iter().map(|(&reason, &n)| (reason.into(), n)).collect(),
             border_residual_px: t.border_residual_px,
             gaps: t.gaps.iter().map(gap_shape).collect(),
+            colour: [&t.colour.from_tools, &t.colour.from_background].map(|m| m.as_ref().map(Into::into)),
         };
         let light = |l: &LightSample| [l.time_s, l.luma_ratio, l.chroma_shift[0], l.chroma_shift[1]];
         Self {
             frames: quality.frames,
+            frames_interlaced,
             tools: quality.tools.iter().map(tool).collect(),
             light: quality.light.iter().map(light).collect(),
         }
@@ -234,6 +264,7 @@ impl QualityShape {
     pub fn quality(&self, tools: &[String]) -> Quality {
         let tool = |(name, shape): (&String, &ToolQualityShape)| {
             let [observed, predicted, missing] = shape.observed_predicted_missing;
+            let [from_tools, from_background] = shape.colour.each_ref().map(|m| m.as_ref().map(Into::into));
             let gap = |&(first, last, reason): &(u64, u64, Option<ReasonShape>)| {
                 let absence = reason.map_or(Absence::LeftView, |reason| Absence::Lost(reason.into()));
                 Gap { first, last, absence }
@@ -246,6 +277,7 @@ impl QualityShape {
                 reasons: shape.reasons.iter().map(|&(reason, n)| (reason.into(), n)).collect(),
                 border_residual_px: shape.border_residual_px,
                 gaps: shape.gaps.iter().map(gap).collect(),
+                colour: Apart { from_tools, from_background },
             }
         };
         let light =

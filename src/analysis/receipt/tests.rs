@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::protocol::{
-    CameraShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
+    CameraShape, MarginShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
 };
 use crate::domain::palette::{ConfusionRow, LightShares};
 use crate::pipeline::camera::Camera;
@@ -100,7 +100,7 @@ fn answers_out_of_turn_are_refused() {
         vec![Answer::Frames { times_s: vec![f64::NAN], seen: vec![] }],
         vec![Answer::Frames { times_s: vec![1e9], seen: vec![] }],
         vec![Answer::Preview(b"<script>".to_vec())],
-        vec![Answer::Quality(QualityShape { frames: 3, tools: vec![], light: vec![] })],
+        vec![Answer::Quality(QualityShape { frames: 3, frames_interlaced: 0, tools: vec![], light: vec![] })],
         vec![Answer::Calibration(CalibrationShape { camera_json: "{}".into() })],
         vec![Answer::Done, Answer::Done],
         vec![Answer::Problem(Problem::new("no such name!", "", ""))],
@@ -111,13 +111,38 @@ fn answers_out_of_turn_are_refused() {
     }
 }
 
+fn tool() -> ToolQualityShape {
+    let colour = [None, None];
+    let (reasons, gaps) = (vec![], vec![]);
+    ToolQualityShape { observed_predicted_missing: [1, 0, 1], reasons, border_residual_px: None, gaps, colour }
+}
+
+#[test]
+fn a_colour_is_a_few_numbers_and_a_short_name() {
+    let hear = |steps: f64, nearest: String| {
+        let margin = MarginShape { margin_spread_steps: [steps, 4.0], nearest };
+        let tool = ToolQualityShape { colour: [None, Some(margin)], ..tool() };
+        hear(vec![Answer::Quality(QualityShape { frames: 2, frames_interlaced: 0, tools: vec![tool], light: vec![] })])
+    };
+    assert!(hear(-2.5, "background".into()).is_ok());
+    assert!(hear(f64::NAN, "background".into()).is_err());
+    assert!(hear(-2.5, "b".repeat(100_000)).is_err());
+}
+
+#[test]
+fn no_more_frames_are_interlaced_than_there_are() {
+    let hear = |frames_interlaced| {
+        hear(vec![Answer::Quality(QualityShape { frames: 2, frames_interlaced, tools: vec![tool()], light: vec![] })])
+    };
+    assert!(hear(2).is_ok() && hear(3).is_err());
+}
+
 #[test]
 fn a_summary_is_of_the_frames_that_were_told() {
     let gap = |first, last| (first, last, None);
     let hear = |gaps: Vec<(u64, u64, Option<ReasonShape>)>, light: Vec<[f64; 4]>| {
-        let tool =
-            ToolQualityShape { observed_predicted_missing: [1, 0, 1], reasons: vec![], border_residual_px: None, gaps };
-        hear(vec![Answer::Quality(QualityShape { frames: 2, tools: vec![tool], light })])
+        let tool = ToolQualityShape { gaps, ..tool() };
+        hear(vec![Answer::Quality(QualityShape { frames: 2, frames_interlaced: 0, tools: vec![tool], light })])
     };
     assert!(hear(vec![gap(0, 0), gap(1, 1)], vec![[0.0, 1.0, 0.0, 0.0]]).is_ok());
     let gaps = [vec![gap(1, 0)], vec![gap(0, 2)], vec![gap(0, 1), gap(1, 1)], vec![gap(1, 1), gap(0, 0)]];

@@ -34,6 +34,8 @@ pub struct ConcernDocument {
     pub severity: &'static str,
     /// The tool; `null` for the session as a whole.
     pub tool: Option<String>,
+    /// The marked label that a colour is hardly told from; `null` where it is not about one.
+    pub label: Option<String>,
     /// The figure.
     pub figure: f64,
     /// The limit that it broke.
@@ -57,6 +59,8 @@ pub struct RecordingDocument {
     pub longest_interval_s: Option<f64>,
     /// Share of the announced frames that are not in the file.
     pub cut_share: Option<f64>,
+    /// Share of the frames that are interlaced.
+    pub interlaced_share: Option<f64>,
     /// Speed of the fastest tool as it begins, mm/s.
     pub first_speed_mm_s: Option<f64>,
     /// Speed of the fastest tool as it ends, mm/s.
@@ -108,6 +112,10 @@ pub struct ToolDocument {
     pub error_median_mm: Option<f64>,
     /// 95 % of them are surer, mm.
     pub error_p95_mm: Option<f64>,
+    /// By how many of 255 steps its colour may shift before it is taken for what is no tool.
+    pub colour_to_background_steps: Option<f64>,
+    /// The same for another tool's tape.
+    pub colour_to_tools_steps: Option<f64>,
 }
 
 /// Speed that a resting tool would seem to have.
@@ -140,6 +148,7 @@ impl From<&Concern> for ConcernDocument {
             name: concern.cause.name(),
             severity: concern.severity.name(),
             tool: concern.tool.clone(),
+            label: concern.label.clone(),
             figure: concern.figure,
             limit: concern.limit,
             unit: concern.cause.unit(),
@@ -156,6 +165,7 @@ impl From<&SessionFigures> for RecordingDocument {
             dropped_share: session.dropped_share,
             longest_interval_s: session.longest_interval_s,
             cut_share: session.cut_share,
+            interlaced_share: session.interlaced_share,
             first_speed_mm_s: session.first_speed_mm_s,
             last_speed_mm_s: session.last_speed_mm_s,
             exposure_drift: session.exposure_drift,
@@ -192,6 +202,8 @@ fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
         noise_floor: figures.noise_floor.map(NoiseDocument::from),
         error_median_mm: figures.error_bar.map(|bar| bar.median_mm),
         error_p95_mm: figures.error_bar.map(|bar| bar.p95_mm),
+        colour_to_background_steps: figures.colour.from_background.as_ref().map(|margin| margin.margin_steps),
+        colour_to_tools_steps: figures.colour.from_tools.as_ref().map(|margin| margin.margin_steps),
     }
 }
 

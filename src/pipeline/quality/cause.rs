@@ -7,6 +7,10 @@ pub enum Cause {
     NothingSeen,
     /// A tool was never in the picture.
     NeverInPicture,
+    /// A tool's colour is hardly apart from what is no tool.
+    ColourBackground,
+    /// A tool's colour is hardly apart from another tool's.
+    ColourPair,
     /// A tool was measured on too few frames.
     Coverage,
     /// A tool was out of view for too long.
@@ -29,6 +33,8 @@ pub enum Cause {
     Calibration,
     /// The file ends before the recording does.
     CutFile,
+    /// Frames that hold two moments, line by line.
+    Interlaced,
     /// Too few frames a second.
     FrameRate,
     /// Too many frames were dropped.
@@ -47,9 +53,11 @@ pub enum Cause {
 
 impl Cause {
     /// Every cause, in the order in which people should mend them.
-    pub const ALL: [Cause; 20] = [
+    pub const ALL: [Cause; 23] = [
         Cause::NothingSeen,
         Cause::NeverInPicture,
+        Cause::ColourBackground,
+        Cause::ColourPair,
         Cause::Coverage,
         Cause::LeftView,
         Cause::Lost,
@@ -61,6 +69,7 @@ impl Cause {
         Cause::ErrorBar,
         Cause::Calibration,
         Cause::CutFile,
+        Cause::Interlaced,
         Cause::FrameRate,
         Cause::DroppedFrames,
         Cause::Break,
@@ -75,6 +84,8 @@ impl Cause {
         match self {
             Cause::NothingSeen => "nothing_seen",
             Cause::NeverInPicture => "never_in_picture",
+            Cause::ColourBackground => "colour_background",
+            Cause::ColourPair => "colour_pair",
             Cause::Coverage => "coverage",
             Cause::LeftView => "left_view",
             Cause::Lost => "lost",
@@ -86,6 +97,7 @@ impl Cause {
             Cause::ErrorBar => "error_bar",
             Cause::Calibration => "calibration",
             Cause::CutFile => "cut_file",
+            Cause::Interlaced => "interlaced",
             Cause::FrameRate => "frame_rate",
             Cause::DroppedFrames => "dropped_frames",
             Cause::Break => "break",
@@ -105,6 +117,7 @@ impl Cause {
             Cause::ErrorBar => "mm",
             Cause::FrameRate => "Hz",
             Cause::WhiteBalance => "codes",
+            Cause::ColourBackground | Cause::ColourPair => "steps",
             _ => "1",
         }
     }
@@ -115,6 +128,14 @@ impl Cause {
         match self {
             Cause::NothingSeen => "no tool was measured on any frame".to_owned(),
             Cause::NeverInPicture => "it was never in the picture".to_owned(),
+            Cause::ColourBackground => {
+                let steps = figure.max(0.0);
+                format!("its colour is told from the rest of the box by {steps:.1} of 255 steps only; needs {limit:.1}")
+            }
+            Cause::ColourPair => {
+                let steps = figure.max(0.0);
+                format!("its colour is told from another tool's by {steps:.1} of 255 steps only; needs {limit:.1}")
+            }
             Cause::Coverage => format!("measured on {percent:.0} % of the frames; needs {percents:.0} %"),
             Cause::LeftView => format!("out of view for {percent:.0} % of the session; at most {percents:.0} %"),
             Cause::Lost => format!("in view but not followed on {percent:.0} % of the frames; at most {percents:.0} %"),
@@ -138,6 +159,9 @@ impl Cause {
             Cause::CutFile => {
                 format!("{percent:.0} % of the recording's frames are not in the file; at most {percents:.0} %")
             }
+            Cause::Interlaced => {
+                format!("{percent:.0} % of the frames are interlaced: only every second of their lines was used")
+            }
             Cause::FrameRate => format!("{figure:.1} frames a second; needs {limit:.0}"),
             Cause::DroppedFrames => format!("{percent:.0} % of the frames were dropped; at most {percents:.0} %"),
             Cause::Break => format!("no frame for {figure:.1} s; at most {limit:.1} s"),
@@ -159,6 +183,8 @@ impl Cause {
             Cause::NeverInPicture => {
                 "if the task needs this tool, mark its tape again in this light; if not, nothing is lost"
             }
+            Cause::ColourBackground => "wind a tape of a colour that nothing else in the box has, and mark it again",
+            Cause::ColourPair => "wind a tape of another colour on one of the two tools, and mark both again",
             Cause::Coverage => "keep the tape in sight of the camera; what hid it is listed with what was seen",
             Cause::LeftView => "keep the tip in the picture, or move the camera so that the whole task is in view",
             Cause::Lost => {
@@ -175,6 +201,9 @@ impl Cause {
             Cause::ErrorBar => "bring the camera nearer, record a larger picture, and give the tape's length",
             Cause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
             Cause::CutFile => "send the recording again, whole; it was cut or damaged on the way",
+            Cause::Interlaced => {
+                "record progressively (25p, not 50i), or send it deinterlaced: ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4"
+            }
             Cause::FrameRate => "record at 25 frames a second or more",
             Cause::DroppedFrames => "record to a faster disk or over a better line, or in a smaller picture",
             Cause::Break => "record the task in one piece",

@@ -2,6 +2,7 @@
 
 use super::limits::Better;
 use super::{Cause, Figures, ToolFigures};
+use crate::pipeline::segmentation::palette::Margin;
 
 /// May a session's numbers be believed?
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +41,8 @@ pub struct Concern {
     pub cause: Cause,
     /// With which tool; `None` for the session as a whole.
     pub tool: Option<String>,
+    /// The marked label that it is about, where it is about one.
+    pub label: Option<String>,
     /// The figure, in the cause's unit.
     pub figure: f64,
     /// The limit that it broke.
@@ -52,7 +55,8 @@ impl Concern {
     /// What was found, in one sentence.
     pub fn finding(&self) -> String {
         let whose = self.tool.as_ref().map(|tool| format!("{tool}: ")).unwrap_or_default();
-        whose + &self.cause.finding(self.figure, self.limit)
+        let nearest = self.label.as_ref().map(|label| format!(" (nearest: `{label}`)")).unwrap_or_default();
+        whose + &self.cause.finding(self.figure, self.limit) + &nearest
     }
 
     /// What to do about it.
@@ -101,7 +105,8 @@ pub fn judge(figures: &Figures) -> Verdict {
     let concern = |(cause, tool): (Cause, Option<&ToolFigures>)| {
         let figure = tool.map_or_else(|| of_the_session(figures, cause), |tool| of_a_tool(tool, cause))?;
         let (severity, limit) = breach(cause, figure)?;
-        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), figure, limit, severity })
+        let label = tool.and_then(|tool| nearest(tool, cause)).map(|margin| margin.nearest.clone());
+        Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, figure, limit, severity })
     };
     let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
     concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));
@@ -129,6 +134,7 @@ fn of_the_session(figures: &Figures, cause: Cause) -> Option<f64> {
         Cause::NothingSeen => Some(session.observed as f64),
         Cause::Calibration => session.calibration_rms_px,
         Cause::CutFile => session.cut_share,
+        Cause::Interlaced => session.interlaced_share,
         Cause::FrameRate => session.frame_rate_hz,
         Cause::DroppedFrames => session.dropped_share,
         Cause::Break => session.longest_interval_s,
@@ -146,6 +152,7 @@ fn of_a_tool(tool: &ToolFigures, cause: Cause) -> Option<f64> {
         return (cause == Cause::NeverInPicture).then_some(0.0);
     }
     match cause {
+        Cause::ColourBackground | Cause::ColourPair => nearest(tool, cause).map(|margin| margin.margin_steps),
         Cause::Coverage => tool.coverage,
         Cause::LeftView => tool.left_view_share,
         Cause::Lost => tool.lost_share,
@@ -155,6 +162,15 @@ fn of_a_tool(tool: &ToolFigures, cause: Cause) -> Option<f64> {
         Cause::BorderResidual => tool.border_residual_px,
         Cause::NoiseFloor => tool.noise_floor.map(|noise| noise.smoothed_mm_s),
         Cause::ErrorBar => tool.error_bar.map(|bar| bar.median_mm),
+        _ => None,
+    }
+}
+
+/// From what a tool's colour is told apart, if the cause is about that.
+fn nearest(tool: &ToolFigures, cause: Cause) -> Option<&Margin> {
+    match cause {
+        Cause::ColourBackground => tool.colour.from_background.as_ref(),
+        Cause::ColourPair => tool.colour.from_tools.as_ref(),
         _ => None,
     }
 }

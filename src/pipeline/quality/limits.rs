@@ -5,6 +5,7 @@
 
 use super::Cause;
 use crate::pipeline::features::{FeatureSettings, MOVEMENT_END_RATIO};
+use crate::pipeline::segmentation::palette::verdict::MARGIN_STEPS;
 
 /// Which way a figure is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +36,11 @@ const fn at_least(care: f64, refuse: f64) -> Limits {
 }
 
 /// Never refused.
+const fn care_at_least(care: f64) -> Limits {
+    Limits { better: Better::More, care: Some(care), refuse: None }
+}
+
+/// Never refused.
 const fn care_at_most(care: f64) -> Limits {
     Limits { better: Better::Less, care: Some(care), refuse: None }
 }
@@ -45,7 +51,11 @@ impl Cause {
         match self {
             Cause::NothingSeen => Limits { better: Better::More, care: None, refuse: Some(1.0) },
             // A box's colours may name a tool that a task for one hand does not use: it has no features that could mislead.
-            Cause::NeverInPicture => Limits { better: Better::More, care: Some(1.0), refuse: None },
+            Cause::NeverInPicture => care_at_least(1.0),
+            // What is taken for the tape is followed as smoothly as the tape, 148 mm beside it: no other figure shows it.
+            Cause::ColourBackground => at_least(MARGIN_STEPS[0], MARGIN_STEPS[1]),
+            // Two tools of one colour are told apart by where they come from and how they move.
+            Cause::ColourPair => care_at_least(MARGIN_STEPS[0]),
             // Below one half, sums describe what the camera saw more than what the hand did (as `min_seen_share`); a tenth
             // that is missing takes about a tenth from every sum, as much as practice gains in a few repetitions.
             Cause::Coverage => at_least(0.9, 0.5),
@@ -74,6 +84,9 @@ impl Cause {
             Cause::Calibration => at_most(1.0, 2.5),
             // As coverage: what is not in the file was not seen.
             Cause::CutFile => at_most(0.05, 0.5),
+            // Half of the lines are made up: borders that lie across the picture are known half as well. Single frames do no
+            // harm.
+            Cause::Interlaced => care_at_most(0.05),
             // Hands move below 5 Hz: 10 frames a second are the least that show it, and filters need more. A little less than
             // 15 and 10, because cameras do not keep their rates to the digit.
             Cause::FrameRate => at_least(14.0, 9.0),

@@ -49,6 +49,8 @@ pub struct Evidence<'a> {
     pub calibration_rms_px: Option<f64>,
     /// Frames that the recording's container announces.
     pub frames_expected: Option<u64>,
+    /// Frames that were recorded interlaced.
+    pub frames_interlaced: Option<u64>,
 }
 
 impl<'a> Evidence<'a> {
@@ -62,6 +64,7 @@ impl<'a> Evidence<'a> {
             motion,
             calibration_rms_px: None,
             frames_expected: None,
+            frames_interlaced: None,
         }
     }
 
@@ -75,6 +78,7 @@ impl<'a> Evidence<'a> {
             motion: MotionSettings::default(),
             calibration_rms_px: None,
             frames_expected: None,
+            frames_interlaced: None,
         }
     }
 }

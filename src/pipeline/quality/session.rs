@@ -28,6 +28,8 @@ pub struct SessionFigures {
     pub longest_interval_s: Option<f64>,
     /// Share of the frames that the container announces but that could not be decoded.
     pub cut_share: Option<f64>,
+    /// Share of the frames that were recorded interlaced.
+    pub interlaced_share: Option<f64>,
     /// Mean speed of the fastest tool as the recording begins, mm/s; `None` where none is there.
     pub first_speed_mm_s: Option<f64>,
     /// The same as it ends.
@@ -56,6 +58,7 @@ pub(super) fn measure(evidence: &Evidence<'_>) -> SessionFigures {
         dropped_share: median_s.map(|median_s| dropped_share(&intervals, median_s)),
         longest_interval_s: (!intervals.is_empty()).then(|| intervals.iter().copied().fold(0.0, f64::max)),
         cut_share: evidence.frames_expected.filter(|&n| n > 0).map(|n| 1.0 - frames.min(n) as f64 / n as f64),
+        interlaced_share: evidence.frames_interlaced.filter(|_| frames > 0).map(|n| n as f64 / frames as f64),
         first_speed_mm_s,
         last_speed_mm_s,
         exposure_drift: drift(light.iter().map(|l| l.luma_ratio)).map(|(drift, median)| drift / median),

@@ -3,6 +3,7 @@ use nalgebra::{Point2, Point3, Vector3};
 use super::limits::Better;
 use super::*;
 use crate::pipeline::reason::Reason;
+use crate::pipeline::segmentation::palette::{Apart, Margin};
 use crate::pipeline::tracker::{Absence, Gap, LightSample, ToolQuality};
 use crate::pipeline::trajectory::Sample;
 use crate::simulation::random::Dice;
@@ -150,6 +151,38 @@ fn dropped_frames_breaks_and_cut_files_are_told_apart() {
     let broken = with_times(|frame| frame as f64 * FRAME_S + if frame < 250 { 0.0 } else { 30.0 }, Some(1000));
     assert_eq!((broken.dropped_share, broken.cut_share), (Some(0.0), Some(0.5)));
     assert!((broken.longest_interval_s.unwrap() - 30.04).abs() < 1e-9);
+}
+
+#[test]
+fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
+    let path = path(|_| true);
+    let margin =
+        |margin_steps, nearest: &str| Some(Margin { margin_steps, spread_steps: 4.0, nearest: nearest.into() });
+    let judged = |from_tools, from_background| {
+        let mut counts = counts(Vec::new());
+        counts.tools[0].colour = Apart { from_tools, from_background };
+        judge(&measure(&Evidence { tracker: Some(&counts), ..Evidence::of_path(&path) }))
+    };
+    assert_eq!(judged(margin(9.0, "cyan"), margin(9.0, "background")), Verdict::Valid);
+    assert_eq!(judged(None, None), Verdict::Valid);
+    let refused = judged(margin(-3.0, "cyan"), margin(1.8, "background"));
+    assert_eq!(causes(&refused), [Cause::ColourBackground, Cause::ColourPair]);
+    let severities: Vec<Severity> = refused.concerns().iter().map(|concern| concern.severity).collect();
+    assert_eq!(severities, [Severity::Refuse, Severity::Care]);
+    let said = refused.concerns()[0].finding();
+    assert!(said.contains("by 1.8 of 255 steps only; needs 2.5 (nearest: `background`)"), "{said}");
+    assert_eq!(rank(&judged(None, margin(3.0, "background"))), Some(Severity::Care));
+}
+
+#[test]
+fn an_interlaced_recording_asks_for_care_and_says_how_to_mend_it() {
+    let path = path(|_| true);
+    let judged = |frames| judge(&measure(&Evidence { frames_interlaced: Some(frames), ..Evidence::of_path(&path) }));
+    assert_eq!(judged(0), Verdict::Valid);
+    assert_eq!(judged(FRAMES / 50), Verdict::Valid, "single frames do no harm");
+    let verdict = judged(FRAMES);
+    assert_eq!((causes(&verdict), rank(&verdict)), (vec![Cause::Interlaced], Some(Severity::Care)));
+    assert!(verdict.concerns()[0].advice().contains("bwdif"));
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::noise_floor::{self, NoiseFloor};
 use super::{Evidence, Shown, quantile};
 use crate::pipeline::reason::Reason;
+use crate::pipeline::segmentation::palette::Apart;
 use crate::pipeline::tracker::{Absence, ToolQuality};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
@@ -39,6 +40,8 @@ pub struct ToolFigures {
     pub noise_floor: Option<NoiseFloor>,
     /// How unsure the path is of its own positions.
     pub error_bar: Option<ErrorBar>,
+    /// How far its colour stands apart from what else was marked.
+    pub colour: Apart,
     /// It was never measured, and nothing of its colour was ever in the picture.
     pub never_in_picture: bool,
 }
@@ -79,6 +82,7 @@ pub(super) fn measure(evidence: &Evidence<'_>, index: usize, shown: Option<Shown
         }),
         noise_floor: noise_floor::estimate(evidence, index),
         error_bar: error_bar(&seen),
+        colour: tracker.map(|tool| tool.colour.clone()).unwrap_or_default(),
         never_in_picture: observed == 0 && tracker.is_some_and(never_in_picture),
     }
 }

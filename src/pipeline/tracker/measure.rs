@@ -18,6 +18,7 @@ use crate::pipeline::pose::{TubeEstimate, pinhole_width, tangent_planes};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::tracker::trace::Tracing;
 use crate::pipeline::tracker::{PoseMethod, ToolSpec, View};
 use crate::pipeline::tube::{Outline, Tube};
 
@@ -45,6 +46,8 @@ pub struct Bench<'a> {
     pub obstacles: &'a [Outline],
     /// How its edges look.
     pub edges: &'a mut EdgeModel,
+    /// Takes notes of what is looked at, if anybody wants them.
+    pub tracing: &'a mut Tracing,
     /// Pose method.
     pub method: PoseMethod,
     /// Camera's place, where known.
@@ -272,6 +275,7 @@ impl Bench<'_> {
         let smear_px = self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt();
         let mut measurement = Err(Reason::BordersNotFound);
         let mut found = FoundEdges::default();
+        self.tracing.fit(&tube, length_mm);
         for look in looks {
             found = self.edges_along(&tube, length_mm, *look)?;
             if found.edges.iter().all(|e| e.place.part() < 2) {
@@ -281,6 +285,7 @@ impl Bench<'_> {
             let estimate = joint_fit::fit(&found.edges, &tube, self.camera, Trust::Majority, &beliefs, None)
                 .ok_or(Reason::BordersNotFound)?;
             tube = estimate.tube;
+            self.tracing.fitted(&tube);
             let seen_share = estimate.support / f64::max(found.visible.iter().sum(), 1.0);
             let ends_seen = found.ends_seen();
             measurement = Ok(Measurement {
@@ -442,14 +447,17 @@ impl Bench<'_> {
             rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, wider, &mut probes);
         }
         let mut found = FoundEdges::default();
+        self.tracing.look();
         for (place, probe) in &probes {
             if !self.is_visible(place.on(&outline), probe.middle) {
                 continue;
             }
             found.visible[place.part()] += 1.0;
             found.smears_px[place.part()] += probe.motion_px_s.abs() * self.edges.exposure_s / 12f64.sqrt();
-            let Some(edge) = self.locate(probe, look.fineness) else { continue };
-            let at = Pixel(probe.middle.0 + probe.outward * edge.offset_px);
+            let edge = self.locate(probe, look.fineness);
+            let at = edge.map(|edge| Pixel(probe.middle.0 + probe.outward * edge.offset_px));
+            self.tracing.probe(probe, at);
+            let (Some(edge), Some(at)) = (edge, at) else { continue };
             found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
         }
         Ok(found)

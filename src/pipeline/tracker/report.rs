@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::pipeline::reason::Reason;
+use crate::pipeline::segmentation::palette::Apart;
 use crate::pipeline::space::Pixel;
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
@@ -97,6 +98,8 @@ pub struct ToolQuality {
     pub border_residual_px: Option<f64>,
     /// Where it has no position, in order.
     pub gaps: Vec<Gap>,
+    /// How far its colour stands apart from what else was marked.
+    pub colour: Apart,
 }
 
 /// How a whole recording fared.

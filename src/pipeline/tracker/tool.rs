@@ -4,6 +4,7 @@ use nalgebra::Vector2;
 
 use super::measure::{Bench, Measurement};
 use super::settings::{MotionSettings, ToolSpec, TrackerSettings};
+use super::trace::Tracing;
 use crate::pipeline::blob::components::{Component, ComponentFinder};
 use crate::pipeline::blob::{join, select};
 use crate::pipeline::camera::Camera;
@@ -43,6 +44,7 @@ pub struct ToolTracker {
     motion_px_s: Vector2<f64>,
     pub(super) last_pose: Option<TubeEstimate>,
     pub(super) records: Vec<Record>,
+    pub(super) tracing: Tracing,
 }
 
 /// What all tools see of a frame.
@@ -133,6 +135,7 @@ impl ToolTracker {
             motion_px_s: Vector2::zeros(),
             last_pose: None,
             records: Vec::new(),
+            tracing: Tracing::default(),
         }
     }
 
@@ -181,8 +184,10 @@ impl ToolTracker {
         let mut best_reason = Reason::NoMarkerColour;
         for region in self.regions(scene, expected).iter().take(MOST_REGIONS) {
             let measured = self.measure(scene, region);
-            match measured.and_then(|m| if self.comes_from_the_hand(&m) { Ok(m) } else { Err(Reason::ImpossiblePose) })
-            {
+            let measured =
+                measured.and_then(|m| if self.comes_from_the_hand(&m) { Ok(m) } else { Err(Reason::ImpossiblePose) });
+            self.tracing.region(region, measured.as_ref().err().copied());
+            match measured {
                 Ok(measurement) => return Ok(measurement),
                 Err(reason) => best_reason = best_reason.max(reason),
             }
@@ -196,6 +201,7 @@ impl ToolTracker {
             Some((tube, length)) => place_of(&tube, length, camera, frame).into_iter().collect(),
             None => coarse_search(frame, table, self.class),
         };
+        self.tracing.places(&places);
         let mut regions = Vec::new();
         for place in places {
             let parts = self.finder.find(frame, table, self.class, place, select::FEWEST_CELLS);
@@ -227,6 +233,7 @@ impl ToolTracker {
             last_depth_mm: self.last.map(|(tube, _)| tube.tip.z),
             obstacles: scene.obstacles,
             edges: &mut self.edges,
+            tracing: &mut self.tracing,
             method: scene.settings.pose,
             view: scene.settings.view,
         }

@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use trocar::analysis::protocol::{Request, Work};
 use trocar::analysis::{Attempt, Failure, Heard, attempt};
+use trocar::media::{Limits, VideoFile};
 use trocar::sandbox::{Budget, Cost, Program, Stop};
 
 /// The child of the program under test.

@@ -8,8 +8,8 @@
 //! The judge is the tracker's own classifier, so the columns are its answers: each tool, or none.
 
 use super::light::Light;
-use super::{distance_steps, quantile};
-use crate::pipeline::segmentation::knn::{Knn, metric_of};
+use super::margin::{Margin, Vouching, margin};
+use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
 
 /// Groups into which a label's rectangles are dealt.
@@ -20,15 +20,6 @@ const ASKED_OF_RECTANGLE: usize = 32;
 
 /// Pixels asked about of all rectangles together, but at least one of each.
 const ASKED: usize = 2000;
-
-/// Labels of parts that join the band: where they meet it, blur and coarse chroma mix both, on every tool and with every tape.
-const JOINED_TO_THE_BAND: [&str; 2] = ["shaft", "jaw"];
-
-/// The neighbour that decides a vote of five: once the third of another label is nearer, the colour is another's.
-const DECIDING: usize = 3;
-
-/// Share of a tape's pixels that may lie nearer to another colour than the stated margin.
-const MARGIN_QUANTILE: f64 = 0.05;
 
 /// What the marked pixels of every label are taken for.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,23 +47,11 @@ pub struct Row {
     pub shares: Vec<Vec<f64>>,
 }
 
-/// How far a tape's colour is from all else that was marked, but for the tool's own parts.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Margin {
-    /// By how much nearer its own third neighbour is than the third of another label, for all but 5 % of its pixels, halved:
-    /// the shift that they stand before the vote turns. Negative where it has turned already. Steps.
-    pub margin_steps: f64,
-    /// RMS distance of its pixels from their mean, steps.
-    pub spread_steps: f64,
-    /// The label that is nearest.
-    pub nearest: String,
-}
-
 /// A pixel that is asked about.
-struct Asked {
-    label: usize,
-    group: usize,
-    colour: [f64; 3],
+pub(super) struct Asked {
+    pub(super) label: usize,
+    pub(super) group: usize,
+    pub(super) colour: [f64; 3],
 }
 
 impl Confusion {
@@ -92,7 +71,7 @@ impl Confusion {
             let name = &samples.labels[label];
             (asked > 0).then(|| Row { label: name.clone(), tool: tool_of(name), rectangles, asked, shares })
         };
-        let margin = |tool| samples.labels.iter().position(|l| l == tool).and_then(|l| margin(samples, &asked, l));
+        let margin = |tool: &String| margin(samples, &asked, tool, Vouching::OtherRectangles, |_| true);
         Self {
             tools: tools.to_vec(),
             rows: counts.into_iter().enumerate().filter_map(row).collect(),
@@ -114,7 +93,7 @@ impl Row {
 }
 
 /// The group of each sample: by rectangle, or by pixel where a label has only one.
-fn group_of_samples(samples: &ColourSamples) -> Vec<usize> {
+pub(super) fn group_of_samples(samples: &ColourSamples) -> Vec<usize> {
     let rectangles: Vec<Vec<u32>> = (0..samples.labels.len()).map(|label| rectangles_of(samples, label)).collect();
     let group = |(index, sample): (usize, &ColourSample)| match &rectangles[sample.label][..] {
         [_] => index % GROUPS,
@@ -132,7 +111,7 @@ fn rectangles_of(samples: &ColourSamples, label: usize) -> Vec<u32> {
 }
 
 /// The pixels to ask about.
-fn ask(samples: &ColourSamples, groups: &[usize]) -> Vec<Asked> {
+pub(super) fn ask(samples: &ColourSamples, groups: &[usize]) -> Vec<Asked> {
     let with_groups: Vec<(&ColourSample, usize)> = samples.samples.iter().zip(groups.iter().copied()).collect();
     let rectangles = with_groups.chunk_by(|(a, _), (b, _)| (a.rectangle, a.label) == (b.rectangle, b.label));
     let of_each = (ASKED / rectangles.clone().count().max(1)).clamp(1, ASKED_OF_RECTANGLE);
@@ -168,45 +147,4 @@ fn counts(
         }
     }
     counts
-}
-
-/// How far a label's pixels are from all others, but for the tool's own parts; `None` where either side has too few.
-fn margin(samples: &ColourSamples, asked: &[Asked], label: usize) -> Option<Margin> {
-    let points: Vec<(&Asked, [f32; 3])> = asked.iter().map(|a| (a, metric_of(a.colour))).collect();
-    let own: Vec<(&Asked, [f32; 3])> = points.iter().filter(|(a, _)| a.label == label).copied().collect();
-    let is_joined = |label: usize| JOINED_TO_THE_BAND.contains(&samples.labels[label].as_str());
-    let mut times_nearest = vec![0; samples.labels.len()];
-    let mut margins = Vec::new();
-    for (pixel, at) in &own {
-        let (own_steps, _) = deciding(&points, *at, |a| a.label == label && a.group != pixel.group)?;
-        let (foreign_steps, whose) = deciding(&points, *at, |a| a.label != label && !is_joined(a.label))?;
-        times_nearest[whose] += 1;
-        margins.push(0.5 * (foreign_steps - own_steps));
-    }
-    let (whose, _) = times_nearest.iter().enumerate().max_by_key(|(_, n)| **n)?;
-    Some(Margin {
-        margin_steps: quantile(&mut margins, MARGIN_QUANTILE)?,
-        spread_steps: spread_steps(&own),
-        nearest: samples.labels[whose].clone(),
-    })
-}
-
-/// Distance and label of the neighbour that decides, among those that count.
-fn deciding(points: &[(&Asked, [f32; 3])], at: [f32; 3], counts: impl Fn(&Asked) -> bool) -> Option<(f64, usize)> {
-    let mut nearest = [(f64::INFINITY, usize::MAX); DECIDING];
-    for (other, place) in points.iter().filter(|(other, _)| counts(other)) {
-        let steps = distance_steps(at, *place);
-        if steps < nearest[DECIDING - 1].0 {
-            nearest[DECIDING - 1] = (steps, other.label);
-            nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
-        }
-    }
-    nearest.last().copied().filter(|(steps, _)| steps.is_finite())
-}
-
-/// RMS distance from the mean, steps.
-fn spread_steps(points: &[(&Asked, [f32; 3])]) -> f64 {
-    let n = points.len().max(1) as f32;
-    let mean = [0, 1, 2].map(|i| points.iter().map(|(_, p)| p[i]).sum::<f32>() / n);
-    (points.iter().map(|(_, p)| distance_steps(*p, mean).powi(2)).sum::<f64>() / f64::from(n)).sqrt()
 }

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`light`] | what a colour becomes when the light changes |
 //! | [`confusion`] | the marked colours against each other, each rectangle judged by the others |
+//! | [`margin`] | how much colours may shift before one is taken for another |
 //! | [`verdict`] | good, at risk or bad, and why |
 //! | [`advice`] | tapes ranked against a frame of the empty box |
 //!
@@ -14,8 +15,10 @@
 pub mod advice;
 pub mod confusion;
 pub mod light;
+pub mod margin;
 pub mod verdict;
 
+pub use margin::{Apart, Margin, apart};
 pub use verdict::{Cause, FalseArea, Grade, Verdict, verdicts};
 
 /// Steps in the classifier's full range.

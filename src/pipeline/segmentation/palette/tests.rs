@@ -2,7 +2,7 @@
 
 use super::confusion::Confusion;
 use super::light::Light;
-use super::{Cause, FalseArea, Grade, Verdict, verdict, verdicts};
+use super::{Apart, Cause, FalseArea, Grade, Verdict, apart, verdict, verdicts};
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
 use crate::simulation::random::Dice;
@@ -87,6 +87,29 @@ fn the_margin_is_half_the_distance_between_the_colours() {
     let half = 0.5 * (steps(ORANGE) - steps(GREY)).norm();
     assert!((margin.margin_steps - half).abs() < 0.01, "{margin:?}, expected {half}");
     assert_eq!((margin.spread_steps < 1e-3, margin.nearest.as_str()), (true, "background"));
+}
+
+#[test]
+fn a_tape_marked_in_lights_of_all_kinds_is_far_from_the_background_in_a_session() {
+    let looks = [[0.9, 0.2, 0.1], [0.5, 0.11, 0.06], [0.3, 0.07, 0.04]].map(|rgb| ("tape", rgb));
+    let samples = marked(&[&looks[..], &[("background", GREY); 3]].concat(), 0.02);
+    let tools = tools(&["tape"]);
+    let before = Confusion::of(&samples, &tools).margins[0].as_ref().unwrap().margin_steps;
+    let Apart { from_tools, from_background } = apart(&samples, &tools).remove(0);
+    let within = from_background.unwrap().margin_steps;
+    assert!(within > before + 8.0, "{before} before the recording, {within} in the session");
+    assert_eq!(from_tools, None, "there is no other tool");
+}
+
+#[test]
+fn a_session_s_colours_are_held_against_the_other_tools_and_the_rest_apart() {
+    let like_orange = [0.83, 0.40, 0.12];
+    let samples = four_each(&[("one", ORANGE), ("other", like_orange), ("background", GREY), ("shaft", ORANGE)], 0.02);
+    for of_tool in apart(&samples, &tools(&["one", "other"])) {
+        let (tools, background) = (of_tool.from_tools.unwrap(), of_tool.from_background.unwrap());
+        assert!(tools.margin_steps < 4.0 && background.margin_steps > 10.0, "{tools:?}, {background:?}");
+        assert_eq!(background.nearest, "background", "the shaft joins the band");
+    }
 }
 
 #[test]

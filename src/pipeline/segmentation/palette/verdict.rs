@@ -2,8 +2,9 @@
 
 use std::fmt;
 
-use super::confusion::{Confusion, Margin};
+use super::confusion::Confusion;
 use super::light::Light;
+use super::margin::Margin;
 use crate::pipeline::segmentation::samples::ColourSamples;
 
 // The limits stand between what was measured on scenes that are tracked well (the rendered scenes V1–V5, clips at 720p and
@@ -19,7 +20,7 @@ const TAKEN: [f64; 2] = [0.05, 0.20];
 
 /// Margin below which a tape is at risk, and below which it is bad, steps. Purple was followed wrongly, by more than 90 mm, at
 /// 0.9, 1.8 and 2.2; tracked well at 2.8 and beyond; the scenes' tapes have 5.8 to 23.
-const MARGIN_STEPS: [f64; 2] = [4.0, 2.5];
+pub const MARGIN_STEPS: [f64; 2] = [4.0, 2.5];
 
 /// Largest false region, as a share of the band's area, from which a colour is at risk, and from which it is bad. Purple was
 /// followed wrongly at 3.7 and more; well-tracked tapes have at most 0.08.

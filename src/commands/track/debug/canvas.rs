@@ -1,0 +1,162 @@
+//! A part of a frame, enlarged, to draw on in the frame's own pixels.
+
+use std::path::Path;
+
+use image::{ImageResult, Rgb, RgbImage};
+use nalgebra::Vector2;
+
+use super::letters;
+use crate::pipeline::frame::Frame;
+
+/// A colour to draw with.
+pub(super) type Ink = [u8; 3];
+
+/// Pixels of the picture to one of a letter.
+const LETTER_PX: usize = 2;
+
+/// From one line of letters to the next, pixels of the picture.
+const LINE_PX: usize = 16;
+
+/// The part of a frame that is shown: its first column and row, its size, and how many pixels each of its pixels becomes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Part {
+    pub(super) left: usize,
+    pub(super) top: usize,
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) scale: usize,
+}
+
+impl Part {
+    /// All of a frame as it is.
+    pub(super) fn whole(frame: &Frame<'_>) -> Self {
+        Self { left: 0, top: 0, width: frame.width(), height: frame.height(), scale: 1 }
+    }
+
+    /// The part between two corners, cut at the frame, as large as it fits into about a thousand pixels; `None` if nothing
+    /// is left.
+    pub(super) fn around(low: Vector2<f64>, high: Vector2<f64>, frame: &Frame<'_>) -> Option<Self> {
+        const LARGEST_PX: usize = 1000;
+        const MOST: usize = 12;
+        let cut = |px: f64, most: usize| (px.max(0.0) as usize).min(most);
+        let (left, top) = (cut(low.x, frame.width()), cut(low.y, frame.height()));
+        let (right, bottom) = (cut(high.x + 1.0, frame.width()), cut(high.y + 1.0, frame.height()));
+        let (width, height) = (right.checked_sub(left)?, bottom.checked_sub(top)?);
+        let scale = (LARGEST_PX / width.max(height).max(1)).clamp(1, MOST);
+        (width > 0 && height > 0).then_some(Self { left, top, width, height, scale })
+    }
+}
+
+/// A picture under work: lines of text, and the part of the frame below them.
+pub(super) struct Canvas {
+    picture: RgbImage,
+    part: Part,
+    header_px: usize,
+    pen_px: i64,
+}
+
+impl Canvas {
+    /// The part of the frame, with the text above it; each line in its own colour. `brightness` dims what is not drawn.
+    pub(super) fn new(frame: &Frame<'_>, part: Part, text: &[(Ink, String)], brightness: f64) -> Self {
+        const PAPER: Rgb<u8> = Rgb([16, 16, 16]);
+        let header_px = text.len() * LINE_PX + LETTER_PX;
+        let longest = text.iter().map(|(_, line)| line.chars().count()).max().unwrap_or(0);
+        let width = (part.width * part.scale).max(letter_x(longest));
+        let height = part.height * part.scale + header_px;
+        let picture = RgbImage::from_pixel(width as u32, height as u32, PAPER);
+        let mut canvas = Self { picture, part, header_px, pen_px: 1 };
+        canvas.show(frame, brightness);
+        text.iter().enumerate().for_each(|(line, (ink, text))| canvas.write(line, text, *ink));
+        canvas
+    }
+
+    /// Lines are drawn this wide from now on, pixels of the picture.
+    pub(super) fn with_pen(self, pen_px: i64) -> Self {
+        Self { pen_px, ..self }
+    }
+
+    fn show(&mut self, frame: &Frame<'_>, brightness: f64) {
+        let Part { left, top, width, height, scale } = self.part;
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let rgb = frame.encoding.rgb_of_codes(frame.yuv_at(left + x, top + y).map(f64::from));
+            let ink = [rgb.x, rgb.y, rgb.z].map(|c| (c * 255.0 * brightness).round().clamp(0.0, 255.0) as u8);
+            for (dx, dy) in (0..scale).flat_map(|dy| (0..scale).map(move |dx| (dx, dy))) {
+                let (column, row) = (x * scale + dx, y * scale + dy + self.header_px);
+                self.picture.put_pixel(column as u32, row as u32, Rgb(ink));
+            }
+        }
+    }
+
+    fn write(&mut self, line: usize, text: &str, ink: Ink) {
+        let top = line * LINE_PX + LETTER_PX;
+        let (columns, rows) = letters::SIZE;
+        for (place, letter) in text.chars().enumerate() {
+            for (x, y) in (0..rows * LETTER_PX).flat_map(|y| (0..columns * LETTER_PX).map(move |x| (x, y))) {
+                if letters::is_ink(letter, x / LETTER_PX, y / LETTER_PX) {
+                    self.put((letter_x(place) + x) as i64, (top + y) as i64, ink);
+                }
+            }
+        }
+    }
+
+    /// A dot of so many pixels of the picture around a place of the frame.
+    pub(super) fn dot(&mut self, at: Vector2<f64>, size: i64, ink: Ink) {
+        let [x, y] = self.place(at);
+        for (dx, dy) in (0..size).flat_map(|dy| (0..size).map(move |dx| (dx - size / 2, dy - size / 2))) {
+            self.put_in_part(x + dx, y + dy, ink);
+        }
+    }
+
+    /// A line between two places of the frame.
+    pub(super) fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, ink: Ink) {
+        const LONGEST: f64 = 20_000.0;
+        let steps = ((to - from).amax() * self.part.scale as f64).ceil().clamp(1.0, LONGEST);
+        for step in 0..=steps as u32 {
+            self.dot(from + (to - from) * (f64::from(step) / steps), self.pen_px, ink);
+        }
+    }
+
+    /// Lines through all places in turn.
+    pub(super) fn path(&mut self, places: &[Vector2<f64>], ink: Ink) {
+        places.windows(2).for_each(|pair| self.line(pair[0], pair[1], ink));
+    }
+
+    /// A cross over a place of the frame.
+    pub(super) fn cross(&mut self, at: Vector2<f64>, half_px: f64, ink: Ink) {
+        for arm in [Vector2::new(half_px, 0.0), Vector2::new(0.0, half_px)] {
+            self.line(at - arm, at + arm, ink);
+        }
+    }
+
+    /// Writes the picture as PNG.
+    pub(super) fn save(&self, path: &Path) -> ImageResult<()> {
+        self.picture.save(path)
+    }
+
+    /// A frame's pixel 0 is centred at 0, and becomes `scale` pixels.
+    fn place(&self, at: Vector2<f64>) -> [i64; 2] {
+        let scale = self.part.scale as f64;
+        let shown = |px: f64, first: usize| ((px + 0.5 - first as f64) * scale).floor() as i64;
+        [shown(at.x, self.part.left), shown(at.y, self.part.top) + self.header_px as i64]
+    }
+
+    /// Lines that leave the part do not run over the text.
+    fn put_in_part(&mut self, x: i64, y: i64, ink: Ink) {
+        if y >= self.header_px as i64 && x < (self.part.width * self.part.scale) as i64 {
+            self.put(x, y, ink);
+        }
+    }
+
+    fn put(&mut self, x: i64, y: i64, ink: Ink) {
+        if let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y))
+            && let Some(pixel) = self.picture.get_pixel_mut_checked(x, y)
+        {
+            *pixel = Rgb(ink);
+        }
+    }
+}
+
+/// Where a line's letter of this number begins, pixels of the picture.
+fn letter_x(place: usize) -> usize {
+    (place * (letters::SIZE.0 + 1) + 2) * LETTER_PX
+}

@@ -1,0 +1,108 @@
+//! `trocar track --debug-dir`: pictures of chosen frames, stage by stage, that show why a frame failed.
+//!
+//! | file | shows |
+//! |---|---|
+//! | `frame_000123_1_colours.png` | what has a tool's colour, where it was searched, which regions were taken for its band |
+//! | `frame_000123_2_edges_tool1_fit1.png` | the probes of the last look, the edges that they met, the tube fitted to them; one for each fit |
+//! | `frame_000123_3_result.png` | outline, axis and tip, or why there are none |
+
+mod canvas;
+mod letters;
+mod pictures;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+
+use super::{Failure, about};
+use crate::pipeline::frame::Frame;
+use crate::pipeline::tracker::{FrameReport, FrameTrace};
+pub(super) use pictures::Scene;
+
+/// Frames that are drawn at most: about 500 MB of pictures at 1080p.
+const MOST_FRAMES: usize = 100;
+
+/// Which frames to draw, and where to.
+#[derive(clap::Args, Default)]
+pub(super) struct DebugArgs {
+    /// Draw pictures of chosen frames, one per stage, into this new or empty folder (PNG; at most 100 frames).
+    #[arg(long = "debug-dir", value_name = "DIR")]
+    dir: Option<PathBuf>,
+    /// With --debug-dir: draw every Nth frame.
+    #[arg(long = "debug-every", value_name = "N", default_value_t = 50, requires = "dir",
+        value_parser = clap::value_parser!(u64).range(1..))]
+    every: u64,
+    /// With --debug-dir: draw these frames only, counted from 0, as in 12,40,41.
+    #[arg(
+        long = "debug-frames",
+        value_name = "LIST",
+        value_delimiter = ',',
+        requires = "dir",
+        conflicts_with = "every"
+    )]
+    frames: Vec<u64>,
+}
+
+/// Draws the frames that were chosen.
+pub(super) struct DebugPictures {
+    folder: PathBuf,
+    every: u64,
+    frames: Vec<u64>,
+    drawn: usize,
+}
+
+impl DebugPictures {
+    /// Makes the folder; `None` where no pictures are wanted.
+    pub(super) fn open(args: &DebugArgs) -> Result<Option<Self>, Failure> {
+        let Some(folder) = &args.dir else { return Ok(None) };
+        std::fs::create_dir_all(folder).map_err(|e| about(folder, e))?;
+        if std::fs::read_dir(folder).map_err(|e| about(folder, e))?.next().is_some() {
+            let what = "is not empty, and pictures of two runs would mix; name a new or an empty folder";
+            return Err(about(folder, anyhow!(what)));
+        }
+        is_writable(folder).map_err(|e| about(folder, e))?;
+        Ok(Some(Self { folder: folder.clone(), every: args.every, frames: args.frames.clone(), drawn: 0 }))
+    }
+
+    /// Is this frame to be drawn?
+    pub(super) fn wants(&self, frame: u64) -> bool {
+        let chosen =
+            if self.frames.is_empty() { frame.is_multiple_of(self.every) } else { self.frames.contains(&frame) };
+        chosen && self.drawn < MOST_FRAMES
+    }
+
+    /// Draws a frame.
+    pub(super) fn draw(
+        &mut self,
+        scene: &Scene,
+        frame: &Frame<'_>,
+        report: &FrameReport,
+        trace: &FrameTrace,
+    ) -> anyhow::Result<()> {
+        for (name, canvas) in scene.pictures(frame, report, trace) {
+            let path = self.folder.join(format!("frame_{:06}_{name}.png", frame.index));
+            canvas.save(&path).with_context(|| format!("writing {}", path.display()))?;
+        }
+        self.drawn += 1;
+        Ok(())
+    }
+
+    /// What came of it, for people.
+    pub(super) fn report(&self) -> String {
+        let folder = self.folder.display();
+        match self.drawn {
+            0 => format!("debug: none of the chosen frames is in the recording; {folder} is empty"),
+            MOST_FRAMES => {
+                format!("debug: {MOST_FRAMES} frames drawn in {folder}, and no more; choose others with --debug-frames")
+            }
+            drawn => format!("debug: {drawn} frames drawn in {folder}"),
+        }
+    }
+}
+
+/// Better said before the recording is tracked than after.
+fn is_writable(folder: &Path) -> std::io::Result<()> {
+    let probe = folder.join(".writable");
+    std::fs::write(&probe, [])?;
+    std::fs::remove_file(probe)
+}
