@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rustix::time::ClockId;
 
 use super::{Failure, verdict};
-use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle};
+use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle, MarkedTool};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
@@ -19,7 +19,7 @@ use crate::media::{Limits, MediaError, VideoFile};
 use crate::pipeline::quality::{self, Evidence};
 use crate::pipeline::segmentation::palette::{self, Verdict};
 use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
-use crate::pipeline::tracker::{MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking, View};
+use crate::pipeline::tracker::{MotionSettings, PoseMethod, Side, ToolSpec, Tracker, TrackerSettings, Tracking, View};
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
@@ -120,8 +120,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
 
 /// A line for each colour that is not good; `trocar palette --check` tells more.
 fn warn_of_colours(marked: &AnnotationsFile, samples: &ColourSamples) {
-    let tools: Vec<String> = marked.marked_tools().into_iter().flatten().map(|tool| tool.name).collect();
-    for warning in palette::verdicts(samples, &tools).iter().filter_map(Verdict::warning) {
+    let colours: Vec<String> = marked.marked_colours().into_iter().map(str::to_owned).collect();
+    for warning in palette::verdicts(samples, &colours).iter().filter_map(Verdict::warning) {
         eprintln!("warning: {warning}");
     }
 }
@@ -176,7 +176,7 @@ fn collect_samples(marked: &AnnotationsFile, args: &Args, clock: &mut StageClock
         let frame = picture.frame();
         let samples = samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
         for label in marked.labels.iter().filter(|l| l.frame == decoded) {
-            samples.collect(&frame, &rectangle(label));
+            samples.collect(&frame, &rectangle(marked, label));
         }
         decoded += 1;
         clock.lap_of(Stage::Samples);
@@ -184,19 +184,25 @@ fn collect_samples(marked: &AnnotationsFile, args: &Args, clock: &mut StageClock
     samples.ok_or_else(|| about(&path, MediaError::NoFrames))
 }
 
-/// A marked rectangle that has been checked to lie inside the frame.
-pub(super) fn rectangle(label: &LabelledRectangle) -> Rectangle {
+/// A marked rectangle that has been checked to lie inside the frame, as a mark of its colour.
+pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> Rectangle {
     let size = |n: i64| usize::try_from(n).unwrap_or(0);
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(size);
-    Rectangle { label: label.label.clone(), x, y, w, h }
+    Rectangle { label: marked.colour_of(&label.label).to_owned(), x, y, w, h }
 }
 
 fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, Failure> {
     let tools = marked.marked_tools().map_err(|e| about(path, e))?;
-    Ok(tools
-        .into_iter()
-        .map(|t| ToolSpec { name: t.name, diameter_mm: t.diameter_mm, band_length_mm: t.band_length_mm })
-        .collect())
+    Ok(tools.into_iter().map(tool).collect())
+}
+
+fn tool(marked: MarkedTool) -> ToolSpec {
+    let MarkedTool { name, colour, side, diameter_mm, band_length_mm } = marked;
+    let side = side.map(|side| match side {
+        annotations::Side::Left => Side::Left,
+        annotations::Side::Right => Side::Right,
+    });
+    ToolSpec { name, colour, side, diameter_mm, band_length_mm }
 }
 
 fn report(tracking: &Tracking) {

@@ -1,8 +1,13 @@
 //! The flow: what happens to each frame, and what a whole recording becomes.
 
+mod assignment;
+mod footprint;
 mod gaps;
+mod hindsight;
 mod light;
 mod measure;
+mod origin;
+mod pair;
 mod report;
 mod session;
 mod settings;
@@ -10,7 +15,7 @@ mod starts;
 mod tool;
 
 pub use report::{Absence, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality, ToolReport, Tracking};
-pub use settings::{MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings, View};
+pub use settings::{MotionSettings, PoseMethod, SettingsProblem, Side, ToolSpec, TrackerSettings, View};
 
 use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::frame::{ColourEncoding, Frame};
@@ -29,6 +34,8 @@ pub struct Tracker {
     settings: TrackerSettings,
     table: ColourTable,
     tools: Vec<ToolTracker>,
+    /// Tools that share a colour, the left hand's first.
+    pairs: Vec<[usize; 2]>,
     instants: Vec<Instant>,
     light: LightWatch,
 }
@@ -48,11 +55,12 @@ impl Tracker {
         let classes = settings.classes();
         let knn = Knn::new(&settings.samples, &classes).ok_or(SettingsProblem::NoBackground)?;
         let table = ColourTable::new(knn, encoding);
-        let tools = settings.tools.iter().enumerate().map(|(i, spec)| {
-            let tape = settings.samples.mean_codes(&spec.name, encoding);
-            ToolTracker::new(spec.clone(), i as u8 + 1, EdgeModel::new(tape, encoding))
+        let tools = settings.tools.iter().map(|spec| {
+            let tape = settings.samples.mean_codes(&spec.colour, encoding);
+            ToolTracker::new(spec.clone(), settings.class_of(&spec.colour), EdgeModel::new(tape, encoding))
         });
-        Ok(Self { tools: tools.collect(), table, settings, instants: Vec::new(), light: LightWatch::default() })
+        let (tools, pairs) = (tools.collect(), settings.pairs());
+        Ok(Self { tools, pairs, table, settings, instants: Vec::new(), light: LightWatch::default() })
     }
 
     /// Looks at the next frame.
@@ -60,20 +68,37 @@ impl Tracker {
         self.instants.push((frame.index, frame.time_s));
         self.light.look(frame);
         let outlines = self.expected_outlines(frame.time_s);
-        let tools = (0..self.tools.len())
-            .map(|i| {
-                let obstacles: Vec<Outline> =
-                    outlines.iter().enumerate().filter(|(other, _)| *other != i).filter_map(|(_, o)| *o).collect();
-                let scene = Scene { frame, table: &self.table, settings: &self.settings, obstacles: &obstacles };
-                let seen = self.tools[i].observe(&scene);
-                self.report(i, (frame.index, frame.time_s), seen)
-            })
-            .collect();
+        let obstacles: Vec<Vec<Outline>> = (0..self.tools.len()).map(|i| others(&outlines, i)).collect();
+        let scene = |i: usize| Scene {
+            frame,
+            table: &self.table,
+            settings: &self.settings,
+            obstacles: &obstacles[i],
+        };
+        let mut seen: Vec<(usize, Seen)> = Vec::with_capacity(self.tools.len());
+        for (i, tool) in self.tools.iter_mut().enumerate() {
+            if !self.pairs.iter().flatten().any(|paired| *paired == i) {
+                seen.push((i, tool.observe(&scene(i))));
+            }
+        }
+        for pair in &self.pairs {
+            if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
+                seen.extend(pair.iter().copied().zip(pair::observe(tools, pair.map(scene))));
+            }
+        }
+        seen.sort_by_key(|(i, _)| *i);
+        let instant = (frame.index, frame.time_s);
+        let tools = seen.into_iter().map(|(i, seen)| self.report(i, instant, seen)).collect();
         FrameReport { frame: frame.index, time_s: frame.time_s, tools }
     }
 
     /// Ends the recording: every frame again with hindsight.
-    pub fn finish(self) -> Tracking {
+    pub fn finish(mut self) -> Tracking {
+        for pair in &self.pairs {
+            if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
+                hindsight::settle(tools, &self.instants);
+            }
+        }
         let names: Vec<String> = self.settings.tools.iter().map(|t| t.name.clone()).collect();
         let frame_times_s: Vec<f64> = self.instants.iter().map(|i| i.1).collect();
         let motion = &self.settings.motion;
@@ -139,4 +164,9 @@ impl Tracker {
             |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
         Some(([border(0)?, border(1)?], pixel(outline.rim(0.0, 0.0))?))
     }
+}
+
+/// What may hide a tool: the outlines of all others.
+fn others(outlines: &[Option<Outline>], tool: usize) -> Vec<Outline> {
+    outlines.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, outline)| *outline).collect()
 }
