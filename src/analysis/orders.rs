@@ -82,9 +82,7 @@ fn palette(input: &PaletteInput) -> Result<PaletteWork, WorkError> {
 fn mark(label: &LabelledRectangle, colour: String) -> Result<MarkShape, Problem> {
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(u32::try_from);
     match (x, y, w, h) {
-        (Ok(x), Ok(y), Ok(w), Ok(h)) => {
-            Ok(MarkShape { frame: label.frame, label: colour, x_y_w_h: [x, y, w, h] })
-        }
+        (Ok(x), Ok(y), Ok(w), Ok(h)) => Ok(MarkShape { frame: label.frame, label: colour, x_y_w_h: [x, y, w, h] }),
         _ => Err(outside(label)),
     }
 }

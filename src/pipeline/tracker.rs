@@ -69,12 +69,7 @@ impl Tracker {
         self.light.look(frame);
         let outlines = self.expected_outlines(frame.time_s);
         let obstacles: Vec<Vec<Outline>> = (0..self.tools.len()).map(|i| others(&outlines, i)).collect();
-        let scene = |i: usize| Scene {
-            frame,
-            table: &self.table,
-            settings: &self.settings,
-            obstacles: &obstacles[i],
-        };
+        let scene = |i: usize| Scene { frame, table: &self.table, settings: &self.settings, obstacles: &obstacles[i] };
         let mut seen: Vec<(usize, Seen)> = Vec::with_capacity(self.tools.len());
         for (i, tool) in self.tools.iter_mut().enumerate() {
             if !self.pairs.iter().flatten().any(|paired| *paired == i) {

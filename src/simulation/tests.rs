@@ -95,7 +95,8 @@ fn both_cross_leave_and_return_in_the_other_order_in_exchange() {
         let seen: Vec<_> = times(&world, 0.05).map(|t| truth::at(&world, t)).collect();
         let crossed = |tools: &[crate::pipeline::evaluation::TruthTool]| tools[0].tip_mm.x > tools[1].tip_mm.x + 20.0;
         assert!(seen.iter().any(|tools| crossed(tools)), "{view:?}: never crossed");
-        let absent = |tool: usize| -> Vec<usize> { (0..seen.len()).filter(|k| seen[*k][tool].visible == 0.0).collect() };
+        let absent =
+            |tool: usize| -> Vec<usize> { (0..seen.len()).filter(|k| seen[*k][tool].visible == 0.0).collect() };
         let (left, right) = (absent(0), absent(1));
         assert!(left.first() < right.first() && right.last() < left.last(), "{view:?}: {left:?}, {right:?}");
         assert!(left.iter().any(|k| right.contains(k)), "{view:?}: never both away");

@@ -45,7 +45,10 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
             let what = anyhow!("a rectangle is on frame {last}, but {} has only {index} frames", path.display());
             return Err(about(annotations, what));
         };
-        frames.take(picture, marked.labels.iter().filter(|label| label.frame == index).map(|label| rectangle(marked, label)).collect());
+        frames.take(
+            picture,
+            marked.labels.iter().filter(|label| label.frame == index).map(|label| rectangle(marked, label)).collect(),
+        );
     }
     frames.report(&colours).ok_or_else(|| about(path, MediaError::NoFrames))
 }

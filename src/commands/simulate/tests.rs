@@ -86,7 +86,9 @@ fn what_cannot_be_made_is_refused_with_what_can() {
         order(&cli.args).map_err(|e| e.to_string())
     };
     let refusal = |more: &[&str]| parse(more).unwrap_err();
-    assert!(refusal(&["--scene", "surgery"]).contains("wire, rectangle, approach, slide, rest, pegs, crossing, exchange"));
+    assert!(
+        refusal(&["--scene", "surgery"]).contains("wire, rectangle, approach, slide, rest, pegs, crossing, exchange")
+    );
     assert!(refusal(&["--scene", "wire", "--skill", "god"]).contains("novice, intermediate, expert"));
     assert!(refusal(&["--scene", "wire", "--size", "99999x2"]).contains("1280x720"));
     assert!(refusal(&["--scene", "wire", "--size", "641x361"]).contains("yuv444p"));

@@ -23,7 +23,7 @@ pub enum Choice {
 /// indices, the first tool's and the second's, are different bands.
 pub fn assign(costs: &[[Option<f64>; 2]], are_two: impl Fn(usize, usize) -> bool) -> [Choice; 2] {
     let differ = |first: usize, second: usize| first != second && are_two(first, second);
-    let all = combinations(costs, &differ);
+    let all = combinations(costs, differ);
     let Some((best, [first, second])) = all.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else {
         return [Choice::Nothing; 2];
     };
@@ -41,10 +41,7 @@ pub fn assign(costs: &[[Option<f64>; 2]], are_two: impl Fn(usize, usize) -> bool
 }
 
 /// Every combination that gives no band twice, with its cost.
-fn combinations(
-    costs: &[[Option<f64>; 2]],
-    differ: impl Fn(usize, usize) -> bool,
-) -> Vec<(f64, [Option<usize>; 2])> {
+fn combinations(costs: &[[Option<f64>; 2]], differ: impl Fn(usize, usize) -> bool) -> Vec<(f64, [Option<usize>; 2])> {
     let options = |tool: usize| {
         let bands = costs.iter().enumerate().filter_map(move |(i, cost)| Some((cost[tool]?, Some(i))));
         bands.chain([(NO_BAND, None)])

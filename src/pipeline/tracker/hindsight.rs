@@ -69,11 +69,12 @@ fn cut(records: &Records) -> Vec<Run> {
     const MEETING_MM: f64 = 15.0;
     const JUMP_MM: f64 = 10.0;
     let tip = |tool: usize, frame: usize| records[tool][frame].estimate.map(|e| e.tube.tip);
-    let apart = |one: Option<Point3<f64>>, other| one.zip(other).map(|(one, other): (_, Point3<f64>)| (one - other).norm());
+    let apart =
+        |one: Option<Point3<f64>>, other| one.zip(other).map(|(one, other): (_, Point3<f64>)| (one - other).norm());
     let meets = |frame: usize| apart(tip(0, frame), tip(1, frame)).is_some_and(|mm| mm < MEETING_MM);
     let mut runs: Vec<Run> = Vec::new();
-    for as_tool in 0..2 {
-        for frame in (0..records[as_tool].len()).filter(|frame| tip(as_tool, *frame).is_some()) {
+    for (as_tool, own) in records.iter().enumerate() {
+        for frame in (0..own.len()).filter(|frame| tip(as_tool, *frame).is_some()) {
             let goes_on = |run: &&mut Run| {
                 run.as_tool == as_tool
                     && run.frames.end == frame
@@ -162,7 +163,8 @@ fn hand_over(records: &Records, runs: &[Run], origins: &[Origin; 2], are_alike: 
     let of_tool = |tool: usize| {
         let at = |frame: usize| {
             let has = |as_tool: &usize| records[*as_tool][frame].estimate.is_some();
-            let against = |as_tool: &usize| records[*as_tool][frame].estimate.map_or(0.0, |e| origins[tool].against(&e));
+            let against =
+                |as_tool: &usize| records[*as_tool][frame].estimate.map_or(0.0, |e| origins[tool].against(&e));
             let given = [tool, 1 - tool].into_iter().filter(has).filter(|s| owners[*s][frame] == Some(tool));
             match given.min_by(|a, b| against(a).total_cmp(&against(b))) {
                 Some(as_tool) if as_tool == tool || are_alike => records[as_tool][frame],

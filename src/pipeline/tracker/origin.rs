@@ -68,8 +68,7 @@ fn is_before(pose: &TubeEstimate, fulcrum: &Fulcrum) -> bool {
 /// How far the hand lies beyond the picture's middle; 0 on its own side.
 fn beyond_squared(pose: &TubeEstimate, side: Side) -> f64 {
     let [first, second] = across(pose.tube.axis);
-    let columns: [Vector3<f64>; 5] =
-        [Vector3::x(), Vector3::y(), Vector3::z(), first * -HAND_MM, second * -HAND_MM];
+    let columns: [Vector3<f64>; 5] = [Vector3::x(), Vector3::y(), Vector3::z(), first * -HAND_MM, second * -HAND_MM];
     let hand_by_pose = Matrix3x5::from_columns(&columns);
     let spread = hand_by_pose * pose.covariance * hand_by_pose.transpose();
     let right_mm = hand_of(pose).at.x;

@@ -98,7 +98,8 @@ impl<'a, 's> Look<'a, 's> {
     fn search(&mut self, places: &[CellBox]) {
         let missing = [0, 1].map(|tool| self.found[tool].is_none());
         let mut candidates = self.candidates(places, missing);
-        let cost = |measured: &Candidate| [0, 1].map(|tool| measured[tool].as_ref().ok().and_then(|m| self.cost(tool, m)));
+        let cost =
+            |measured: &Candidate| [0, 1].map(|tool| measured[tool].as_ref().ok().and_then(|m| self.cost(tool, m)));
         let costs: Vec<[Option<f64>; 2]> = candidates.iter().map(cost).collect();
         let are_two = |a: usize, b: usize| match (&candidates[a][0], &candidates[b][1]) {
             (Ok(left), Ok(right)) => !self.are_same(left, right),
@@ -137,7 +138,8 @@ impl<'a, 's> Look<'a, 's> {
         let measured = regions.iter().take(MOST_REGIONS).map(|region| {
             [0, 1].map(|tool| {
                 let nobody = Err(Reason::NoMarkerColour);
-                if missing[tool] { self.tools[tool].measure(&self.scenes[tool], region) } else { nobody }
+                // Were it told where a tool's own hand is, it would take the wrong end of the other's band for the tip.
+                if missing[tool] { self.tools[tool].measure(&self.scenes[tool], region, None) } else { nobody }
             })
         });
         measured.collect()

@@ -189,7 +189,8 @@ impl ToolTracker {
         const MOST_REGIONS: usize = 3;
         let mut best_reason = Reason::NoMarkerColour;
         for region in self.regions(scene, expected).iter().take(MOST_REGIONS) {
-            let measured = self.measure(scene, region);
+            let to_hand = self.direction_to_hand(&scene.settings.camera);
+            let measured = self.measure(scene, region, to_hand);
             match measured.and_then(|m| if self.comes_from_the_hand(&m) { Ok(m) } else { Err(Reason::ImpossiblePose) })
             {
                 Ok(measurement) => return Ok(measurement),
@@ -207,9 +208,7 @@ impl ToolTracker {
     /// Where to search: around the expected place, or wherever on the frame the colour is.
     pub(super) fn places(&self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Vec<CellBox> {
         match expected {
-            Some((tube, length)) => {
-                place_of(&tube, length, &scene.settings.camera, scene.frame).into_iter().collect()
-            }
+            Some((tube, length)) => place_of(&tube, length, &scene.settings.camera, scene.frame).into_iter().collect(),
             None => coarse_search(scene.frame, scene.table, self.class),
         }
     }
@@ -233,9 +232,14 @@ impl ToolTracker {
         regions
     }
 
-    pub(super) fn measure(&mut self, scene: &Scene<'_>, region: &Component) -> Result<Measurement, Reason> {
+    /// Measures a region; without a direction to the hand, the picture alone tells which of its ends is the tip.
+    pub(super) fn measure(
+        &mut self,
+        scene: &Scene<'_>,
+        region: &Component,
+        to_hand: Option<Vector2<f64>>,
+    ) -> Result<Measurement, Reason> {
         let rectangle = select::judge(region)?;
-        let to_hand = self.direction_to_hand(&scene.settings.camera);
         self.bench(scene)
             .measure(&rectangle, |first, second| to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0))
     }

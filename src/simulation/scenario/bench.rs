@@ -108,9 +108,10 @@ pub(super) fn crossing(cast: &Cast) -> Script {
 /// first, and come back where the other was, the right one first: only the trocars tell who is who.
 pub(super) fn exchange(cast: &Cast) -> Script {
     let (at_left, at_right) = match cast.rig.view {
-        View::Top => {
-            ([above(-32.0, -8.0, 74.0), above(26.0, -16.0, 78.0)], [above(34.0, -24.0, 16.0), above(-38.0, -30.0, 16.0)])
-        }
+        View::Top => (
+            [above(-32.0, -8.0, 74.0), above(26.0, -16.0, 78.0)],
+            [above(34.0, -24.0, 16.0), above(-38.0, -30.0, 16.0)],
+        ),
         View::Side => {
             ([above(-30.0, 10.0, 42.0), above(26.0, 16.0, 44.0)], [above(36.0, -48.0, 14.0), above(-40.0, -50.0, 14.0)])
         }
