@@ -43,20 +43,18 @@ type Records = [Vec<Record>; 2];
 fn settled(records: Records, instants: &[Instant], are_alike: bool) -> Records {
     const ROUNDS: usize = 6;
     let mut runs = cut(&records);
-    let mut origins = origins(&records, &runs);
-    for _ in 0..ROUNDS {
-        let [Some(left), Some(right)] = origins else { return records }; // only one was seen: it met nobody
-        let before = runs.clone();
-        decide(&mut runs, &records, &[left, right]);
-        inherit(&mut runs, instants);
-        if runs == before {
-            break;
-        }
-        origins = self::origins(&records, &runs);
-    }
-    let [Some(left), Some(right)] = origins else { return records };
+    let [Some(left), Some(right)] = origins(&records, &runs) else { return records }; // one was alone: it met nobody
     let mut origins = [left, right];
-    if is_right_of(&left, &right) {
+    for _ in 0..ROUNDS {
+        let before = runs.clone();
+        decide(&mut runs, &records, &origins);
+        inherit(&mut runs, instants);
+        match self::origins(&records, &runs) {
+            [Some(left), Some(right)] if runs != before => origins = [left, right],
+            _ => break,
+        }
+    }
+    if is_right_of(&origins[0], &origins[1]) {
         origins.swap(0, 1);
         runs.iter_mut().for_each(|run| run.owner = run.owner.map(|tool| 1 - tool));
     }

@@ -98,9 +98,8 @@ impl<'a, 's> Look<'a, 's> {
     fn search(&mut self, places: &[CellBox]) {
         let missing = [0, 1].map(|tool| self.found[tool].is_none());
         let mut candidates = self.candidates(places, missing);
-        let cost =
-            |measured: &Candidate| [0, 1].map(|tool| measured[tool].as_ref().ok().and_then(|m| self.cost(tool, m)));
-        let costs: Vec<[Option<f64>; 2]> = candidates.iter().map(cost).collect();
+        let costs: Vec<[Option<f64>; 2]> =
+            candidates.iter().map(|measured| [0, 1].map(|tool| self.cost(tool, measured))).collect();
         let are_two = |a: usize, b: usize| match (&candidates[a][0], &candidates[b][1]) {
             (Ok(left), Ok(right)) => !self.are_same(left, right),
             _ => true,
@@ -119,7 +118,7 @@ impl<'a, 's> Look<'a, 's> {
                         _ => None,
                     };
                     let own = candidates.iter().enumerate().filter(|(band, _)| Some(*band) != given);
-                    let reasons = own.filter_map(|(_, measured)| self.reason(tool, &measured[tool]));
+                    let reasons = own.filter_map(|(_, measured)| self.reason(tool, measured));
                     self.reasons[tool] = reasons.fold(Reason::NoMarkerColour, Reason::max);
                 }
             }
@@ -145,9 +144,13 @@ impl<'a, 's> Look<'a, 's> {
         measured.collect()
     }
 
-    /// What a band costs a tool; `None` where it cannot be its own.
-    fn cost(&self, tool: usize, band: &Measurement) -> Option<f64> {
-        if !self.tools[tool].comes_from_the_hand(band) || self.is_the_others(tool, band) {
+    /// What a region costs a tool; `None` where it cannot be its own.
+    fn cost(&self, tool: usize, measured: &Candidate) -> Option<f64> {
+        let band = measured[tool].as_ref().ok()?;
+        if !self.tools[tool].comes_from_the_hand(band)
+            || self.is_the_others(tool, band)
+            || self.is_claimed(tool, measured)
+        {
             return None;
         }
         if self.found[1 - tool].as_ref().is_some_and(|other| self.are_same(band, other)) {
@@ -159,11 +162,20 @@ impl<'a, 's> Look<'a, 's> {
         Some(by_distance + self.origins[tool].against(&band.estimate).min(MOST_BY_ORIGIN))
     }
 
+    /// May a region be a band of the other tool that could not be measured? Nothing but pixels that leave no doubt then
+    /// speak for a tool that was lost.
+    fn is_claimed(&self, tool: usize, measured: &Candidate) -> bool {
+        let is_lost = |tool: usize| self.found[tool].is_none() && self.expected[tool].is_none();
+        let is_doubtful = measured[tool].as_ref().is_ok_and(|band| !band.is_good());
+        is_lost(tool) && self.found[1 - tool].is_none() && measured[1 - tool].is_err() && is_doubtful
+    }
+
     /// Why a tool did not get a region that nobody got.
-    fn reason(&self, tool: usize, measured: &Result<Measurement, Reason>) -> Option<Reason> {
-        match measured {
+    fn reason(&self, tool: usize, measured: &Candidate) -> Option<Reason> {
+        match &measured[tool] {
             Err(reason) => Some(*reason),
             Ok(band) if self.is_the_others(tool, band) => None,
+            Ok(_) if self.is_claimed(tool, measured) => Some(Reason::EitherTool),
             Ok(_) => Some(Reason::ImpossiblePose),
         }
     }

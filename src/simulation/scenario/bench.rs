@@ -80,7 +80,7 @@ pub(super) fn crossing(cast: &Cast) -> Script {
     };
     let mut left = cast.hand_at(front, "left hand");
     let mut right = cast.hand_at(behind[0], "right hand");
-    let away = away_from_view(cast, 1, behind[0]);
+    let away = away_from_view(cast, 1, behind[0], 0.8);
     left.wait(0.5);
     right.wait(0.8);
     cast.laps(1, || {
@@ -118,7 +118,7 @@ pub(super) fn exchange(cast: &Cast) -> Script {
     };
     let mut left = cast.hand_at(at_left[0], "left hand");
     let mut right = cast.hand_at(at_right[0], "right hand");
-    let away = [away_from_view(cast, 0, at_left[0]), away_from_view(cast, 1, at_right[0])];
+    let away = [away_from_view(cast, 0, at_left[0], 0.74), away_from_view(cast, 1, at_right[0], 0.74)];
     left.wait(0.6);
     right.wait(0.6);
     let together = |left: &mut Hand, right: &mut Hand| {
@@ -148,8 +148,8 @@ pub(super) fn exchange(cast: &Cast) -> Script {
     Script { hands: vec![(0, left), (1, right)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
 }
 
-/// A point so near to a trocar that nothing of the tool is in the picture.
-fn away_from_view(cast: &Cast, side: usize, from: Point3<f64>) -> Point3<f64> {
+/// A point so near to a trocar, this share of the way, that nothing of the tool is in the picture.
+fn away_from_view(cast: &Cast, side: usize, from: Point3<f64>, share: f64) -> Point3<f64> {
     let trocar = cast.rig.camera_from_board.inverse() * cast.rig.fulcrums[side];
-    from + (trocar - from) * 0.8
+    from + (trocar - from) * share
 }
