@@ -247,3 +247,60 @@ pub enum SettingsProblem {
         value_mm: f64,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::camera::testing::STRAIGHT as CAMERA;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+    use crate::pipeline::segmentation::samples::ColourSample;
+
+    /// Tools by name, colour and side, where orange, cyan and the background are marked.
+    fn of(tools: &[(&str, &str, Option<Side>)]) -> TrackerSettings {
+        let samples = ColourSamples {
+            encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
+            labels: ["orange", "background", "cyan"].map(str::to_owned).to_vec(),
+            samples: (0..3).map(|label| ColourSample { label, rectangle: label as u32, yuv: [100; 3] }).collect(),
+        };
+        let spec = |(name, colour, side): &(&str, &str, Option<Side>)| ToolSpec {
+            name: (*name).to_owned(),
+            colour: (*colour).to_owned(),
+            side: *side,
+            diameter_mm: 5.0,
+            band_length_mm: None,
+        };
+        TrackerSettings::new(CAMERA, tools.iter().map(spec).collect(), samples)
+    }
+
+    fn problem(tools: &[(&str, &str, Option<Side>)]) -> Option<SettingsProblem> {
+        of(tools).check(CAMERA.width, CAMERA.height).err()
+    }
+
+    #[test]
+    fn tools_of_one_colour_share_its_class() {
+        let pair = [("a", "orange", None), ("b", "cyan", None), ("c", "orange", None)];
+        assert_eq!(problem(&pair), None);
+        assert_eq!(of(&pair).classes(), [1, 0, 2]);
+        assert_eq!(of(&pair).pairs(), [[0, 2]]);
+        assert!(of(&pair[..2]).pairs().is_empty());
+    }
+
+    #[test]
+    fn either_side_that_is_told_tells_both() {
+        let pairs = |first, second| of(&[("a", "orange", first), ("b", "orange", second)]).pairs();
+        assert_eq!(pairs(Some(Side::Left), None), [[0, 1]]);
+        assert_eq!(pairs(None, Some(Side::Right)), [[0, 1]]);
+        assert_eq!(pairs(Some(Side::Right), None), [[1, 0]]);
+        assert_eq!(pairs(None, Some(Side::Left)), [[1, 0]]);
+    }
+
+    #[test]
+    fn what_cannot_be_told_apart_is_refused() {
+        let left = Some(Side::Left);
+        let same_side = problem(&[("a", "orange", left), ("b", "orange", left)]);
+        assert_eq!(same_side, Some(SettingsProblem::SameSide("a".into(), "b".into())));
+        let three = problem(&[("a", "orange", None), ("b", "orange", None), ("c", "orange", None)]);
+        assert_eq!(three, Some(SettingsProblem::CrowdedColour(3, "orange".into())));
+        assert_eq!(problem(&[("a", "lime", None)]), Some(SettingsProblem::NoSamples("a".into())));
+    }
+}
