@@ -3,7 +3,8 @@
 use std::fs::File;
 
 use super::protocol::{
-    BoardShape, CalibrateWork, CameraShape, MarkShape, PaletteShape, PaletteWork, ToolShape, TrackWork, ViewShape, Work,
+    BoardShape, CalibrateWork, CameraShape, MarkShape, PaletteShape, PaletteWork, SideShape, ToolShape, TrackWork,
+    ViewShape, Work,
 };
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
@@ -71,17 +72,17 @@ async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
 }
 
 fn palette(input: &PaletteInput) -> Result<PaletteWork, WorkError> {
-    let marks = input.annotations.labels.iter().map(mark).collect::<Result<_, _>>()?;
-    let tools = input.annotations.marked_tools().unwrap_or_default().into_iter().map(|tool| tool.name).collect();
+    let colour_of = |label: &LabelledRectangle| input.annotations.colour_of(&label.label).to_owned();
+    let marks = input.annotations.labels.iter().map(|l| mark(l, colour_of(l))).collect::<Result<_, _>>()?;
+    let tools = input.annotations.marked_colours().into_iter().map(str::to_owned).collect();
     Ok(PaletteWork { marks, tools, frames: (!input.is_video).then(|| input.frames.clone()) })
 }
 
-fn mark(label: &LabelledRectangle) -> Result<MarkShape, Problem> {
+/// A rectangle as a mark of a colour.
+fn mark(label: &LabelledRectangle, colour: String) -> Result<MarkShape, Problem> {
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(u32::try_from);
     match (x, y, w, h) {
-        (Ok(x), Ok(y), Ok(w), Ok(h)) => {
-            Ok(MarkShape { frame: label.frame, label: label.label.clone(), x_y_w_h: [x, y, w, h] })
-        }
+        (Ok(x), Ok(y), Ok(w), Ok(h)) => Ok(MarkShape { frame: label.frame, label: colour, x_y_w_h: [x, y, w, h] }),
         _ => Err(outside(label)),
     }
 }
@@ -97,8 +98,9 @@ fn calibrate(input: &CalibrateInput, now: &str) -> CalibrateWork {
 }
 
 impl From<BoxTool> for ToolShape {
-    fn from(BoxTool { name, diameter_mm, band_length_mm }: BoxTool) -> Self {
-        Self { name, diameter_mm, band_length_mm }
+    fn from(BoxTool { name, colour, side, diameter_mm, band_length_mm }: BoxTool) -> Self {
+        let colour = colour.unwrap_or_else(|| name.clone());
+        Self { name, colour, side: side.map(SideShape::from), diameter_mm, band_length_mm }
     }
 }
 

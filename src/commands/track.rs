@@ -18,15 +18,18 @@ use progress::Progress;
 use stages::{Stage, StageClock};
 
 use super::{Failure, verdict};
-use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle};
+use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle, MarkedTool};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
-use crate::media::{Limits, MediaError, ReadAhead, VideoFile};
+use crate::media::{Limits, MediaError, Picture, ReadAhead, VideoFile};
+use crate::pipeline::frame::Frame;
 use crate::pipeline::quality::{self, Evidence};
 use crate::pipeline::segmentation::palette::{self, Verdict};
 use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
-use crate::pipeline::tracker::{MotionSettings, PoseMethod, ToolSpec, Tracker, TrackerSettings, Tracking, View};
+use crate::pipeline::tracker::{
+    MOST_REHEARSED, MotionSettings, PoseMethod, Side, ToolSpec, Tracker, TrackerSettings, Tracking, View,
+};
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
@@ -131,7 +134,8 @@ fn track(
     if let Some(samples) = marks.collect_few(clock)? {
         warn_of_colours(args, marked, &samples);
         clock.lap_of(Stage::Samples);
-        let followed = follow(args, settings(args, camera, marked, &samples)?, Some(marks), pictures.as_deref_mut(), clock)?;
+        let followed =
+            follow(args, settings(args, camera, marked, &samples)?, Some(marks), pictures.as_deref_mut(), clock)?;
         if followed.samples.as_ref().is_some_and(|again| *again == samples) {
             return Ok(followed);
         }
@@ -166,8 +170,8 @@ fn warn_of_colours(args: &Args, marked: &AnnotationsFile, samples: &ColourSample
     if args.quiet {
         return;
     }
-    let tools: Vec<String> = marked.marked_tools().into_iter().flatten().map(|tool| tool.name).collect();
-    for warning in palette::verdicts(samples, &tools).iter().filter_map(Verdict::warning) {
+    let colours: Vec<String> = marked.marked_colours().into_iter().map(str::to_owned).collect();
+    for warning in palette::verdicts(samples, &colours).iter().filter_map(Verdict::warning) {
         eprintln!("warning: {warning}");
     }
 }
@@ -196,15 +200,17 @@ fn follow(
     let progress = Progress::new(info.frames_expected, args.quiet);
     let scene = Scene::new(&settings);
     let mut ahead = ReadAhead::new(video).map_err(in_video)?;
-    let first = ahead.next_picture().map_err(in_video)?.ok_or_else(|| in_video(MediaError::NoFrames))?;
+    let first: Vec<Frame<'_>> =
+        ahead.first_pictures(MOST_REHEARSED).map_err(in_video)?.iter().map(Picture::frame).collect();
+    let encoding = first.first().ok_or_else(|| in_video(MediaError::NoFrames))?.encoding;
     clock.lap_of(Stage::Waiting);
-    let mut tracker =
-        Tracker::new(settings, info.width, info.height, first.frame().encoding).map_err(|e| about(&args.camera, e))?;
+    let mut tracker = Tracker::new(settings, info.width, info.height, encoding).map_err(|e| about(&args.camera, e))?;
+    tracker.rehearse(&first);
     clock.lap_of(Stage::Preparing);
     let mut again = marks.map(Marks::collector);
     let mut frames_interlaced = 0;
-    let mut picture = Some(first);
-    while let Some(seen) = picture {
+    while let Some(seen) = ahead.next_picture().map_err(in_video)? {
+        clock.lap_of(Stage::Waiting);
         let frame = seen.frame();
         frames_interlaced += u64::from(seen.is_interlaced());
         if let Some(again) = &mut again {
@@ -223,8 +229,6 @@ fn follow(
             }
         }
         progress.step();
-        picture = ahead.next_picture().map_err(in_video)?;
-        clock.lap_of(Stage::Waiting);
     }
     progress.end();
     let tracking = tracker.finish();
@@ -233,19 +237,25 @@ fn follow(
     Ok(Followed { tracking, samples, frames_expected: info.frames_expected, frames_interlaced })
 }
 
-/// A marked rectangle that has been checked to lie inside the frame.
-pub(super) fn rectangle(label: &LabelledRectangle) -> Rectangle {
+/// A marked rectangle that has been checked to lie inside the frame, as a mark of its colour.
+pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> Rectangle {
     let size = |n: i64| usize::try_from(n).unwrap_or(0);
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(size);
-    Rectangle { label: label.label.clone(), x, y, w, h }
+    Rectangle { label: marked.colour_of(&label.label).to_owned(), x, y, w, h }
 }
 
 fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, Failure> {
     let tools = marked.marked_tools().map_err(|e| about(path, e))?;
-    Ok(tools
-        .into_iter()
-        .map(|t| ToolSpec { name: t.name, diameter_mm: t.diameter_mm, band_length_mm: t.band_length_mm })
-        .collect())
+    Ok(tools.into_iter().map(tool).collect())
+}
+
+fn tool(marked: MarkedTool) -> ToolSpec {
+    let MarkedTool { name, colour, side, diameter_mm, band_length_mm } = marked;
+    let side = side.map(|side| match side {
+        annotations::Side::Left => Side::Left,
+        annotations::Side::Right => Side::Right,
+    });
+    ToolSpec { name, colour, side, diameter_mm, band_length_mm }
 }
 
 fn report(tracking: &Tracking) {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::files::annotations::{MarkedTool, View};
+use super::files::annotations::{MarkedTool, Side, View};
 use super::text::{Code, Name, Paragraphs};
 
 /// A box to be registered.
@@ -36,8 +36,14 @@ pub struct BoxChange {
 /// A tool as it is known in a box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct BoxTool {
-    /// Marker's name, such as `orange`.
+    /// The tool's name: its colour, such as `orange`, or one of its own.
     pub name: String,
+    /// Colour of its tape, where that is not its name. Two tools of one colour are told apart by their trocars.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<String>,
+    /// The side of the picture on which its hand is, where that is told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub side: Option<Side>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
     /// Length of the tape band along the tube, mm, where known.
@@ -46,6 +52,8 @@ pub struct BoxTool {
 
 impl From<MarkedTool> for BoxTool {
     fn from(tool: MarkedTool) -> Self {
-        Self { name: tool.name, diameter_mm: tool.diameter_mm, band_length_mm: tool.band_length_mm }
+        let MarkedTool { name, colour, side, diameter_mm, band_length_mm } = tool;
+        let colour = (colour != name).then_some(colour);
+        Self { name, colour, side, diameter_mm, band_length_mm }
     }
 }

@@ -4,6 +4,7 @@
 //! one is looked at. A full queue halts the decoder, an empty one whoever looks. Order, times and errors are those of
 //! [`VideoFile::next_picture`], whatever the threads' pace.
 
+use std::collections::VecDeque;
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
@@ -14,9 +15,16 @@ use super::{MediaError, Picture, VideoFile};
 /// 3 MB at 1080p.
 const MOST_WAITING: usize = 3;
 
+/// Pictures kept at a recording's beginning take at most one more than this.
+const MOST_KEPT_BYTES: usize = 40 << 20;
+
 /// A recording that is decoded ahead.
 pub struct ReadAhead {
     seen: Option<Picture>,
+    /// Shown by [`Self::first_pictures`], and next to come.
+    kept: VecDeque<Picture>,
+    /// Comes after those.
+    failed: Option<MediaError>,
     // Gone when the decoder's thread has been joined.
     decoder: Option<Decoder>,
 }
@@ -39,7 +47,36 @@ impl ReadAhead {
             .name("decoder".into())
             .spawn(move || decode(video, &made, &back))
             .map_err(|_| MediaError::Memory)?;
-        Ok(Self { seen: None, decoder: Some(Decoder { thread, pictures, done_with }) })
+        Ok(Self {
+            seen: None,
+            kept: VecDeque::new(),
+            failed: None,
+            decoder: Some(Decoder { thread, pictures, done_with }),
+        })
+    }
+
+    /// The first pictures, at most so many and as many as [`MOST_KEPT_BYTES`] hold; they still come. Call before
+    /// [`Self::next_picture`].
+    ///
+    /// # Errors
+    /// Those of [`VideoFile::next_picture`], if not even one picture comes.
+    pub fn first_pictures(&mut self, most: usize) -> Result<&[Picture], MediaError> {
+        let mut bytes = 0;
+        while self.kept.len() < most && bytes <= MOST_KEPT_BYTES {
+            match self.receive() {
+                Ok(Some(picture)) => {
+                    bytes += picture.bytes();
+                    self.kept.push_back(picture);
+                }
+                Ok(None) => break,
+                Err(error) if self.kept.is_empty() => return Err(error),
+                Err(error) => {
+                    self.failed = Some(error);
+                    break;
+                }
+            }
+        }
+        Ok(self.kept.make_contiguous())
     }
 
     /// The next picture in presentation order, lent until the one after it; `None` at the end and after an error.
@@ -47,13 +84,26 @@ impl ReadAhead {
     /// # Errors
     /// Those of [`VideoFile::next_picture`], after the pictures before them.
     pub fn next_picture(&mut self) -> Result<Option<&Picture>, MediaError> {
-        let Some(decoder) = &self.decoder else { return Ok(None) };
-        if let Some(seen) = self.seen.take() {
+        if let (Some(decoder), Some(seen)) = (&self.decoder, self.seen.take()) {
             // Refused at the recording's end, when nothing is left to decode into it.
             let _ = decoder.done_with.send(seen);
         }
+        let next = match (self.kept.pop_front(), self.failed.take()) {
+            (Some(kept), failed) => {
+                self.failed = failed;
+                Some(kept)
+            }
+            (None, Some(error)) => return Err(error),
+            (None, None) => self.receive()?,
+        };
+        self.seen = next;
+        Ok(self.seen.as_ref())
+    }
+
+    fn receive(&mut self) -> Result<Option<Picture>, MediaError> {
+        let Some(decoder) = &self.decoder else { return Ok(None) };
         match decoder.pictures.recv() {
-            Ok(Ok(picture)) => Ok(Some(self.seen.insert(picture))),
+            Ok(Ok(picture)) => Ok(Some(picture)),
             Ok(Err(error)) => {
                 self.stop();
                 Err(error)

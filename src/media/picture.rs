@@ -70,6 +70,12 @@ impl Picture {
         Self { index, time_s: 0.0, planes: Planes::Owned(planes), shift: (0, 0), encoding, is_interlaced: false }
     }
 
+    /// Memory that its planes take.
+    pub(super) fn bytes(&self) -> usize {
+        let frame = self.frame();
+        [frame.y, frame.u, frame.v].iter().map(|plane| plane.data.len()).sum()
+    }
+
     /// The picture as the pipeline sees it.
     pub fn frame(&self) -> Frame<'_> {
         let [y, u, v] = [0, 1, 2].map(|i| match &self.planes {

@@ -19,6 +19,8 @@ pub enum Reason {
     OutOfBounds,
     /// The measured position contradicts the tool's motion (Mahalanobis gate).
     GateRejected,
+    /// A band was measured, but it could be either of two tools of one colour.
+    EitherTool,
 }
 
 impl Reason {
@@ -33,6 +35,7 @@ impl Reason {
             Reason::TipHidden => "tip_hidden",
             Reason::OutOfBounds => "out_of_bounds",
             Reason::GateRejected => "gate_rejected",
+            Reason::EitherTool => "either_tool",
         }
     }
 }

@@ -1,8 +1,13 @@
 //! The flow: what happens to each frame, and what a whole recording becomes.
 
+mod assignment;
+mod footprint;
 mod gaps;
+mod hindsight;
 mod light;
 mod measure;
+mod origin;
+mod pair;
 mod report;
 mod session;
 mod settings;
@@ -11,7 +16,7 @@ mod tool;
 mod trace;
 
 pub use report::{Absence, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality, ToolReport, Tracking};
-pub use settings::{MotionSettings, PoseMethod, SettingsProblem, ToolSpec, TrackerSettings, View};
+pub use settings::{MotionSettings, PoseMethod, SettingsProblem, Side, ToolSpec, TrackerSettings, View};
 pub use trace::{Fit, FrameTrace, Look, ToolTrace};
 
 use crate::pipeline::edges::edge_model::EdgeModel;
@@ -27,11 +32,16 @@ use measure::Measurement;
 use session::Instant;
 use tool::{Scene, Seen, ToolTracker};
 
+/// Frames that are rehearsed: enough edges to tell how they look, and views to tell a band's length.
+pub const MOST_REHEARSED: usize = 12;
+
 /// Follows the tools through a recording or a live feed, frame by frame.
 pub struct Tracker {
     settings: TrackerSettings,
     table: ColourTable,
     tools: Vec<ToolTracker>,
+    /// Tools that share a colour, the left hand's first.
+    pairs: Vec<[usize; 2]>,
     instants: Vec<Instant>,
     light: LightWatch,
 }
@@ -51,16 +61,17 @@ impl Tracker {
         let classes = settings.classes();
         let knn = Knn::new(&settings.samples, &classes).ok_or(SettingsProblem::NoBackground)?;
         let table = ColourTable::new(knn, encoding);
-        let tools = settings.tools.iter().enumerate().map(|(i, spec)| {
-            let tape = settings.samples.mean_codes(&spec.name, encoding);
-            ToolTracker::new(spec.clone(), i as u8 + 1, EdgeModel::new(tape, encoding))
+        let tools = settings.tools.iter().map(|spec| {
+            let tape = settings.samples.mean_codes(&spec.colour, encoding);
+            ToolTracker::new(spec.clone(), settings.class_of(&spec.colour), EdgeModel::new(tape, encoding))
         });
-        Ok(Self { tools: tools.collect(), table, settings, instants: Vec::new(), light: LightWatch::default() })
+        let (tools, pairs) = (tools.collect(), settings.pairs());
+        Ok(Self { tools, pairs, table, settings, instants: Vec::new(), light: LightWatch::default() })
     }
 
     /// Looks at the first frames of a recording only to learn how its edges look and how long its bands are, so that the
-    /// first seconds are measured as well as the rest. Call before [`Tracker::observe`], with at least ten frames if there
-    /// are so many.
+    /// first second is measured as well as the rest. Call before [`Tracker::observe`], with [`MOST_REHEARSED`] frames if
+    /// there are so many.
     pub fn rehearse(&mut self, frames: &[Frame<'_>]) {
         const ROUNDS: u32 = 2; // what the second learns of lengths needs what the first learned of edges
         for _ in 0..ROUNDS {
@@ -78,15 +89,22 @@ impl Tracker {
         self.instants.push((frame.index, frame.time_s));
         self.light.look(frame);
         let outlines = self.expected_outlines(frame.time_s);
-        let tools = (0..self.tools.len())
-            .map(|i| {
-                let obstacles: Vec<Outline> =
-                    outlines.iter().enumerate().filter(|(other, _)| *other != i).filter_map(|(_, o)| *o).collect();
-                let scene = Scene { frame, table: &self.table, settings: &self.settings, obstacles: &obstacles };
-                let seen = self.tools[i].observe(&scene);
-                self.report(i, (frame.index, frame.time_s), seen)
-            })
-            .collect();
+        let obstacles: Vec<Vec<Outline>> = (0..self.tools.len()).map(|i| others(&outlines, i)).collect();
+        let scene = |i: usize| Scene { frame, table: &self.table, settings: &self.settings, obstacles: &obstacles[i] };
+        let mut seen: Vec<(usize, Seen)> = Vec::with_capacity(self.tools.len());
+        for (i, tool) in self.tools.iter_mut().enumerate() {
+            if !self.pairs.iter().flatten().any(|paired| *paired == i) {
+                seen.push((i, tool.observe(&scene(i))));
+            }
+        }
+        for pair in &self.pairs {
+            if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
+                seen.extend(pair.iter().copied().zip(pair::observe(tools, pair.map(scene))));
+            }
+        }
+        seen.sort_by_key(|(i, _)| *i);
+        let instant = (frame.index, frame.time_s);
+        let tools = seen.into_iter().map(|(i, seen)| self.report(i, instant, seen)).collect();
         FrameReport { frame: frame.index, time_s: frame.time_s, tools }
     }
 
@@ -101,14 +119,20 @@ impl Tracker {
     }
 
     /// Ends the recording: every frame again with hindsight.
-    pub fn finish(self) -> Tracking {
+    pub fn finish(mut self) -> Tracking {
+        for pair in &self.pairs {
+            if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
+                hindsight::settle(tools, &self.instants);
+            }
+        }
         let names: Vec<String> = self.settings.tools.iter().map(|t| t.name.clone()).collect();
         let frame_times_s: Vec<f64> = self.instants.iter().map(|i| i.1).collect();
         let motion = &self.settings.motion;
         let mut paths = [Vec::new(), Vec::new(), Vec::new()];
         let mut quality =
             Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
-        let colours = palette::apart(&self.settings.samples, &names);
+        let tapes: Vec<String> = self.settings.tools.iter().map(|t| t.colour.clone()).collect();
+        let colours = palette::apart(&self.settings.samples, &tapes);
         for ((i, tool), colour) in self.tools.iter().enumerate().zip(colours) {
             let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, motion);
             quality.tools.push(ToolQuality { colour, ..reworked.quality });
@@ -168,4 +192,9 @@ impl Tracker {
             |side| Some([pixel(outline.border(side, 0.0))?, pixel(outline.border(side, measurement.length_mm))?]);
         Some(([border(0)?, border(1)?], pixel(outline.rim(0.0, 0.0))?))
     }
+}
+
+/// What may hide a tool: the outlines of all others.
+fn others(outlines: &[Option<Outline>], tool: usize) -> Vec<Outline> {
+    outlines.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, outline)| *outline).collect()
 }

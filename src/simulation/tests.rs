@@ -72,8 +72,9 @@ fn every_scene_keeps_its_tools_in_the_picture_unless_it_withdraws_one() {
         for (index, tool) in world.tools.iter().enumerate() {
             let seen: Vec<f64> = times(&world, 0.5).map(|t| truth::at(&world, t)[index].visible).collect();
             let share = seen.iter().filter(|v| **v > 0.8).count() as f64 / seen.len() as f64;
-            let least = if setup.scenario == Scenario::Crossing { 0.4 } else { 0.8 };
-            assert!(share > least, "{setup:?}, {}: only {share:.2} of the time in view", tool.design.tape.name);
+            let withdraws = matches!(setup.scenario, Scenario::Crossing | Scenario::Exchange);
+            let least = if withdraws { 0.4 } else { 0.8 };
+            assert!(share > least, "{setup:?}, {}: only {share:.2} of the time in view", tool.name);
         }
     }
 }
@@ -88,8 +89,31 @@ fn one_tool_passes_behind_the_other_and_leaves_the_view_in_crossing() {
 }
 
 #[test]
+fn both_cross_leave_and_return_in_the_other_order_in_exchange() {
+    for view in [View::Top, View::Side] {
+        let world = World::new(&Setup { view, ..small(Scenario::Exchange, Skill::INTERMEDIATE, 2) });
+        let seen: Vec<_> = times(&world, 0.05).map(|t| truth::at(&world, t)).collect();
+        let crossed = |tools: &[crate::pipeline::evaluation::TruthTool]| tools[0].tip_mm.x > tools[1].tip_mm.x + 20.0;
+        assert!(seen.iter().any(|tools| crossed(tools)), "{view:?}: never crossed");
+        let absent =
+            |tool: usize| -> Vec<usize> { (0..seen.len()).filter(|k| seen[*k][tool].visible == 0.0).collect() };
+        let (left, right) = (absent(0), absent(1));
+        assert!(left.first() < right.first() && right.last() < left.last(), "{view:?}: {left:?}, {right:?}");
+        assert!(left.iter().any(|k| right.contains(k)), "{view:?}: never both away");
+    }
+}
+
+#[test]
+fn tools_of_one_tape_are_called_by_their_sides() {
+    let tape = super::tool::Tape::ALL[0];
+    let world = World::new(&Setup { tapes: [tape; 2], ..small(Scenario::Exchange, Skill::EXPERT, 2) });
+    let names: Vec<String> = truth::at(&world, 0.0).into_iter().map(|tool| tool.tool).collect();
+    assert_eq!(names, ["left", "right"]);
+}
+
+#[test]
 fn tools_do_not_pass_through_each_other() {
-    for scenario in [Scenario::Crossing, Scenario::Rectangle] {
+    for scenario in [Scenario::Crossing, Scenario::Exchange, Scenario::Rectangle] {
         for view in [View::Top, View::Side] {
             let world = World::new(&Setup { view, ..small(scenario, Skill::INTERMEDIATE, 3) });
             for time_s in times(&world, 0.05) {

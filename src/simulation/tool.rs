@@ -10,7 +10,7 @@ use super::shape::{RoundCone, Tube};
 /// How much thinner than over the tape the bare tube is, mm: two layers of 0.06 mm vinyl.
 pub const TAPE_STEP_MM: f64 = 0.12;
 
-/// Coloured tape that marks a tool; its name is the tool's name.
+/// Coloured tape that marks a tool; its name is the tool's name, unless both tools wear the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tape {
     /// Name on the command line and in every file.
@@ -57,6 +57,8 @@ pub struct ToolDesign {
 /// A tool in a hand: a design, a fixed fulcrum, and the hand's motion.
 #[derive(Clone, Debug)]
 pub struct Tool {
+    /// Its name: its tape's, or `left` and `right` where both wear the same.
+    pub name: &'static str,
     /// What it is made of.
     pub design: ToolDesign,
     /// The trocar: the axis passes through this point at every time. Camera frame, mm.

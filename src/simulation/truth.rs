@@ -14,7 +14,7 @@ use crate::pipeline::space::{CameraPoint, Pixel};
 pub fn at(world: &World, time_s: f64) -> Vec<TruthTool> {
     let poses = world.poses(time_s);
     let of_tool = |(index, pose): (usize, &ToolPose)| TruthTool {
-        tool: world.tools[index].design.tape.name.to_owned(),
+        tool: world.tools[index].name.to_owned(),
         tip_mm: pose.tip,
         axis: Some(pose.axis),
         tip_px: world.rig.camera.project(CameraPoint(pose.tip)).map(|pixel| pixel.0),

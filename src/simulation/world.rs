@@ -31,7 +31,7 @@ pub struct Setup {
     pub height: u32,
     /// The task is repeated until this time, s; 0 for once.
     pub at_least_s: f64,
-    /// Tapes of the left and the right tool.
+    /// Tapes of the left and the right tool; both may be the same.
     pub tapes: [Tape; 2],
     /// Outer diameter of the tools over the tape, mm.
     pub diameter_mm: f64,
@@ -115,7 +115,9 @@ fn tool(setup: &Setup, rig: &Rig, side: usize, hand: Hand) -> Tool {
         band_mm: BANDS_MM[side],
         jaw_mm: 12.0 + setup.diameter_mm,
     };
+    let name = if setup.tapes[0] == setup.tapes[1] { ["left", "right"][side] } else { setup.tapes[side].name };
     Tool {
+        name,
         design,
         fulcrum: rig.fulcrums[side],
         unsteadiness: unsteadiness(setup, side, &hand),

@@ -265,6 +265,7 @@ export default {
       tip_hidden: 'the end of the band is hidden or outside the picture',
       out_of_bounds: 'the position would be outside the box',
       gate_rejected: 'the position contradicts the tool’s motion',
+      either_tool: 'it could be either of the two tools of this colour',
     },
     versions: 'Made with',
     again: 'Score it again with the newest camera, colours and program',

@@ -12,5 +12,6 @@ mod palette;
 mod process;
 mod quality;
 mod readme;
+mod same_colour;
 mod support;
 mod truth;

@@ -78,7 +78,9 @@ impl TapedBox {
 
     fn tracked(&self) -> Tracking {
         let tool = |tool: &trocar::simulation::tool::Tool| ToolSpec {
-            name: tool.design.tape.name.to_owned(),
+            name: tool.name.to_owned(),
+            colour: tool.design.tape.name.to_owned(),
+            side: None,
             diameter_mm: tool.design.diameter_mm,
             band_length_mm: Some(tool.design.band_mm),
         };

@@ -43,6 +43,8 @@ impl Rest {
         let design = &self.world.tools[0].design;
         let spec = ToolSpec {
             name: design.tape.name.to_owned(),
+            colour: design.tape.name.to_owned(),
+            side: None,
             diameter_mm: design.diameter_mm,
             band_length_mm: Some(design.band_mm),
         };

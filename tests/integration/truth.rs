@@ -14,8 +14,8 @@ use trocar::simulation::{Scenario, Setup, Skill, View, World, marks, truth};
 const FPS: f64 = 25.0;
 
 /// A scene, rendered.
-struct Recording {
-    world: World,
+pub struct Recording {
+    pub world: World,
     view: View,
     times_s: Vec<f64>,
     pictures: Vec<Rendered>,
@@ -24,9 +24,14 @@ struct Recording {
 impl Recording {
     fn of(scenario: Scenario) -> Self {
         const FRAMES: usize = 30;
-        let setup = Setup { rig: 2, ..Setup::new(scenario, Skill::INTERMEDIATE, 21) };
-        let world = World::new(&setup);
-        let times_s: Vec<f64> = (0..FRAMES).map(|i| i as f64 / FPS).collect();
+        Self::with(&Setup { rig: 2, ..Setup::new(scenario, Skill::INTERMEDIATE, 21) }, Some(FRAMES))
+    }
+
+    /// The first frames of a scene; all of it without a number.
+    pub fn with(setup: &Setup, frames: Option<usize>) -> Self {
+        let world = World::new(setup);
+        let frames = frames.unwrap_or((world.duration_s * FPS) as usize);
+        let times_s: Vec<f64> = (0..frames).map(|i| i as f64 / FPS).collect();
         let renderer = Renderer::new(&world);
         let pictures = times_s.iter().map(|time_s| renderer.render(*time_s)).collect();
         Self { view: setup.view, times_s, pictures, world }
@@ -37,7 +42,7 @@ impl Recording {
     }
 
     /// What the tracker makes of it, believing in this camera.
-    fn track(&self, camera: Camera) -> Tracking {
+    pub fn track(&self, camera: Camera) -> Tracking {
         let mut settings = TrackerSettings::new(camera, tools(&self.world), self.samples());
         settings.view = Some(match self.view {
             View::Top => TrackerView::Top,
@@ -60,7 +65,7 @@ impl Recording {
         samples
     }
 
-    fn truth(&self) -> Truth {
+    pub fn truth(&self) -> Truth {
         let frame = |(index, time_s): (usize, &f64)| TruthFrame {
             frame: index as u64,
             time_s: *time_s,
@@ -78,7 +83,9 @@ impl Recording {
 
 fn tools(world: &World) -> Vec<ToolSpec> {
     let spec = |tool: &trocar::simulation::tool::Tool| ToolSpec {
-        name: tool.design.tape.name.to_owned(),
+        name: tool.name.to_owned(),
+        colour: tool.design.tape.name.to_owned(),
+        side: None,
         diameter_mm: tool.design.diameter_mm,
         band_length_mm: Some(tool.design.band_mm),
     };

@@ -36,6 +36,8 @@ impl Explain for SettingsProblem {
         let (slug, title) = match self {
             SettingsProblem::OtherSize { .. } => ("camera-size", "Camera and recording differ in size"),
             SettingsProblem::NoTool => ("no-tool", "No tool is marked"),
+            SettingsProblem::CrowdedColour(..) => ("crowded-colour", "Too many tools share a colour"),
+            SettingsProblem::SameSide(..) => ("same-side", "Tools of one colour come from one side"),
             SettingsProblem::NoSamples(_) => ("no-samples", "A tool has no colour samples"),
             SettingsProblem::NoBackground => ("no-background", "No background is marked"),
             SettingsProblem::TooManyLabels(..) => ("too-many-labels", "Too many colours are marked"),

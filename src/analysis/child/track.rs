@@ -5,8 +5,9 @@ use super::preview::Preview;
 use super::reporter::Reporter;
 use super::{Halt, explain};
 use crate::analysis::protocol::{Answer, KindShape, PathRow, QualityShape, SeenRow, TrackWork};
-use crate::media::{MediaError, ReadAhead, VideoFile};
-use crate::pipeline::tracker::{Quality, Tracker, TrackerSettings, Tracking};
+use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
+use crate::pipeline::frame::Frame;
+use crate::pipeline::tracker::{MOST_REHEARSED, Quality, Tracker, TrackerSettings, Tracking};
 use crate::pipeline::trajectory::Trajectory;
 
 /// Rows of a path told of at a time.
@@ -16,18 +17,18 @@ pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) ->
     let info = video.info();
     reporter.recording(info)?;
     let mut pictures = ReadAhead::new(video)?;
-    let first = pictures.next_picture()?.ok_or(MediaError::NoFrames)?;
-    let mut tracker = Tracker::new(settings(work)?, info.width, info.height, first.frame().encoding)?;
+    let first: Vec<Frame<'_>> = pictures.first_pictures(MOST_REHEARSED)?.iter().map(Picture::frame).collect();
+    let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
+    let mut tracker = Tracker::new(settings(work)?, info.width, info.height, encoding)?;
+    tracker.rehearse(&first);
     let mut preview = Preview::new(info.frames_expected);
     let mut frames_interlaced = 0;
-    let mut picture = Some(first);
-    while let Some(seen) = picture {
+    while let Some(seen) = pictures.next_picture()? {
         let frame = seen.frame();
         frames_interlaced += u64::from(seen.is_interlaced());
         preview.consider(&frame);
         let report = tracker.observe(&frame);
         reporter.frame(frame.time_s, report.tools.iter().map(|tool| SeenRow::new(frame.index, tool)))?;
-        picture = pictures.next_picture()?;
     }
     reporter.frames_end()?;
     drop(pictures); // the paths need the memory now

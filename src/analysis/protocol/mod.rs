@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 pub use rows::{PathRow, ReasonShape, SeenRow};
 pub use shapes::{
-    BoardShape, CalibrationShape, CameraShape, MarginShape, MarkShape, PaletteShape, QualityShape, ToolQualityShape,
-    ToolShape, ViewShape,
+    BoardShape, CalibrationShape, CameraShape, MarginShape, MarkShape, PaletteShape, QualityShape, SideShape,
+    ToolQualityShape, ToolShape, ViewShape,
 };
 
 use crate::domain::palette::PaletteReport;
@@ -65,7 +65,7 @@ pub struct TrackWork {
 pub struct PaletteWork {
     /// Marked rectangles.
     pub marks: Vec<MarkShape>,
-    /// Labels that are tools.
+    /// Labels that are colours of tools.
     pub tools: Vec<String>,
     /// Frame shown by each input; `None`: the one input is a clip.
     pub frames: Option<Vec<u64>>,

@@ -143,4 +143,5 @@ reason_shape!(
     TipHidden,
     OutOfBounds,
     GateRejected,
+    EitherTool,
 );

@@ -9,7 +9,7 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::palette::{Apart, Margin};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, Rectangle};
-use crate::pipeline::tracker::{Absence, Gap, LightSample, Quality, ToolQuality, ToolSpec, View};
+use crate::pipeline::tracker::{Absence, Gap, LightSample, Quality, Side, ToolQuality, ToolSpec, View};
 
 /// [`Camera`]: `width height` and `fx fy cx cy k1 k2 p1 p2 k3`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,8 +34,12 @@ impl From<CameraShape> for Camera {
 /// [`ToolSpec`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ToolShape {
-    /// Marker's name.
+    /// The tool's name.
     pub name: String,
+    /// Colour of its tape.
+    pub colour: String,
+    /// Where its hand is, where that is told.
+    pub side: Option<SideShape>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
     /// Band length, mm, where known.
@@ -43,8 +47,35 @@ pub struct ToolShape {
 }
 
 impl From<ToolShape> for ToolSpec {
-    fn from(ToolShape { name, diameter_mm, band_length_mm }: ToolShape) -> Self {
-        Self { name, diameter_mm, band_length_mm }
+    fn from(ToolShape { name, colour, side, diameter_mm, band_length_mm }: ToolShape) -> Self {
+        Self { name, colour, side: side.map(Side::from), diameter_mm, band_length_mm }
+    }
+}
+
+/// [`Side`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SideShape {
+    /// Left in the picture.
+    Left,
+    /// Right in the picture.
+    Right,
+}
+
+impl From<annotations::Side> for SideShape {
+    fn from(side: annotations::Side) -> Self {
+        match side {
+            annotations::Side::Left => Self::Left,
+            annotations::Side::Right => Self::Right,
+        }
+    }
+}
+
+impl From<SideShape> for Side {
+    fn from(side: SideShape) -> Self {
+        match side {
+            SideShape::Left => Self::Left,
+            SideShape::Right => Self::Right,
+        }
     }
 }
 

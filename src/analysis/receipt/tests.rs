@@ -28,7 +28,13 @@ fn tracking() -> Receipt {
     };
     let work = Work::Track(TrackWork {
         camera: CameraShape::from(camera),
-        tools: vec![ToolShape { name: "orange".into(), diameter_mm: 8.0, band_length_mm: None }],
+        tools: vec![ToolShape {
+            name: "orange".into(),
+            colour: "orange".into(),
+            side: None,
+            diameter_mm: 8.0,
+            band_length_mm: None,
+        }],
         palette: PaletteShape::from(&ColourSamples::new(encoding)),
         view: None,
     });

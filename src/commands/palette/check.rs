@@ -29,8 +29,7 @@ pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), F
 }
 
 fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> Result<PaletteReport, Failure> {
-    let tools = marked.marked_tools().map_err(|e| about(annotations, e))?.into_iter().map(|tool| tool.name);
-    let tools: Vec<String> = tools.collect();
+    let colours: Vec<String> = marked.marked_colours().into_iter().map(str::to_owned).collect();
     let folder = annotations.parent().unwrap_or(Path::new("."));
     let named = marked.video.as_ref().map(|name| folder.join(name));
     let path = named.as_deref().or(video).ok_or_else(|| {
@@ -46,9 +45,12 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
             let what = anyhow!("a rectangle is on frame {last}, but {} has only {index} frames", path.display());
             return Err(about(annotations, what));
         };
-        frames.take(picture, marked.labels.iter().filter(|label| label.frame == index).map(rectangle).collect());
+        frames.take(
+            picture,
+            marked.labels.iter().filter(|label| label.frame == index).map(|label| rectangle(marked, label)).collect(),
+        );
     }
-    frames.report(&tools).ok_or_else(|| about(path, MediaError::NoFrames))
+    frames.report(&colours).ok_or_else(|| about(path, MediaError::NoFrames))
 }
 
 fn text_of(report: &PaletteReport) -> String {

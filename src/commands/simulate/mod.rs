@@ -17,7 +17,7 @@ use crate::simulation::{Scenario, Setup, Skill, View};
 /// Arguments of `trocar simulate`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Scene: wire, rectangle, approach, slide, rest, pegs or crossing.
+    /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing or exchange.
     #[arg(long)]
     scene: String,
     /// Seed of the hands' motion and the sensor's noise; the same seed gives the same pixels.
@@ -47,7 +47,8 @@ pub struct Args {
     /// Which box: its lens, mounting and mat. Clips of one box share one calibration.
     #[arg(long = "box", default_value_t = 1)]
     rig: u64,
-    /// Tapes of the left and the right tool, of orange, cyan, magenta, lime, yellow, violet.
+    /// Tapes of the left and the right tool, of orange, cyan, magenta, lime, yellow, violet. Where both are the same, the
+    /// tools are called left and right.
     #[arg(long, default_value = "orange,cyan")]
     tapes: String,
     /// Outer diameter of the tools over the tape, mm.
@@ -142,8 +143,8 @@ fn tapes(text: &str) -> anyhow::Result<[Tape; 2]> {
     let found: Vec<Tape> =
         text.split(',').map(|name| one_of("tape", name.trim(), names, Tape::named)).collect::<anyhow::Result<_>>()?;
     match found[..] {
-        [left, right] if left != right => Ok([left, right]),
-        _ => Err(anyhow!("--tapes {text}: give two different tapes, as in orange,cyan")),
+        [left, right] => Ok([left, right]),
+        _ => Err(anyhow!("--tapes {text}: give two tapes, as in orange,cyan")),
     }
 }
 

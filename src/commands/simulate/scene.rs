@@ -7,7 +7,7 @@ use anyhow::Context;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
-use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, ToolSize, View as FileView};
+use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, ToolEntry, View as FileView};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::truth::TruthFile;
 use crate::media::{Samples, TICKS_PER_S, VideoSettings, VideoWriter};
@@ -134,8 +134,10 @@ fn truth_of(world: &World, times: &[f64]) -> Truth {
 }
 
 fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result<String> {
-    let size = |tool: &crate::simulation::tool::Tool| ToolSize {
-        tool: tool.design.tape.name.to_owned(),
+    let entry = |tool: &crate::simulation::tool::Tool| ToolEntry {
+        tool: tool.name.to_owned(),
+        colour: (tool.design.tape.name != tool.name).then(|| tool.design.tape.name.to_owned()),
+        side: None,
         diameter_mm: Some(tool.design.diameter_mm),
         band_length_mm: Some(tool.design.band_mm),
     };
@@ -147,7 +149,7 @@ fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result
             View::Side => FileView::Side,
         }),
         video: Some(CLIP.to_owned()),
-        tools: world.tools.iter().map(size).collect(),
+        tools: world.tools.iter().map(entry).collect(),
         labels: marks::of_recording(world, times).into_iter().map(rectangle).collect(),
     };
     Ok(serde_json::to_string_pretty(&file)? + "\n")

@@ -86,11 +86,13 @@ fn what_cannot_be_made_is_refused_with_what_can() {
         order(&cli.args).map_err(|e| e.to_string())
     };
     let refusal = |more: &[&str]| parse(more).unwrap_err();
-    assert!(refusal(&["--scene", "surgery"]).contains("wire, rectangle, approach, slide, rest, pegs, crossing"));
+    assert!(
+        refusal(&["--scene", "surgery"]).contains("wire, rectangle, approach, slide, rest, pegs, crossing, exchange")
+    );
     assert!(refusal(&["--scene", "wire", "--skill", "god"]).contains("novice, intermediate, expert"));
     assert!(refusal(&["--scene", "wire", "--size", "99999x2"]).contains("1280x720"));
     assert!(refusal(&["--scene", "wire", "--size", "641x361"]).contains("yuv444p"));
-    assert!(refusal(&["--scene", "wire", "--tapes", "orange,orange"]).contains("different"));
+    assert!(refusal(&["--scene", "wire", "--tapes", "orange"]).contains("two tapes"));
     assert!(refusal(&["--scene", "wire", "--frames", "0"]).contains("--frames"));
     assert!(refusal(&["--scene", "wire", "--frames", "9", "--seconds", "2"]).contains("cannot be used with"));
     assert_eq!(parse(&["--scene", "wire", "--seconds", "2", "--fps", "30"]).unwrap().frames, Some(60));

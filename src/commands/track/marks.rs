@@ -93,7 +93,7 @@ impl Collector<'_> {
     pub(super) fn look_at(&mut self, frame: &Frame<'_>) {
         let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
         for label in self.marked.labels.iter().filter(|label| label.frame == frame.index) {
-            samples.collect(frame, &rectangle(label));
+            samples.collect(frame, &rectangle(self.marked, label));
         }
     }
 

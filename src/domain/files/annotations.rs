@@ -1,4 +1,15 @@
 //! `annotations.json`: the rectangles that an instructor marked, and the tools' sizes.
+//!
+//! A rectangle's label is a colour of tape, and a tool is called by its colour, unless `tools` says otherwise: two tools
+//! that wear the same tape are entries of their own names with one `colour`. Labels may then name the colour or either
+//! tool. The tracker tells such tools apart by their trocars; which is which, by the side of the picture that each one's
+//! hand is on: its `side`, else a word of its name (`left`, `grasper-right`), else the first entry's is the left one.
+//!
+//! ```json
+//! {"tool_diameter_mm": 5.0,
+//!  "tools": [{"tool": "left", "colour": "orange"}, {"tool": "right", "colour": "orange", "side": "right"}],
+//!  "labels": [{"frame": 12, "label": "orange", "x": 310, "y": 220, "w": 18, "h": 9}]}
+//! ```
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +31,7 @@ pub enum View {
 pub struct LabelledRectangle {
     /// Decoded frame, from 0.
     pub frame: u64,
-    /// Marker's name, or one of [`NOT_TOOLS`].
+    /// Colour of a tool's tape or the tool's name, or one of [`NOT_TOOLS`].
     pub label: String,
     /// First column.
     pub x: i64,
@@ -32,17 +43,52 @@ pub struct LabelledRectangle {
     pub h: i64,
 }
 
-/// A tool's own sizes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct ToolSize {
-    /// Marker's name.
+/// The side of the picture on which a tool's hand is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// The tool comes from the left.
+    Left,
+    /// It comes from the right.
+    Right,
+}
+
+impl Side {
+    /// The side that a word of a tool's name tells, unless it has words for both.
+    fn in_name(name: &str) -> Option<Self> {
+        let has = |side: &str| name.split(|c: char| !c.is_alphanumeric()).any(|word| word.eq_ignore_ascii_case(side));
+        match (has("left"), has("right")) {
+            (true, false) => Some(Self::Left),
+            (false, true) => Some(Self::Right),
+            _ => None,
+        }
+    }
+}
+
+/// What is known of one tool.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ToolEntry {
+    /// The tool's name.
     pub tool: String,
+    /// Colour of its tape, where that is not its name: the label of the rectangles that mark it. Two tools may share one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<String>,
+    /// The side of the picture on which its hand is; asked only of tools that share a colour.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub side: Option<Side>,
     /// Outer diameter over the tape, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diameter_mm: Option<f64>,
     /// Length of the tape band along the tube, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band_length_mm: Option<f64>,
+}
+
+impl ToolEntry {
+    /// The colour of its tape.
+    fn colour(&self) -> &str {
+        self.colour.as_deref().unwrap_or(&self.tool)
+    }
 }
 
 /// The whole file.
@@ -60,9 +106,9 @@ pub struct AnnotationsFile {
     /// Clip in which `frame` counts, relative to this file; without it, the tracked clip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub video: Option<String>,
-    /// Sizes that win over the general ones.
+    /// Sizes that win over the general ones, and colours that tools share.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub tools: Vec<ToolSize>,
+    pub tools: Vec<ToolEntry>,
     /// Marked rectangles.
     pub labels: Vec<LabelledRectangle>,
 }
@@ -70,8 +116,12 @@ pub struct AnnotationsFile {
 /// A tool as the annotations describe it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkedTool {
-    /// Marker's name.
+    /// The tool's name.
     pub name: String,
+    /// Colour of its tape: the label of its samples.
+    pub colour: String,
+    /// The side of the picture on which its hand is, where that is told.
+    pub side: Option<Side>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
     /// Band length, mm, where known.
@@ -87,6 +137,17 @@ pub enum AnnotationsError {
     /// No rectangle names a tool.
     #[error("no label names a tool: mark at least one rectangle on a tool's tape, labelled with the marker's name")]
     NoTool,
+    /// A colour that cannot be one.
+    #[error("tool `{tool}`: colour `{colour}` is no colour of tape; give the label of the rectangles that mark it")]
+    Colour {
+        /// Which tool.
+        tool: String,
+        /// What it holds.
+        colour: String,
+    },
+    /// A tool that is listed twice, so that its colour is not known.
+    #[error("tool `{0}` is listed twice under tools with different colours; give each tool a name of its own")]
+    TwoColours(String),
     /// A tool without a diameter.
     #[error("tool `{0}` has no diameter: give tool_diameter_mm, or diameter_mm under tools")]
     NoDiameter(String),
@@ -136,19 +197,59 @@ impl AnnotationsFile {
         Ok(file)
     }
 
-    /// The tools, in order of first appearance.
+    /// The tools, in order of the first appearance of their colours, those of one colour in the order of `tools`.
     pub fn marked_tools(&self) -> Result<Vec<MarkedTool>, AnnotationsError> {
+        self.check_colours()?;
         let mut tools: Vec<MarkedTool> = Vec::new();
-        for label in self.labels.iter().map(|l| l.label.as_str()).filter(|l| !NOT_TOOLS.contains(l)) {
-            if tools.iter().all(|t| t.name != label) {
-                tools.push(self.marked_tool(label)?);
+        for colour in self.marked_colours() {
+            let mut names: Vec<&str> = Vec::new();
+            for entry in self.tools.iter().filter(|entry| entry.colour() == colour) {
+                if !names.contains(&entry.tool.as_str()) {
+                    names.push(&entry.tool);
+                }
+            }
+            if names.is_empty() {
+                names.push(colour);
+            }
+            for name in names {
+                tools.push(self.marked_tool(name, colour)?);
             }
         }
         if tools.is_empty() { Err(AnnotationsError::NoTool) } else { Ok(tools) }
     }
 
-    fn marked_tool(&self, name: &str) -> Result<MarkedTool, AnnotationsError> {
+    /// The colours of tape that are marked, in order of first appearance.
+    pub fn marked_colours(&self) -> Vec<&str> {
+        let mut colours: Vec<&str> = Vec::new();
+        for colour in self.labels.iter().map(|l| self.colour_of(&l.label)).filter(|c| !NOT_TOOLS.contains(c)) {
+            if !colours.contains(&colour) {
+                colours.push(colour);
+            }
+        }
+        colours
+    }
+
+    /// The colour that a rectangle of this label marks: that of the tool of this name, else the label itself.
+    pub fn colour_of<'a>(&'a self, label: &'a str) -> &'a str {
+        self.tools.iter().find(|entry| entry.tool == label).map_or(label, ToolEntry::colour)
+    }
+
+    fn check_colours(&self) -> Result<(), AnnotationsError> {
+        for entry in &self.tools {
+            let colour = entry.colour();
+            if entry.colour.is_some() && (colour.trim().is_empty() || NOT_TOOLS.contains(&colour)) {
+                return Err(AnnotationsError::Colour { tool: entry.tool.clone(), colour: colour.to_owned() });
+            }
+            if self.colour_of(&entry.tool) != colour {
+                return Err(AnnotationsError::TwoColours(entry.tool.clone()));
+            }
+        }
+        Ok(())
+    }
+
+    fn marked_tool(&self, name: &str, colour: &str) -> Result<MarkedTool, AnnotationsError> {
         let own = self.tools.iter().find(|t| t.tool == name);
+        let side = own.and_then(|t| t.side).or_else(|| Side::in_name(name));
         let diameter_mm = own
             .and_then(|t| t.diameter_mm)
             .or(self.tool_diameter_mm)
@@ -158,7 +259,7 @@ impl AnnotationsFile {
         if let Some(length) = band_length_mm {
             check_size(name, "band_length_mm", length, 500.0)?;
         }
-        Ok(MarkedTool { name: name.to_owned(), diameter_mm, band_length_mm })
+        Ok(MarkedTool { name: name.to_owned(), colour: colour.to_owned(), side, diameter_mm, band_length_mm })
     }
 
     /// Refuses rectangles that are empty or leave a frame of this size.
@@ -197,32 +298,4 @@ fn check_size(tool: &str, key: &'static str, value: f64, limit: f64) -> Result<(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const FILE: &str = r#"{"tool_diameter_mm":8.0,"band_length_mm":25,
-        "tools":[{"tool":"cyan","diameter_mm":5.0}],
-        "labels":[{"frame":1,"label":"orange","x":1,"y":2,"w":3,"h":4},
-                  {"frame":1,"label":"cyan","x":9,"y":2,"w":3,"h":4},
-                  {"frame":1,"label":"background","x":5,"y":6,"w":7,"h":8}]}"#;
-
-    #[test]
-    fn a_tools_own_size_wins_and_background_is_no_tool() {
-        let tools = AnnotationsFile::parse(FILE).unwrap().marked_tools().unwrap();
-        let names: Vec<_> = tools.iter().map(|t| (t.name.as_str(), t.diameter_mm, t.band_length_mm)).collect();
-        assert_eq!(names, [("orange", 8.0, Some(25.0)), ("cyan", 5.0, Some(25.0))]);
-    }
-
-    #[test]
-    fn a_rectangle_that_leaves_the_frame_is_named() {
-        let file = AnnotationsFile::parse(FILE).unwrap();
-        assert_eq!(file.check_inside(12, 14), Ok(()));
-        assert!(matches!(file.check_inside(11, 14), Err(AnnotationsError::Outside { index: 1, .. })));
-    }
-
-    #[test]
-    fn only_background_is_not_enough() {
-        let text = r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"jaw","x":0,"y":0,"w":1,"h":1}]}"#;
-        assert_eq!(AnnotationsFile::parse(text), Err(AnnotationsError::NoTool));
-    }
-}
+mod tests;

@@ -32,7 +32,20 @@ impl ComponentFinder {
         search: CellBox,
         least_cells: usize,
     ) -> Vec<Component> {
-        self.classify(frame, table, class, search);
+        self.find_where(frame, table, class, search, least_cells, |_, _| true)
+    }
+
+    /// The same among the cells (column, row) that count.
+    pub fn find_where(
+        &mut self,
+        frame: &Frame<'_>,
+        table: &ColourTable,
+        class: u8,
+        search: CellBox,
+        least_cells: usize,
+        counts: impl Fn(usize, usize) -> bool,
+    ) -> Vec<Component> {
+        self.classify(frame, table, class, search, counts);
         let width = search.width();
         let mut found = Vec::new();
         for start in 0..self.mask.len() {
@@ -47,10 +60,18 @@ impl ComponentFinder {
         found
     }
 
-    fn classify(&mut self, frame: &Frame<'_>, table: &ColourTable, class: u8, search: CellBox) {
+    fn classify(
+        &mut self,
+        frame: &Frame<'_>,
+        table: &ColourTable,
+        class: u8,
+        search: CellBox,
+        counts: impl Fn(usize, usize) -> bool,
+    ) {
         self.mask.clear();
         for row in search.top..search.bottom {
-            self.mask.extend((search.left..search.right).map(|column| class_at(frame, table, column, row) == class));
+            let is_region = |column| class_at(frame, table, column, row) == class && counts(column, row);
+            self.mask.extend((search.left..search.right).map(is_region));
         }
     }
 

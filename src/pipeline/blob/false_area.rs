@@ -16,9 +16,9 @@ use crate::pipeline::segmentation::samples::Rectangle;
 pub fn false_area(frame: &Frame<'_>, table: &ColourTable, class: u8, marks: &[&Rectangle]) -> Option<FalseArea> {
     let whole = CellBox::whole(frame);
     let found = ComponentFinder::default().find(frame, table, class, whole, 1);
-    let mark = marks.iter().map(|mark| cells_of(mark)).reduce(joined)?;
+    let mark = marks.iter().map(|mark| cells_of(mark)).reduce(|a, b| a.joined(&b))?;
     let cells = |of: &[Component]| of.iter().map(|c| c.moments.cells()).sum::<usize>() as f64;
-    let (band, others): (Vec<Component>, Vec<Component>) = found.into_iter().partition(|c| overlap(&c.bounds, &mark));
+    let (band, others): (Vec<Component>, Vec<Component>) = found.into_iter().partition(|c| c.bounds.overlaps(&mark));
     let largest = others.iter().map(|c| c.moments.cells()).max().unwrap_or(0) as f64;
     let outside = (whole.width() * whole.height()) as f64 - cells(&band);
     (!band.is_empty()).then(|| FalseArea {
@@ -36,19 +36,6 @@ fn cells_of(mark: &Rectangle) -> CellBox {
         right: (mark.x + mark.w).div_ceil(CELL_PX),
         bottom: (mark.y + mark.h).div_ceil(CELL_PX),
     }
-}
-
-fn joined(a: CellBox, b: CellBox) -> CellBox {
-    CellBox {
-        left: a.left.min(b.left),
-        top: a.top.min(b.top),
-        right: a.right.max(b.right),
-        bottom: a.bottom.max(b.bottom),
-    }
-}
-
-fn overlap(a: &CellBox, b: &CellBox) -> bool {
-    a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! What the edges of one pose say, kept for when more is known: of the tube, and of its outline's offsets.
 
-use nalgebra::{Matrix5, SMatrix, SVector, Vector4};
+use nalgebra::{Matrix5, SMatrix, SVector, Vector4, Vector5};
 
 #[cfg(doc)]
 use crate::pipeline::edges::outline_probes::Place;
@@ -155,12 +155,25 @@ impl Evidence {
     /// frame: were the offsets known, only the edges' own noise would be left.
     pub fn covariance(&self) -> Option<(Matrix5<f64>, Matrix5<f64>)> {
         let information = self.information();
-        let mut with_beliefs = information;
-        for part in 0..4 {
-            with_beliefs[(5 + part, 5 + part)] += f64::from(self.believed_px[part]).powi(-2);
-        }
-        let all: Matrix5<f64> = with_beliefs.cholesky()?.inverse().fixed_view::<5, 5>(0, 0).into_owned();
+        let all: Matrix5<f64> = self.with_beliefs().cholesky()?.inverse().fixed_view::<5, 5>(0, 0).into_owned();
         let passing = information.fixed_view::<5, 5>(0, 0).into_owned().cholesky()?.inverse();
         Some((all, all - passing))
+    }
+
+    /// By how much the edges alone would move the tube, nothing else being known than what was believed.
+    pub fn change_by_edges_alone(&self) -> Option<Vector5<f64>> {
+        let mut pull = self.pull();
+        for offset in 0..4 {
+            pull[5 + offset] -= f64::from(self.offsets[offset]) / f64::from(self.believed_px[offset]).powi(2);
+        }
+        Some(self.with_beliefs().cholesky()?.solve(&pull).fixed_rows::<5>(0).into_owned())
+    }
+
+    fn with_beliefs(&self) -> Information {
+        let mut information = self.information();
+        for offset in 0..4 {
+            information[(5 + offset, 5 + offset)] += f64::from(self.believed_px[offset]).powi(-2);
+        }
+        information
     }
 }

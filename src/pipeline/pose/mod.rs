@@ -43,6 +43,13 @@ impl TubeEstimate {
         self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
     }
 
+    /// The pose as its edges alone have it, without the fulcrum that it may have been kept to.
+    pub fn by_edges_alone(&self) -> Self {
+        let Some(change) = self.evidence.change_by_edges_alone() else { return *self };
+        let (covariance, lasting) = self.evidence.covariance().unwrap_or((self.covariance, self.lasting));
+        Self { tube: turned(&self.tube, &change), covariance, lasting, ..*self }
+    }
+
     /// The lasting part of the tip's covariance, mm².
     pub fn lasting_tip_covariance(&self) -> Matrix3<f64> {
         self.lasting.fixed_view::<3, 3>(0, 0).into_owned()

@@ -56,6 +56,21 @@ impl CellBox {
         }
     }
 
+    /// The smallest that holds both.
+    pub fn joined(&self, other: &Self) -> Self {
+        Self {
+            left: self.left.min(other.left),
+            top: self.top.min(other.top),
+            right: self.right.max(other.right),
+            bottom: self.bottom.max(other.bottom),
+        }
+    }
+
+    /// Do both have a cell in common?
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
+    }
+
     /// Columns.
     pub fn width(&self) -> usize {
         self.right - self.left

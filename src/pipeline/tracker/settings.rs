@@ -6,12 +6,25 @@ use crate::pipeline::segmentation::samples::ColourSamples;
 /// One tool: a tube with a band of coloured tape that ends where the jaw begins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolSpec {
-    /// The marker's name; also the label of its colour samples.
+    /// The tool's name.
     pub name: String,
+    /// Colour of its tape: the label of its samples. Two tools may share one; their trocars tell them apart.
+    pub colour: String,
+    /// The side of the picture on which its hand is, where that was told; asked only of tools that share a colour.
+    pub side: Option<Side>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
     /// Length of the tape along the tube, mm, where somebody measured it: depth becomes about three times sharper.
     pub band_length_mm: Option<f64>,
+}
+
+/// Where a tool's hand is, as the camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// Left in the picture.
+    Left,
+    /// Right in the picture.
+    Right,
 }
 
 /// From where the camera looks (T 6.4); decides which end of a band is distal while nothing better is known.
@@ -121,8 +134,9 @@ impl TrackerSettings {
             return Err(SettingsProblem::TooManyLabels(self.tools.len(), MOST_TOOLS));
         }
         self.tools.iter().try_for_each(|tool| self.check_tool(tool))?;
-        let is_tool = |label: &String| self.tools.iter().any(|t| t.name == *label);
-        let has_background = self.samples.labels.iter().any(|l| !is_tool(l) && self.samples.count(l) > 0);
+        self.colours().iter().try_for_each(|colour| self.check_colour(colour))?;
+        let is_tape = |label: &String| self.class_of(label) > 0;
+        let has_background = self.samples.labels.iter().any(|l| !is_tape(l) && self.samples.count(l) > 0);
         if has_background { Ok(()) } else { Err(SettingsProblem::NoBackground) }
     }
 
@@ -135,16 +149,56 @@ impl TrackerSettings {
         if let Some(length) = tool.band_length_mm.filter(|l| !possible(*l)) {
             return wrong("its band's length", length);
         }
-        if self.samples.count(&tool.name) == 0 {
+        if self.samples.count(&tool.colour) == 0 {
             return Err(SettingsProblem::NoSamples(tool.name.clone()));
         }
         Ok(())
     }
 
-    /// The class of each of the samples' labels in the colour table: 0 for what is no tool.
+    /// Tools of one colour can be told apart if there are two, one on each side.
+    fn check_colour(&self, colour: &str) -> Result<(), SettingsProblem> {
+        let tools: Vec<&ToolSpec> = self.tools.iter().filter(|t| t.colour == colour).collect();
+        match tools[..] {
+            [a, b] if a.side.is_some() && a.side == b.side => {
+                Err(SettingsProblem::SameSide(a.name.clone(), b.name.clone()))
+            }
+            [_] | [_, _] => Ok(()),
+            _ => Err(SettingsProblem::CrowdedColour(tools.len(), colour.to_owned())),
+        }
+    }
+
+    /// The tools' colours, each once, in the tools' order.
+    fn colours(&self) -> Vec<&str> {
+        let mut colours: Vec<&str> = Vec::new();
+        for tool in &self.tools {
+            if !colours.contains(&tool.colour.as_str()) {
+                colours.push(&tool.colour);
+            }
+        }
+        colours
+    }
+
+    /// A label's class in the colour table: 0 for what is no tool's colour.
+    pub(super) fn class_of(&self, label: &str) -> u8 {
+        self.colours().iter().position(|colour| *colour == label).map_or(0, |i| i as u8 + 1)
+    }
+
+    /// The class of each of the samples' labels.
     pub(super) fn classes(&self) -> Vec<u8> {
-        let class = |label: &String| self.tools.iter().position(|t| t.name == *label).map_or(0, |i| i as u8 + 1);
-        self.samples.labels.iter().map(class).collect()
+        self.samples.labels.iter().map(|label| self.class_of(label)).collect()
+    }
+
+    /// The tools that share a colour, the left hand's first: as their sides say, else in their order.
+    pub(super) fn pairs(&self) -> Vec<[usize; 2]> {
+        let mut pairs = Vec::new();
+        for (first, tool) in self.tools.iter().enumerate() {
+            let rest = self.tools.iter().enumerate().skip(first + 1);
+            for (second, other) in rest.filter(|(_, other)| other.colour == tool.colour) {
+                let turned = tool.side == Some(Side::Right) || other.side == Some(Side::Left);
+                pairs.push(if turned { [second, first] } else { [first, second] });
+            }
+        }
+        pairs
     }
 }
 
@@ -165,6 +219,14 @@ pub enum SettingsProblem {
     /// Nothing to track.
     #[error("no tool is given; mark at least one rectangle on a tool's tape")]
     NoTool,
+    /// More tools of one colour than can be told apart.
+    #[error("{0} tools wear the colour `{1}`; at most two can be told apart; give the others tape of another colour")]
+    CrowdedColour(usize, String),
+    /// Two tools of one colour whose hands are said to be on the same side of the picture.
+    #[error(
+        "tools `{0}` and `{1}` have one colour and are said to come from the same side of the picture; correct `side`, or give one of them tape of another colour"
+    )]
+    SameSide(String, String),
     /// A tool's colour was never marked.
     #[error("tool `{0}` has no colour samples; mark rectangles on its tape and label them `{0}`")]
     NoSamples(String),
@@ -184,4 +246,61 @@ pub enum SettingsProblem {
         /// What was given, mm.
         value_mm: f64,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::camera::testing::STRAIGHT as CAMERA;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+    use crate::pipeline::segmentation::samples::ColourSample;
+
+    /// Tools by name, colour and side, where orange, cyan and the background are marked.
+    fn of(tools: &[(&str, &str, Option<Side>)]) -> TrackerSettings {
+        let samples = ColourSamples {
+            encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
+            labels: ["orange", "background", "cyan"].map(str::to_owned).to_vec(),
+            samples: (0..3).map(|label| ColourSample { label, rectangle: label as u32, yuv: [100; 3] }).collect(),
+        };
+        let spec = |(name, colour, side): &(&str, &str, Option<Side>)| ToolSpec {
+            name: (*name).to_owned(),
+            colour: (*colour).to_owned(),
+            side: *side,
+            diameter_mm: 5.0,
+            band_length_mm: None,
+        };
+        TrackerSettings::new(CAMERA, tools.iter().map(spec).collect(), samples)
+    }
+
+    fn problem(tools: &[(&str, &str, Option<Side>)]) -> Option<SettingsProblem> {
+        of(tools).check(CAMERA.width, CAMERA.height).err()
+    }
+
+    #[test]
+    fn tools_of_one_colour_share_its_class() {
+        let pair = [("a", "orange", None), ("b", "cyan", None), ("c", "orange", None)];
+        assert_eq!(problem(&pair), None);
+        assert_eq!(of(&pair).classes(), [1, 0, 2]);
+        assert_eq!(of(&pair).pairs(), [[0, 2]]);
+        assert!(of(&pair[..2]).pairs().is_empty());
+    }
+
+    #[test]
+    fn either_side_that_is_told_tells_both() {
+        let pairs = |first, second| of(&[("a", "orange", first), ("b", "orange", second)]).pairs();
+        assert_eq!(pairs(Some(Side::Left), None), [[0, 1]]);
+        assert_eq!(pairs(None, Some(Side::Right)), [[0, 1]]);
+        assert_eq!(pairs(Some(Side::Right), None), [[1, 0]]);
+        assert_eq!(pairs(None, Some(Side::Left)), [[1, 0]]);
+    }
+
+    #[test]
+    fn what_cannot_be_told_apart_is_refused() {
+        let left = Some(Side::Left);
+        let same_side = problem(&[("a", "orange", left), ("b", "orange", left)]);
+        assert_eq!(same_side, Some(SettingsProblem::SameSide("a".into(), "b".into())));
+        let three = problem(&[("a", "orange", None), ("b", "orange", None), ("c", "orange", None)]);
+        assert_eq!(three, Some(SettingsProblem::CrowdedColour(3, "orange".into())));
+        assert_eq!(problem(&[("a", "lime", None)]), Some(SettingsProblem::NoSamples("a".into())));
+    }
 }

@@ -3,7 +3,8 @@
 use nalgebra::Vector2;
 
 use super::measure::{Bench, Measurement};
-use super::settings::{MotionSettings, ToolSpec, TrackerSettings};
+use super::origin::{self, Origin};
+use super::settings::{MotionSettings, Side, ToolSpec, TrackerSettings};
 use super::trace::Tracing;
 use crate::pipeline::blob::components::{Component, ComponentFinder};
 use crate::pipeline::blob::{join, select};
@@ -148,20 +149,36 @@ impl ToolTracker {
 
     /// Finds the tool on a frame.
     pub(super) fn observe(&mut self, scene: &Scene<'_>) -> Seen {
-        let thread = scene.settings.motion.thread();
-        let frame = scene.frame;
-        let expected = self.expected_tube(frame.time_s, &thread);
-        self.motion_px_s = self.expected_motion(frame.time_s, &thread, &scene.settings.camera).unwrap_or_default();
-        let followed = expected
-            .and_then(|(tube, length)| self.bench(scene).follow(&tube, length))
-            .filter(|m| self.thread.would_believe(frame.time_s, &m.estimate, &thread) && self.comes_from_the_hand(m));
-        let measured = match followed {
+        let expected = self.expect(scene);
+        let measured = match self.follow(scene, expected) {
             Some(measurement) => Ok(measurement),
             None => match self.look(scene, expected) {
                 Err(_) if expected.is_some() => self.look(scene, None),
                 found => found,
             },
         };
+        self.conclude(scene, measured)
+    }
+
+    /// Where the tool is expected, and how it is expected to move.
+    pub(super) fn expect(&mut self, scene: &Scene<'_>) -> Option<(Tube, f64)> {
+        let (time_s, thread) = (scene.frame.time_s, scene.settings.motion.thread());
+        self.motion_px_s = self.expected_motion(time_s, &thread, &scene.settings.camera).unwrap_or_default();
+        self.expected_tube(time_s, &thread)
+    }
+
+    /// The tool where it is expected, by the edges alone.
+    pub(super) fn follow(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Option<Measurement> {
+        let (time_s, thread) = (scene.frame.time_s, scene.settings.motion.thread());
+        expected
+            .and_then(|(tube, length)| self.bench(scene).follow(&tube, length))
+            .filter(|m| self.thread.would_believe(time_s, &m.estimate, &thread) && self.comes_from_the_hand(m))
+    }
+
+    /// Takes what a frame showed, or why nothing.
+    pub(super) fn conclude(&mut self, scene: &Scene<'_>, measured: Result<Measurement, Reason>) -> Seen {
+        let thread = scene.settings.motion.thread();
+        let frame = scene.frame;
         self.edges.settle();
         self.remember(&measured);
         let steadied = measured.map(|m| self.steady(m));
@@ -183,7 +200,8 @@ impl ToolTracker {
         const MOST_REGIONS: usize = 3;
         let mut best_reason = Reason::NoMarkerColour;
         for region in self.regions(scene, expected).iter().take(MOST_REGIONS) {
-            let measured = self.measure(scene, region);
+            let to_hand = self.direction_to_hand(&scene.settings.camera);
+            let measured = self.measure(scene, region, to_hand);
             let measured =
                 measured.and_then(|m| if self.comes_from_the_hand(&m) { Ok(m) } else { Err(Reason::ImpossiblePose) });
             self.tracing.region(region, measured.as_ref().err().copied());
@@ -196,15 +214,30 @@ impl ToolTracker {
     }
 
     fn regions(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Vec<Component> {
-        let (frame, table, camera) = (scene.frame, scene.table, &scene.settings.camera);
-        let places = match expected {
-            Some((tube, length)) => place_of(&tube, length, camera, frame).into_iter().collect(),
-            None => coarse_search(frame, table, self.class),
-        };
-        self.tracing.places(&places);
+        let places = self.places(scene, expected);
+        self.regions_in(scene, &places, |_, _| true)
+    }
+
+    /// Where to search: around the expected place, or wherever on the frame the colour is.
+    pub(super) fn places(&self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Vec<CellBox> {
+        match expected {
+            Some((tube, length)) => place_of(&tube, length, &scene.settings.camera, scene.frame).into_iter().collect(),
+            None => coarse_search(scene.frame, scene.table, self.class),
+        }
+    }
+
+    /// Regions of the tool's colour, the largest first; cells (column, row) that do not count are taken for background.
+    pub(super) fn regions_in(
+        &mut self,
+        scene: &Scene<'_>,
+        places: &[CellBox],
+        counts: impl Fn(usize, usize) -> bool,
+    ) -> Vec<Component> {
+        let (frame, table) = (scene.frame, scene.table);
+        self.tracing.places(places);
         let mut regions = Vec::new();
         for place in places {
-            let parts = self.finder.find(frame, table, self.class, place, select::FEWEST_CELLS);
+            let parts = self.finder.find_where(frame, table, self.class, *place, select::FEWEST_CELLS, &counts);
             let (band, others) = join::join_collinear(parts);
             regions.extend(band);
             regions.extend(others);
@@ -213,9 +246,14 @@ impl ToolTracker {
         regions
     }
 
-    fn measure(&mut self, scene: &Scene<'_>, region: &Component) -> Result<Measurement, Reason> {
+    /// Measures a region; without a direction to the hand, the picture alone tells which of its ends is the tip.
+    pub(super) fn measure(
+        &mut self,
+        scene: &Scene<'_>,
+        region: &Component,
+        to_hand: Option<Vector2<f64>>,
+    ) -> Result<Measurement, Reason> {
         let rectangle = select::judge(region)?;
-        let to_hand = self.direction_to_hand(&scene.settings.camera);
         self.bench(scene)
             .measure(&rectangle, |first, second| to_hand.map(|direction| (first.0 - second.0).dot(&direction) > 0.0))
     }
@@ -285,9 +323,21 @@ impl ToolTracker {
 
     /// Does its axis pass through the fulcrum, where that is known? What the pixels explain well is believed without: it may
     /// teach a better one.
-    fn comes_from_the_hand(&self, measurement: &Measurement) -> bool {
+    pub(super) fn comes_from_the_hand(&self, measurement: &Measurement) -> bool {
         const MOST_SQUARED: f64 = 18.4; // passes 99.99 % of good ones: two degrees of freedom
         measurement.is_good() || measurement.beside_squared < MOST_SQUARED
+    }
+
+    /// Where it comes from, as far as that is known.
+    pub(super) fn origin(&self, side: Side) -> Origin {
+        let seen = || self.last_pose.as_ref().map(|pose| Origin::Fulcrum(origin::hand_of(pose)));
+        self.adjustment.as_ref().map(|a| Origin::Fulcrum(a.fulcrum)).or_else(seen).unwrap_or(Origin::Side(side))
+    }
+
+    /// Squared Mahalanobis distance of a pose to where the tool is expected; `None` where it is not tracked.
+    pub(super) fn surprise(&self, time_s: f64, pose: &TubeEstimate, thread: &ThreadSettings) -> Option<f64> {
+        let state = self.thread.expected(time_s, thread)?;
+        Some(state.distance_squared(pose.tube.tip, pose.tip_covariance()))
     }
 
     fn steady(&self, measurement: Measurement) -> Measurement {

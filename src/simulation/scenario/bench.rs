@@ -1,8 +1,8 @@
-//! Scenes that test the measurement rather than the trainee: approach, slide, rest, crossing.
+//! Scenes that test the measurement rather than the trainee: approach, slide, rest, crossing, exchange.
 
 use nalgebra::Point3;
 
-use super::{Cast, Ending, Script};
+use super::{Cast, Ending, Hand, Script};
 use crate::simulation::board::Prop;
 use crate::simulation::light::Material;
 use crate::simulation::motion::Oscillation;
@@ -80,7 +80,7 @@ pub(super) fn crossing(cast: &Cast) -> Script {
     };
     let mut left = cast.hand_at(front, "left hand");
     let mut right = cast.hand_at(behind[0], "right hand");
-    let away = away_from_view(cast, behind[0]);
+    let away = away_from_view(cast, 1, behind[0], 0.8);
     left.wait(0.5);
     right.wait(0.8);
     cast.laps(1, || {
@@ -104,8 +104,52 @@ pub(super) fn crossing(cast: &Cast) -> Script {
     Script { hands: vec![(0, left), (1, right)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
 }
 
-/// A point so near to the right trocar that nothing of the tool is in the picture.
-fn away_from_view(cast: &Cast, from: Point3<f64>) -> Point3<f64> {
-    let trocar = cast.rig.camera_from_board.inverse() * cast.rig.fulcrums[1];
-    from + (trocar - from) * 0.8
+/// Both tools cross to the other's side and back, one above the other; both are drawn out of the picture, the left one
+/// first, and come back where the other was, the right one first: only the trocars tell who is who.
+pub(super) fn exchange(cast: &Cast) -> Script {
+    let (at_left, at_right) = match cast.rig.view {
+        View::Top => (
+            [above(-32.0, -8.0, 74.0), above(26.0, -16.0, 78.0)],
+            [above(34.0, -24.0, 16.0), above(-38.0, -30.0, 16.0)],
+        ),
+        View::Side => {
+            ([above(-30.0, 10.0, 42.0), above(26.0, 16.0, 44.0)], [above(36.0, -48.0, 14.0), above(-40.0, -50.0, 14.0)])
+        }
+    };
+    let mut left = cast.hand_at(at_left[0], "left hand");
+    let mut right = cast.hand_at(at_right[0], "right hand");
+    let away = [away_from_view(cast, 0, at_left[0], 0.74), away_from_view(cast, 1, at_right[0], 0.74)];
+    left.wait(0.6);
+    right.wait(0.6);
+    let together = |left: &mut Hand, right: &mut Hand| {
+        let later_s = left.now_s().max(right.now_s());
+        left.wait_until(later_s);
+        right.wait_until(later_s);
+    };
+    cast.laps(1, || {
+        for place in [1, 0] {
+            left.reach(at_left[place], Ending::Stop);
+            right.reach(at_right[place], Ending::Stop);
+            together(&mut left, &mut right);
+        }
+        left.glide(away[0], 1.2);
+        right.wait(0.5);
+        right.glide(away[1], 1.2);
+        right.wait(0.8);
+        right.glide(at_right[1], 1.4);
+        left.wait_until(right.now_s() - 0.4);
+        left.glide(at_left[1], 1.4);
+        together(&mut left, &mut right);
+        left.reach(at_left[0], Ending::Stop);
+        right.reach(at_right[0], Ending::Stop);
+        together(&mut left, &mut right);
+        right.now_s()
+    });
+    Script { hands: vec![(0, left), (1, right)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
+}
+
+/// A point so near to a trocar, this share of the way, that nothing of the tool is in the picture.
+fn away_from_view(cast: &Cast, side: usize, from: Point3<f64>, share: f64) -> Point3<f64> {
+    let trocar = cast.rig.camera_from_board.inverse() * cast.rig.fulcrums[side];
+    from + (trocar - from) * share
 }

@@ -9,6 +9,7 @@
 //! | `rest` | lying still: what moves in the result is noise | 1 |
 //! | `pegs` | beads handed over from left to right pegs | 2 |
 //! | `crossing` | one tool behind the other, three times, then out of the picture and back | 2 |
+//! | `exchange` | each to the other's side and back, then both out of the picture, and back in the other order | 2 |
 
 mod bench;
 mod hand;
@@ -41,11 +42,13 @@ pub enum Scenario {
     Pegs,
     /// One tool behind the other, and out of the picture.
     Crossing,
+    /// Each to the other's side; both out of the picture, and back in the other order.
+    Exchange,
 }
 
 impl Scenario {
     /// Every scene.
-    pub const ALL: [Scenario; 7] = [
+    pub const ALL: [Scenario; 8] = [
         Scenario::Wire,
         Scenario::Rectangle,
         Scenario::Approach,
@@ -53,6 +56,7 @@ impl Scenario {
         Scenario::Rest,
         Scenario::Pegs,
         Scenario::Crossing,
+        Scenario::Exchange,
     ];
 
     /// The scene of this name.
@@ -70,6 +74,7 @@ impl Scenario {
             Scenario::Rest => "rest",
             Scenario::Pegs => "pegs",
             Scenario::Crossing => "crossing",
+            Scenario::Exchange => "exchange",
         }
     }
 
@@ -84,6 +89,7 @@ impl Scenario {
             Scenario::Rest => bench::rest(&cast),
             Scenario::Pegs => pegs::pegs(&cast),
             Scenario::Crossing => bench::crossing(&cast),
+            Scenario::Exchange => bench::exchange(&cast),
         }
     }
 }

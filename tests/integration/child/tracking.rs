@@ -66,6 +66,8 @@ impl SharedScene {
     fn track_work(&self, palette: PaletteShape) -> TrackWork {
         let tool = |t: trocar::domain::files::annotations::MarkedTool| ToolShape {
             name: t.name,
+            colour: t.colour,
+            side: t.side.map(Into::into),
             diameter_mm: t.diameter_mm,
             band_length_mm: t.band_length_mm,
         };

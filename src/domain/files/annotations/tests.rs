@@ -1,0 +1,71 @@
+use super::*;
+
+const FILE: &str = r#"{"tool_diameter_mm":8.0,"band_length_mm":25,
+    "tools":[{"tool":"cyan","diameter_mm":5.0}],
+    "labels":[{"frame":1,"label":"orange","x":1,"y":2,"w":3,"h":4},
+              {"frame":1,"label":"cyan","x":9,"y":2,"w":3,"h":4},
+              {"frame":1,"label":"background","x":5,"y":6,"w":7,"h":8}]}"#;
+
+#[test]
+fn a_tools_own_size_wins_and_background_is_no_tool() {
+    let tools = AnnotationsFile::parse(FILE).unwrap().marked_tools().unwrap();
+    let names: Vec<_> = tools.iter().map(|t| (t.name.as_str(), t.diameter_mm, t.band_length_mm)).collect();
+    assert_eq!(names, [("orange", 8.0, Some(25.0)), ("cyan", 5.0, Some(25.0))]);
+}
+
+/// Entries of `tools`, and labels.
+fn named(tools: &str, labels: &[&str]) -> Result<AnnotationsFile, AnnotationsError> {
+    let label = |label: &&str| format!(r#"{{"frame":0,"label":"{label}","x":0,"y":0,"w":1,"h":1}}"#);
+    let labels: Vec<String> = labels.iter().map(label).collect();
+    AnnotationsFile::parse(&format!(r#"{{"tool_diameter_mm":5,"tools":[{tools}],"labels":[{}]}}"#, labels.join(",")))
+}
+
+#[test]
+fn two_tools_of_one_colour_are_marked_by_its_label_or_by_either_name() {
+    let pair = r#"{"tool":"left","colour":"orange"},{"tool":"b","colour":"orange","side":"right"}"#;
+    for labels in [&["orange"][..], &["b", "background"], &["left", "b"]] {
+        let file = named(pair, labels).unwrap();
+        let tools = file.marked_tools().unwrap();
+        let told: Vec<_> = tools.iter().map(|t| (t.name.as_str(), t.colour.as_str(), t.side)).collect();
+        assert_eq!(told, [("left", "orange", Some(Side::Left)), ("b", "orange", Some(Side::Right))], "{labels:?}");
+        assert_eq!(file.marked_colours(), ["orange"]);
+    }
+}
+
+#[test]
+fn a_tool_of_its_colours_name_may_share_it() {
+    let tools = named(r#"{"tool":"orange"},{"tool":"second","colour":"orange"}"#, &["orange", "cyan"]).unwrap();
+    let names: Vec<String> = tools.marked_tools().unwrap().into_iter().map(|t| t.name).collect();
+    assert_eq!(names, ["orange", "second", "cyan"]);
+}
+
+#[test]
+fn a_colour_that_is_none_or_not_one_is_refused() {
+    let refused = |tools: &str| named(tools, &["orange"]).unwrap_err();
+    let of = |colour: &str| AnnotationsError::Colour { tool: "a".into(), colour: colour.into() };
+    assert_eq!(refused(r#"{"tool":"a","colour":"background"}"#), of("background"));
+    assert_eq!(refused(r#"{"tool":"a","colour":" "}"#), of(" "));
+    let twice = r#"{"tool":"a","colour":"orange"},{"tool":"a","colour":"cyan"}"#;
+    assert_eq!(refused(twice), AnnotationsError::TwoColours("a".into()));
+}
+
+#[test]
+fn a_name_tells_a_side_by_a_word_of_its_own() {
+    let side = |name| Side::in_name(name);
+    assert_eq!(["Left", "grasper-left", "left hand"].map(side), [Some(Side::Left); 3]);
+    assert_eq!(side("right_scissors"), Some(Side::Right));
+    assert_eq!(["orange", "cleft", "left or right"].map(side), [None; 3]);
+}
+
+#[test]
+fn a_rectangle_that_leaves_the_frame_is_named() {
+    let file = AnnotationsFile::parse(FILE).unwrap();
+    assert_eq!(file.check_inside(12, 14), Ok(()));
+    assert!(matches!(file.check_inside(11, 14), Err(AnnotationsError::Outside { index: 1, .. })));
+}
+
+#[test]
+fn only_background_is_not_enough() {
+    let text = r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"jaw","x":0,"y":0,"w":1,"h":1}]}"#;
+    assert_eq!(AnnotationsFile::parse(text), Err(AnnotationsError::NoTool));
+}

@@ -1,0 +1,89 @@
+//! Which band belongs to which of two tools of one colour: every combination, so the best is the best.
+//!
+//! Each band goes to at most one tool. A choice stands only if every other that gives one of its bands to the other tool
+//! is dearer by [`DECISIVE`]: what does not decide is not guessed.
+
+use super::origin::DECISIVE;
+
+/// What it costs a tool to have no band: more than any band that may be its own.
+pub const NO_BAND: f64 = 40.0;
+
+/// What one tool gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// The band of this index.
+    Band(usize),
+    /// A band that could as well be the other tool's.
+    Undecided,
+    /// No band.
+    Nothing,
+}
+
+/// Assigns bands; `costs` of each for both tools, `None` where it cannot be that tool's. `are_two` tells whether two
+/// indices, the first tool's and the second's, are different bands.
+pub fn assign(costs: &[[Option<f64>; 2]], are_two: impl Fn(usize, usize) -> bool) -> [Choice; 2] {
+    let differ = |first: usize, second: usize| first != second && are_two(first, second);
+    let all = combinations(costs, differ);
+    let Some((best, [first, second])) = all.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return [Choice::Nothing; 2];
+    };
+    let cheapest = |gives_away: &dyn Fn([Option<usize>; 2]) -> bool| {
+        all.iter().filter(|(_, taken)| gives_away(*taken)).map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min)
+    };
+    let choice = |band: Option<usize>, given_away: f64| match band {
+        None => Choice::Nothing,
+        Some(_) if given_away - best < DECISIVE => Choice::Undecided,
+        Some(band) => Choice::Band(band),
+    };
+    let to_second = cheapest(&|taken| first.zip(taken[1]).is_some_and(|(own, other)| !differ(own, other)));
+    let to_first = cheapest(&|taken| second.zip(taken[0]).is_some_and(|(own, other)| !differ(other, own)));
+    [choice(first, to_second), choice(second, to_first)]
+}
+
+/// Every combination that gives no band twice, with its cost.
+fn combinations(costs: &[[Option<f64>; 2]], differ: impl Fn(usize, usize) -> bool) -> Vec<(f64, [Option<usize>; 2])> {
+    let options = |tool: usize| {
+        let bands = costs.iter().enumerate().filter_map(move |(i, cost)| Some((cost[tool]?, Some(i))));
+        bands.chain([(NO_BAND, None)])
+    };
+    let pairs = options(0).flat_map(|first| options(1).map(move |second| (first, second)));
+    let possible = pairs.filter(|((_, first), (_, second))| first.zip(*second).is_none_or(|(a, b)| differ(a, b)));
+    possible.map(|((a, first), (b, second))| (a + b, [first, second])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Choice::{Band, Nothing, Undecided};
+    use super::*;
+
+    fn of(costs: &[[f64; 2]]) -> [Choice; 2] {
+        let costs: Vec<[Option<f64>; 2]> = costs.iter().map(|c| c.map(|c| c.is_finite().then_some(c))).collect();
+        assign(&costs, |_, _| true)
+    }
+
+    #[test]
+    fn two_bands_go_where_they_are_cheapest_together() {
+        assert_eq!(of(&[[2.0, 30.0], [30.0, 1.0]]), [Band(0), Band(1)]);
+        // The first band alone is nearer to the second tool, but then the second band would be nobody's.
+        assert_eq!(of(&[[3.0, 2.0], [60.0, 1.0]]), [Band(0), Band(1)]);
+    }
+
+    #[test]
+    fn a_band_that_could_be_either_tools_is_nobodys() {
+        assert_eq!(of(&[[3.0, 5.0]]), [Undecided, Nothing]);
+        assert_eq!(of(&[[3.0, 5.0], [4.0, 5.0]]), [Undecided, Undecided]);
+    }
+
+    #[test]
+    fn a_single_band_leaves_the_other_tool_without() {
+        assert_eq!(of(&[[28.0, 2.0]]), [Nothing, Band(0)]);
+        assert_eq!(of(&[[f64::NAN, f64::NAN]]), [Nothing, Nothing]);
+        assert_eq!(of(&[]), [Nothing, Nothing]);
+    }
+
+    #[test]
+    fn one_band_seen_as_two_regions_is_given_once() {
+        let costs = [[Some(2.0), Some(30.0)], [Some(4.0), Some(29.0)]];
+        assert_eq!(assign(&costs, |_, _| false), [Band(0), Nothing]);
+    }
+}

@@ -1,0 +1,187 @@
+//! The end of a recording with two tools of one colour: is every piece of both paths its own tool's?
+//!
+//! In: both tools' records. They are cut into runs at every gap, jump and meeting of the two; all poses together say where
+//! both trocars are, and each run goes to the tool whose trocar its axes pass through. That moves the trocars, so it is
+//! done until nothing changes. The tool whose trocar lies farther left in the picture is the left hand's. A run that
+//! passes through either trocar alike stays where its neighbours in time are; without neighbours that agree, it is
+//! refused. So is a run that was measured with sizes which its own tool does not have.
+
+use std::ops::Range;
+
+use nalgebra::Point3;
+
+use super::origin::{self, DECISIVE, Origin};
+use super::session::Instant;
+use super::tool::{self, Record, ToolTracker};
+use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::pose::{TubeEstimate, adjustment};
+use crate::pipeline::reason::Reason;
+
+/// Puts the records of both tools in order, the left hand's first.
+pub fn settle(tools: [&mut ToolTracker; 2], instants: &[Instant]) {
+    let [left, right] = tools;
+    let sizes = |tool: &ToolTracker| (tool.spec.diameter_mm, tool.spec.band_length_mm);
+    let are_alike = sizes(left) == sizes(right);
+    let records = [std::mem::take(&mut left.records), std::mem::take(&mut right.records)];
+    [left.records, right.records] = settled(records, instants, are_alike);
+}
+
+/// A piece of what was followed as one tool.
+#[derive(Clone, Debug, PartialEq)]
+struct Run {
+    /// As which tool.
+    as_tool: usize,
+    /// Places in the records.
+    frames: Range<usize>,
+    /// Whose it is; `None` where that is not decided.
+    owner: Option<usize>,
+}
+
+/// Both tools' records.
+type Records = [Vec<Record>; 2];
+
+fn settled(records: Records, instants: &[Instant], are_alike: bool) -> Records {
+    const ROUNDS: usize = 6;
+    let mut runs = cut(&records);
+    let [Some(left), Some(right)] = origins(&records, &runs) else { return records }; // one was alone: it met nobody
+    let mut origins = [left, right];
+    for _ in 0..ROUNDS {
+        let before = runs.clone();
+        decide(&mut runs, &records, &origins);
+        inherit(&mut runs, instants);
+        match self::origins(&records, &runs) {
+            [Some(left), Some(right)] if runs != before => origins = [left, right],
+            _ => break,
+        }
+    }
+    if is_right_of(&origins[0], &origins[1]) {
+        origins.swap(0, 1);
+        runs.iter_mut().for_each(|run| run.owner = run.owner.map(|tool| 1 - tool));
+    }
+    hand_over(&records, &runs, &origins, are_alike)
+}
+
+/// The runs of both tools, each as long as nothing could have exchanged them unseen.
+fn cut(records: &Records) -> Vec<Run> {
+    const LONGEST: usize = 25;
+    const MEETING_MM: f64 = 15.0;
+    const JUMP_MM: f64 = 10.0;
+    let tip = |tool: usize, frame: usize| records[tool][frame].estimate.map(|e| e.tube.tip);
+    let apart =
+        |one: Option<Point3<f64>>, other| one.zip(other).map(|(one, other): (_, Point3<f64>)| (one - other).norm());
+    let meets = |frame: usize| apart(tip(0, frame), tip(1, frame)).is_some_and(|mm| mm < MEETING_MM);
+    let mut runs: Vec<Run> = Vec::new();
+    for (as_tool, own) in records.iter().enumerate() {
+        for frame in (0..own.len()).filter(|frame| tip(as_tool, *frame).is_some()) {
+            let goes_on = |run: &&mut Run| {
+                run.as_tool == as_tool
+                    && run.frames.end == frame
+                    && run.frames.len() < LONGEST
+                    && meets(frame) == meets(frame - 1)
+                    && apart(tip(as_tool, frame - 1), tip(as_tool, frame)).is_some_and(|mm| mm < JUMP_MM)
+            };
+            match runs.last_mut().filter(goes_on) {
+                Some(run) => run.frames.end = frame + 1,
+                None => runs.push(Run { as_tool, frames: frame..frame + 1, owner: Some(as_tool) }),
+            }
+        }
+    }
+    runs
+}
+
+/// Where each tool comes from, as its runs tell; `None` for a tool without any.
+fn origins(records: &Records, runs: &[Run]) -> [Option<Origin>; 2] {
+    const MOST_POSES: usize = 256; // more know no better
+    [0, 1].map(|tool| {
+        let own = runs.iter().filter(|run| run.owner == Some(tool));
+        let seen: Vec<&Record> = own.flat_map(|run| &records[run.as_tool][run.frames.clone()]).collect();
+        let step = seen.len().div_ceil(MOST_POSES).max(1);
+        let poses = |good: bool| -> Vec<TubeEstimate> {
+            seen.iter().step_by(step).filter(|r| r.is_good || !good).filter_map(|r| r.estimate).collect()
+        };
+        let trocar = adjustment::estimate(&poses(true)).filter(tool::is_known).map(|adjusted| adjusted.fulcrum);
+        trocar.or_else(|| usual_hand(&poses(false))).map(Origin::Fulcrum)
+    })
+}
+
+/// The middle one of all places where a hand must have been.
+fn usual_hand(poses: &[TubeEstimate]) -> Option<Fulcrum> {
+    let hands: Vec<Fulcrum> = poses.iter().map(origin::hand_of).collect();
+    let at = [0, 1, 2].map(|axis| median(hands.iter().map(|hand| hand.at[axis]).collect()));
+    hands.first().map(|hand| Fulcrum { at: Point3::from(at), ..*hand })
+}
+
+/// Gives each run to the tool whose origin explains it, if one does.
+fn decide(runs: &mut [Run], records: &Records, origins: &[Origin; 2]) {
+    for run in runs {
+        let seen = &records[run.as_tool][run.frames.clone()];
+        let poses = seen.iter().filter_map(|record| record.estimate);
+        let for_left = median(poses.map(|pose| origins[1].against(&pose) - origins[0].against(&pose)).collect());
+        run.owner = match for_left {
+            by if by > DECISIVE => Some(0),
+            by if by < -DECISIVE => Some(1),
+            _ => None,
+        };
+    }
+}
+
+/// A run that decides nothing belongs to whom the nearest that do belong, of the same followed tool, before it and after.
+fn inherit(runs: &mut [Run], instants: &[Instant]) {
+    const LONGEST_S: f64 = 0.5;
+    let decided: Vec<Run> = runs.iter().filter(|run| run.owner.is_some()).cloned().collect();
+    let between_s = |one: &Range<usize>, next: &Range<usize>| instants[next.start].1 - instants[one.end - 1].1;
+    for run in runs.iter_mut().filter(|run| run.owner.is_none()) {
+        let same = || decided.iter().filter(|other| other.as_tool == run.as_tool);
+        let before = same().rfind(|other| other.frames.end <= run.frames.start);
+        let after = same().find(|other| other.frames.start >= run.frames.end);
+        let before = before.filter(|other| between_s(&other.frames, &run.frames) < LONGEST_S);
+        let after = after.filter(|other| between_s(&run.frames, &other.frames) < LONGEST_S);
+        let owners: Vec<Option<usize>> = [before, after].into_iter().flatten().map(|other| other.owner).collect();
+        run.owner = match owners[..] {
+            [owner] => owner,
+            [one, other] if one == other => one,
+            _ => None,
+        };
+    }
+}
+
+/// Does the first come from farther right in the picture, by more than both may be off?
+fn is_right_of(first: &Origin, second: &Origin) -> bool {
+    const CLEARLY_MM: f64 = 10.0;
+    first.at().zip(second.at()).is_some_and(|(first, second)| first.x - second.x > CLEARLY_MM)
+}
+
+/// The records of each tool after every run went to its owner.
+fn hand_over(records: &Records, runs: &[Run], origins: &[Origin; 2], are_alike: bool) -> Records {
+    let mut owners = [0, 1].map(|tool| vec![None; records[tool].len()]);
+    for run in runs {
+        owners[run.as_tool][run.frames.clone()].fill(run.owner);
+    }
+    let refused = |reason| Record { estimate: None, is_good: false, reason: Some(reason) };
+    let of_tool = |tool: usize| {
+        let at = |frame: usize| {
+            let has = |as_tool: &usize| records[*as_tool][frame].estimate.is_some();
+            let against =
+                |as_tool: &usize| records[*as_tool][frame].estimate.map_or(0.0, |e| origins[tool].against(&e));
+            let given = [tool, 1 - tool].into_iter().filter(has).filter(|s| owners[*s][frame] == Some(tool));
+            match given.min_by(|a, b| against(a).total_cmp(&against(b))) {
+                Some(as_tool) if as_tool == tool || are_alike => records[as_tool][frame],
+                Some(_) => refused(Reason::EitherTool),
+                None if !has(&tool) => records[tool][frame],
+                None if owners[tool][frame].is_some() && !has(&(1 - tool)) => records[1 - tool][frame],
+                None => refused(Reason::EitherTool),
+            }
+        };
+        (0..records[tool].len()).map(at).collect()
+    };
+    [of_tool(0), of_tool(1)]
+}
+
+/// The middle value; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests;

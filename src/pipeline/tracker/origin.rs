@@ -1,0 +1,137 @@
+//! Where a tool comes from: what tells two tools of one colour apart (METHOD 4, *beyond*).
+//!
+//! Two trocars are centimetres apart and do not move, and every axis passes through its own. Where a tool has turned too
+//! little to show its trocar, the place where its hand must be stands for it; where it was never seen, the side of the
+//! picture on which its hand is. Each answers the same question of a pose: how much does it speak against this origin?
+
+use nalgebra::{Matrix3, Matrix3x5, Point3, Vector3};
+
+use super::settings::Side;
+use crate::pipeline::pose::fulcrum::{self, Fulcrum};
+use crate::pipeline::pose::{TubeEstimate, across};
+
+/// Where a tool comes from, as far as that is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Origin {
+    /// Its trocar, or about where its hand is.
+    Fulcrum(Fulcrum),
+    /// This side of the picture.
+    Side(Side),
+}
+
+/// Difference of two squared distances from which the smaller one decides: 3000 to 1, were all errors Gaussian.
+pub const DECISIVE: f64 = 16.0;
+
+/// Most that a pose can speak against an origin: what is wrong for both is wrong for both alike.
+const MOST_AGAINST: f64 = 1e3;
+
+/// A usual distance from tip to trocar, mm.
+const HAND_MM: f64 = 180.0;
+
+/// How far from there the trocar may be, across the axis, when the tool turns: standard deviation, mm.
+const HAND_SIGMA_MM: f64 = 25.0;
+
+/// How far beyond the picture's middle a hand may reach and still be its own side's: standard deviation, mm.
+const SIDE_SIGMA_MM: f64 = 15.0;
+
+impl Origin {
+    /// How much a pose's edges speak against this origin: squared standard deviations.
+    pub fn against(&self, pose: &TubeEstimate) -> f64 {
+        let pose = &pose.by_edges_alone();
+        let squared = match self {
+            Origin::Fulcrum(fulcrum) if is_before(pose, fulcrum) => MOST_AGAINST,
+            Origin::Fulcrum(fulcrum) => fulcrum::miss_squared(pose, fulcrum),
+            Origin::Side(side) => beyond_squared(pose, *side),
+        };
+        squared.min(MOST_AGAINST)
+    }
+
+    /// Where it is, camera frame, mm, where that is known.
+    pub fn at(&self) -> Option<Point3<f64>> {
+        match self {
+            Origin::Fulcrum(fulcrum) => Some(fulcrum.at),
+            Origin::Side(_) => None,
+        }
+    }
+}
+
+/// About where the hand is that holds a tool so.
+pub fn hand_of(pose: &TubeEstimate) -> Fulcrum {
+    let covariance = Matrix3::identity() * (HAND_SIGMA_MM * HAND_SIGMA_MM);
+    Fulcrum { at: pose.tube.tip - pose.tube.axis * HAND_MM, covariance }
+}
+
+/// A trocar lies behind the tip.
+fn is_before(pose: &TubeEstimate, fulcrum: &Fulcrum) -> bool {
+    (fulcrum.at - pose.tube.tip).dot(&pose.tube.axis) > 0.0
+}
+
+/// How far the hand lies beyond the picture's middle; 0 on its own side.
+fn beyond_squared(pose: &TubeEstimate, side: Side) -> f64 {
+    let [first, second] = across(pose.tube.axis);
+    let columns: [Vector3<f64>; 5] = [Vector3::x(), Vector3::y(), Vector3::z(), first * -HAND_MM, second * -HAND_MM];
+    let hand_by_pose = Matrix3x5::from_columns(&columns);
+    let spread = hand_by_pose * pose.covariance * hand_by_pose.transpose();
+    let right_mm = hand_of(pose).at.x;
+    let beyond_mm = match side {
+        Side::Left => right_mm.max(0.0),
+        Side::Right => (-right_mm).max(0.0),
+    };
+    beyond_mm * beyond_mm / (spread[(0, 0)] + SIDE_SIGMA_MM * SIDE_SIGMA_MM)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix5;
+
+    use super::*;
+    use crate::pipeline::pose::evidence::Evidence;
+    use crate::pipeline::tube::Tube;
+
+    const TROCAR: Point3<f64> = Point3::new(-112.0, 96.0, 60.0);
+
+    /// A tool from a trocar to a tip, as well known as a pose is: its lean to 0.03 radians.
+    fn from(trocar: Point3<f64>, tip: Point3<f64>) -> TubeEstimate {
+        let tube = Tube { tip, axis: (tip - trocar).normalize(), radius: 2.5 };
+        let covariance = Matrix5::from_diagonal(&[0.01, 0.01, 0.5, 1e-3, 1e-3].into());
+        TubeEstimate {
+            tube,
+            covariance,
+            lasting: covariance,
+            evidence: Evidence::of_covariance(&covariance),
+            residual_px: 0.2,
+            support: 50.0,
+        }
+    }
+
+    fn opposite() -> Point3<f64> {
+        Point3::new(-TROCAR.x, TROCAR.y, TROCAR.z)
+    }
+
+    #[test]
+    fn each_origin_tells_a_hand_on_the_left_from_one_on_the_right() {
+        let known = Fulcrum { at: TROCAR, covariance: Matrix3::identity() };
+        let seen = hand_of(&from(TROCAR, Point3::new(-30.0, 10.0, 190.0)));
+        for origin in [Origin::Fulcrum(known), Origin::Fulcrum(seen), Origin::Side(Side::Left)] {
+            for tip in [Point3::new(25.0, -20.0, 200.0), Point3::new(-40.0, 5.0, 170.0)] {
+                let (own, other) = (origin.against(&from(TROCAR, tip)), origin.against(&from(opposite(), tip)));
+                assert!(other - own > DECISIVE, "{origin:?} at {tip}: {own} own, {other} other");
+            }
+        }
+    }
+
+    #[test]
+    fn a_hand_in_the_middle_is_on_neither_side() {
+        let pose = from(Point3::new(3.0, 140.0, 60.0), Point3::new(0.0, 0.0, 190.0));
+        let against = [Side::Left, Side::Right].map(|side| Origin::Side(side).against(&pose));
+        assert!(against.iter().all(|a| *a < DECISIVE), "{against:?}");
+    }
+
+    #[test]
+    fn a_trocar_beyond_the_tip_is_not_the_tools() {
+        let pose = from(TROCAR, Point3::new(0.0, 0.0, 190.0));
+        let ahead = pose.tube.tip + pose.tube.axis * 90.0;
+        let origin = Origin::Fulcrum(Fulcrum { at: ahead, covariance: Matrix3::identity() });
+        assert!(origin.against(&pose) > 100.0);
+    }
+}
