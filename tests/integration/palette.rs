@@ -140,10 +140,11 @@ fn a_session_with_two_tapes_of_nearly_one_colour_is_used_with_care() {
 fn purple_on_a_mat_with_red_blue_and_purple_is_called_bad_before_it_is_followed_wrongly() {
     let purple = Tape { name: "purple", colour: [0.2, 0.065, 0.25] }; // as printed on the mat
     let scene = TapedBox::with([purple, Tape::named("orange").unwrap()]);
-    let level = |accuracy: &Accuracy, index: usize| accuracy.tools[index].levels[0].errors.unwrap().three_d.rms;
+    let rms = |accuracy: &Accuracy, index: usize| accuracy.tools[index].levels[0].errors.map(|e| e.three_d.rms);
     let tracking = scene.tracked();
     let tracked = scene.accuracy(&tracking);
-    assert!(level(&tracked, 0) > 20.0 && level(&tracked, 1) < 3.0, "purple is the hard one: {tracked:?}");
+    let (purple, orange) = (rms(&tracked, 0), rms(&tracked, 1));
+    assert!(purple.is_none_or(|mm| mm > 20.0) && orange.unwrap() < 3.0, "purple is the hard one: {tracked:?}");
     let [concern] = &of_colours(&tracking)[..] else { panic!("{:?}", of_colours(&tracking)) };
     assert_eq!((concern.cause, concern.severity), (Cause::ColourBackground, Severity::Refuse), "{concern:?}");
     assert_eq!((concern.tool.as_deref(), concern.label.as_deref()), (Some("purple"), Some("background")));

@@ -113,7 +113,10 @@ fn what_was_measured_with_the_other_tools_sizes_is_refused() {
 fn poses_that_tell_nothing_stay_between_their_own_and_are_refused_between_both() {
     let vague = |estimate: TubeEstimate| {
         let covariance = Matrix5::from_diagonal(&[1.0, 1.0, 9.0, 4.0, 4.0].into());
-        Record { is_good: false, ..seen(TubeEstimate { covariance, ..estimate }) }
+        Record {
+            is_good: false,
+            ..seen(TubeEstimate { covariance, evidence: Evidence::of_covariance(&covariance), ..estimate })
+        }
     };
     let vague_in = |from: usize, exchanged_after: bool| {
         records(move |tool, frame| {
