@@ -28,7 +28,7 @@ static LIGHT: Tone = Tone {
     mixing: Mixing::Light,
     straight_until: 0.003_130_8,
     straight_slope: 12.92,
-    polynomial: [-0.064_612_27, 0.196_140_18, 1.122_674_68, -0.335_499_95, 0.081_332_05],
+    polynomial: [-0.064_612_27, 0.196_140_18, 1.122_674_7, -0.335_499_95, 0.081_332_05],
 };
 static CODES: Tone =
     Tone { mixing: Mixing::Codes, straight_until: 0.01, straight_slope: 1.0, polynomial: [0.0, 0.0, 0.0, 0.0, 1.0] };

@@ -49,6 +49,8 @@ pub struct Evidence {
     own_px: [f32; 4],
     length_mm: f32,
     px_per_mm: f32,
+    /// Nothing is known but how sure the pose is: then all of it may last.
+    is_bare: bool,
 }
 
 /// What is believed of a pose's offsets before its edges are looked at: standard deviations, pixels.
@@ -94,6 +96,7 @@ impl Evidence {
             own_px: beliefs.own_px.map(|px| px as f32),
             length_mm: beliefs.length_mm as f32,
             px_per_mm: beliefs.px_per_mm as f32,
+            is_bare: false,
         }
     }
 
@@ -102,7 +105,8 @@ impl Evidence {
         let mut information = Information::zeros();
         let of_tube = covariance.try_inverse().unwrap_or_else(Matrix5::zeros);
         information.fixed_view_mut::<5, 5>(0, 0).copy_from(&of_tube);
-        Self::new(&information, &SVector::zeros(), &Vector4::zeros(), &Beliefs::usual(0.0), 1.0)
+        let bare = Self::new(&information, &SVector::zeros(), &Vector4::zeros(), &Beliefs::usual(0.0), 1.0);
+        Self { is_bare: true, ..bare }
     }
 
     /// As if the noise's variance were so many times as large.
@@ -156,6 +160,9 @@ impl Evidence {
     pub fn covariance(&self) -> Option<(Matrix5<f64>, Matrix5<f64>)> {
         let information = self.information();
         let all: Matrix5<f64> = self.with_beliefs().cholesky()?.inverse().fixed_view::<5, 5>(0, 0).into_owned();
+        if self.is_bare {
+            return Some((all, all));
+        }
         let passing = information.fixed_view::<5, 5>(0, 0).into_owned().cholesky()?.inverse();
         Some((all, all - passing))
     }

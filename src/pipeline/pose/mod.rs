@@ -56,6 +56,38 @@ impl TubeEstimate {
     }
 }
 
+/// A pose as a recording keeps it, for each tool and frame: its covariance can be had from its evidence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeptPose {
+    /// The tube.
+    pub tube: Tube,
+    evidence: Evidence,
+    residual_px: f32,
+    support: f32,
+}
+
+impl From<&TubeEstimate> for KeptPose {
+    fn from(pose: &TubeEstimate) -> Self {
+        let TubeEstimate { tube, evidence, residual_px, support, .. } = *pose;
+        Self { tube, evidence, residual_px: residual_px as f32, support: support as f32 }
+    }
+}
+
+impl KeptPose {
+    /// The whole pose again; `None` if its edges determine none.
+    pub fn estimate(&self) -> Option<TubeEstimate> {
+        let (covariance, lasting) = self.evidence.covariance()?;
+        let Self { tube, evidence, residual_px, support } = *self;
+        let (residual_px, support) = (f64::from(residual_px), f64::from(support));
+        Some(TubeEstimate { tube, covariance, lasting, evidence, residual_px, support })
+    }
+
+    /// RMS distance of border points from the outline, pixels.
+    pub fn residual_px(&self) -> f64 {
+        f64::from(self.residual_px)
+    }
+}
+
 /// Two unit vectors perpendicular to an axis and to each other.
 pub fn across(axis: Vector3<f64>) -> [Vector3<f64>; 2] {
     let helper = if axis.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() };

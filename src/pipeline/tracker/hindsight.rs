@@ -66,7 +66,7 @@ fn cut(records: &Records) -> Vec<Run> {
     const LONGEST: usize = 25;
     const MEETING_MM: f64 = 15.0;
     const JUMP_MM: f64 = 10.0;
-    let tip = |tool: usize, frame: usize| records[tool][frame].estimate.map(|e| e.tube.tip);
+    let tip = |tool: usize, frame: usize| records[tool][frame].pose.map(|pose| pose.tube.tip);
     let apart =
         |one: Option<Point3<f64>>, other| one.zip(other).map(|(one, other): (_, Point3<f64>)| (one - other).norm());
     let meets = |frame: usize| apart(tip(0, frame), tip(1, frame)).is_some_and(|mm| mm < MEETING_MM);
@@ -97,7 +97,7 @@ fn origins(records: &Records, runs: &[Run]) -> [Option<Origin>; 2] {
         let seen: Vec<&Record> = own.flat_map(|run| &records[run.as_tool][run.frames.clone()]).collect();
         let step = seen.len().div_ceil(MOST_POSES).max(1);
         let poses = |good: bool| -> Vec<TubeEstimate> {
-            seen.iter().step_by(step).filter(|r| r.is_good || !good).filter_map(|r| r.estimate).collect()
+            seen.iter().step_by(step).filter(|r| r.is_good || !good).filter_map(|r| r.estimate()).collect()
         };
         let trocar = adjustment::estimate(&poses(true)).filter(tool::is_known).map(|adjusted| adjusted.fulcrum);
         trocar.or_else(|| usual_hand(&poses(false))).map(Origin::Fulcrum)
@@ -115,7 +115,7 @@ fn usual_hand(poses: &[TubeEstimate]) -> Option<Fulcrum> {
 fn decide(runs: &mut [Run], records: &Records, origins: &[Origin; 2]) {
     for run in runs {
         let seen = &records[run.as_tool][run.frames.clone()];
-        let poses = seen.iter().filter_map(|record| record.estimate);
+        let poses = seen.iter().filter_map(Record::estimate);
         let for_left = median(poses.map(|pose| origins[1].against(&pose) - origins[0].against(&pose)).collect());
         run.owner = match for_left {
             by if by > DECISIVE => Some(0),
@@ -157,12 +157,12 @@ fn hand_over(records: &Records, runs: &[Run], origins: &[Origin; 2], are_alike: 
     for run in runs {
         owners[run.as_tool][run.frames.clone()].fill(run.owner);
     }
-    let refused = |reason| Record { estimate: None, is_good: false, reason: Some(reason) };
+    let refused = |reason| Record { pose: None, is_good: false, reason: Some(reason) };
     let of_tool = |tool: usize| {
         let at = |frame: usize| {
-            let has = |as_tool: &usize| records[*as_tool][frame].estimate.is_some();
+            let has = |as_tool: &usize| records[*as_tool][frame].pose.is_some();
             let against =
-                |as_tool: &usize| records[*as_tool][frame].estimate.map_or(0.0, |e| origins[tool].against(&e));
+                |as_tool: &usize| records[*as_tool][frame].estimate().map_or(0.0, |e| origins[tool].against(&e));
             let given = [tool, 1 - tool].into_iter().filter(has).filter(|s| owners[*s][frame] == Some(tool));
             match given.min_by(|a, b| against(a).total_cmp(&against(b))) {
                 Some(as_tool) if as_tool == tool || are_alike => records[as_tool][frame],

@@ -8,14 +8,14 @@ use nalgebra::{Matrix3, Point2};
 use super::gaps::{self, Rim};
 use super::report::ToolQuality;
 use super::settings::MotionSettings;
-use super::tool::{self, ToolTracker};
+use super::tool::{self, Record, ToolTracker};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::identity::{Thread, ThreadSettings};
 use crate::pipeline::filter::kalman::State;
 use crate::pipeline::filter::smoother::{Step, smooth};
-use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::pose::adjustment;
 use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::trajectory::{Sample, SampleState};
@@ -40,8 +40,7 @@ pub fn rework(
     motion: &MotionSettings,
 ) -> ToolPaths {
     let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
-    let estimates: Vec<TubeEstimate> = tool.records.iter().filter_map(|r| r.estimate).collect();
-    let good = thinned(tool.records.iter().filter(|r| r.is_good).filter_map(|r| r.estimate).collect());
+    let good = thinned(&tool.records);
     let adjustment = adjustment::estimate(&good).filter(tool::is_known);
     let fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
     let mut paths = ToolPaths {
@@ -54,11 +53,11 @@ pub fn rework(
     let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
     let mut reasons = Vec::with_capacity(instants.len());
     for (record, instant) in tool.records.iter().zip(instants) {
-        let pose = record.estimate.and_then(|e| match &adjustment {
+        let pose = record.estimate().and_then(|e| match &adjustment {
             Some(adjustment) => adjustment::steady(&e, adjustment),
             None => Some(e),
         });
-        let misread = (record.estimate.is_some() && pose.is_none()).then_some(Reason::ImpossiblePose);
+        let misread = (record.pose.is_some() && pose.is_none()).then_some(Reason::ImpossiblePose);
         let reason = record.reason.or(misread);
         let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
         let advance = following.advance(instant.1, measured, &hindsight);
@@ -80,16 +79,18 @@ pub fn rework(
         }
     }
     run.close(&mut paths, index, camera, fulcrum.as_ref());
-    paths.quality.border_residual_px = rms(estimates.iter().map(|e| e.residual_px));
+    paths.quality.border_residual_px =
+        rms(tool.records.iter().filter_map(|r| r.pose.as_ref()).map(KeptPose::residual_px));
     paths.quality.gaps = gaps::find(&paths.smoothed, instants, &reasons, &Rim::new(camera, tool.spec.band_length_mm));
     paths
 }
 
-/// Poses enough to be adjusted together, spread over the recording.
-fn thinned(poses: Vec<TubeEstimate>) -> Vec<TubeEstimate> {
+/// Good poses enough to be adjusted together, spread over the recording.
+fn thinned(records: &[Record]) -> Vec<TubeEstimate> {
     const ENOUGH: usize = 256;
-    let every = poses.len().div_ceil(ENOUGH).max(1);
-    poses.into_iter().step_by(every).collect()
+    let good = || records.iter().filter(|record| record.is_good);
+    let every = good().count().div_ceil(ENOUGH).max(1);
+    good().step_by(every).filter_map(Record::estimate).collect()
 }
 
 /// An unbroken run of the filter.

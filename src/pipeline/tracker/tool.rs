@@ -12,8 +12,8 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::filter::identity::{Advance, Thread, ThreadSettings};
 use crate::pipeline::frame::Frame;
-use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::pose::adjustment::{self, Adjustment};
+use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
@@ -24,11 +24,18 @@ use crate::pipeline::tube::{Outline, Tube};
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
     /// The measurement before the adjustment steadied it.
-    pub estimate: Option<TubeEstimate>,
+    pub pose: Option<KeptPose>,
     /// The pixels explain it so well that the adjustment may be made from it.
     pub is_good: bool,
     /// Why there is no measurement, or why it was refused.
     pub reason: Option<Reason>,
+}
+
+impl Record {
+    /// The measurement, with its covariance.
+    pub fn estimate(&self) -> Option<TubeEstimate> {
+        self.pose.as_ref().and_then(KeptPose::estimate)
+    }
 }
 
 /// One tool's tracker.
@@ -303,8 +310,8 @@ impl ToolTracker {
 
     fn remember(&mut self, measured: &Result<Measurement, Reason>) {
         self.records.push(match measured {
-            Ok(m) => Record { estimate: Some(m.estimate), is_good: m.is_good(), reason: None },
-            Err(reason) => Record { estimate: None, is_good: false, reason: Some(*reason) },
+            Ok(m) => Record { pose: Some(KeptPose::from(&m.estimate)), is_good: m.is_good(), reason: None },
+            Err(reason) => Record { pose: None, is_good: false, reason: Some(*reason) },
         });
         let Some(m) = measured.as_ref().ok().filter(|m| m.is_good()) else { return };
         self.lengths.add(m.length_mm, m.length_sigma_mm);

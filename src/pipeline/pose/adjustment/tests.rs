@@ -8,9 +8,9 @@ use super::*;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::camera::testing::wide;
 use crate::pipeline::edges::outline_probes::Place;
-use crate::pipeline::pose::across;
 use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX, offset_of_part};
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
+use crate::pipeline::pose::{KeptPose, across};
 use crate::pipeline::space::{CameraPoint, Pixel};
 
 const FULCRUM: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
@@ -165,4 +165,14 @@ fn a_pose_that_would_have_to_turn_far_is_refused() {
 #[test]
 fn too_few_poses_are_not_enough() {
     assert_eq!(estimate(&poses(&session(30.0, [0.0; 4], 8))[..5]), None);
+}
+
+#[test]
+fn a_kept_pose_is_the_pose_again() {
+    for (_, pose) in session(30.0, [0.0; 4], 9).iter().step_by(7) {
+        let again = KeptPose::from(pose).estimate().unwrap();
+        assert_eq!(again.tube, pose.tube);
+        assert!((again.covariance - pose.covariance).norm() < 1e-6 * pose.covariance.norm());
+        assert!((again.lasting - pose.lasting).norm() < 1e-6 * pose.lasting.norm());
+    }
 }

@@ -1,6 +1,7 @@
 use nalgebra::{Matrix5, Point3, Vector3};
 
 use super::*;
+use crate::pipeline::pose::KeptPose;
 use crate::pipeline::pose::evidence::Evidence;
 use crate::pipeline::tube::Tube;
 
@@ -25,10 +26,10 @@ fn pose(tool: usize, frame: usize) -> TubeEstimate {
 }
 
 fn seen(estimate: TubeEstimate) -> Record {
-    Record { estimate: Some(estimate), is_good: true, reason: None }
+    Record { pose: Some(KeptPose::from(&estimate)), is_good: true, reason: None }
 }
 
-const UNSEEN: Record = Record { estimate: None, is_good: false, reason: Some(Reason::NoMarkerColour) };
+const UNSEEN: Record = Record { pose: None, is_good: false, reason: Some(Reason::NoMarkerColour) };
 
 /// Records of both tools, each frame's as `of` makes it.
 fn records(of: impl Fn(usize, usize) -> Record) -> Records {
@@ -43,7 +44,7 @@ fn instants() -> Vec<Instant> {
 fn count(records: &Records) -> [usize; 3] {
     let mut counts = [0; 3];
     for (tool, frame) in [0, 1].into_iter().flat_map(|tool| (0..FRAMES).map(move |frame| (tool, frame))) {
-        let tip = records[tool][frame].estimate.map(|e| e.tube.tip);
+        let tip = records[tool][frame].pose.map(|pose| pose.tube.tip);
         let is_of = |tool: usize| tip == Some(pose(tool, frame).tube.tip);
         counts[if is_of(tool) {
             0
