@@ -29,7 +29,7 @@ use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 use crate::pipeline::tube::Outline;
 use light::LightWatch;
 use measure::Measurement;
-use session::Instant;
+use session::{Instant, PastPose};
 use tool::{Scene, Seen, ToolTracker};
 
 /// Frames that are rehearsed: enough edges to tell how they look, and views to tell a band's length.
@@ -155,12 +155,12 @@ impl Tracker {
 
     fn report(&self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {
         let camera = &self.settings.camera;
-        let pose = self.tools[tool].last_pose.as_ref();
+        let pose = self.tools[tool].last_pose.as_ref().map(PastPose::from);
         let state = if seen.advance.observed { SampleState::Observed } else { SampleState::Predicted };
         let filtered = seen
             .advance
             .step
-            .map(|step| session::state_sample(&step.updated, pose, tool, instant, state, camera, None));
+            .map(|step| session::state_sample(&step.updated, pose.as_ref(), tool, instant, state, camera, None));
         let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
         let outcome =
             seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));

@@ -3,7 +3,7 @@
 //! What all poses share is worked out from them together and steadies each, also the first; the filter runs once more over the
 //! steadied poses, and the smoother behind it.
 
-use nalgebra::{Matrix3, Point2};
+use nalgebra::{Matrix3, Point2, Vector3};
 
 use super::gaps::{self, Rim};
 use super::report::ToolQuality;
@@ -99,7 +99,7 @@ struct Run {
     longest_prediction_s: f64,
     steps: Vec<Step>,
     instants: Vec<Instant>,
-    poses: Vec<Option<TubeEstimate>>,
+    poses: Vec<Option<PastPose>>,
     in_sight: Vec<bool>,
 }
 
@@ -108,7 +108,7 @@ impl Run {
         self.in_sight.push(in_sight);
         self.steps.push(step);
         self.instants.push(instant);
-        self.poses.push(pose);
+        self.poses.push(pose.as_ref().map(PastPose::from));
     }
 
     /// Forgets a run that was none.
@@ -170,11 +170,25 @@ fn is_supported(sample: &Sample, camera: &Camera) -> bool {
     sample.state == SampleState::Observed || sample.tip_px.is_some_and(in_picture)
 }
 
+/// What a filter's state needs of the pose that was measured last.
+#[derive(Clone, Copy, Debug)]
+pub struct PastPose {
+    axis: Vector3<f64>,
+    /// The lasting part of the tip's covariance, mm².
+    lasting: Matrix3<f64>,
+}
+
+impl From<&TubeEstimate> for PastPose {
+    fn from(pose: &TubeEstimate) -> Self {
+        Self { axis: pose.tube.axis, lasting: pose.lasting_tip_covariance() }
+    }
+}
+
 /// A sample of a filter's state. What lasts in the errors of poses like `pose`, the nearest one measured, the filter has
 /// taken for noise and averaged away: it is added again (Schmidt's "considered" errors).
 pub fn state_sample(
     state: &State,
-    pose: Option<&TubeEstimate>,
+    pose: Option<&PastPose>,
     tool: usize,
     instant: Instant,
     seen: SampleState,
@@ -182,7 +196,7 @@ pub fn state_sample(
     fulcrum: Option<&Fulcrum>,
 ) -> Sample {
     let tip = state.tip();
-    let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, TubeEstimate::lasting_tip_covariance);
+    let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, |p| p.lasting);
     let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
     Sample {
         frame: instant.0,
@@ -190,7 +204,7 @@ pub fn state_sample(
         tool,
         tip_mm: tip,
         velocity_mm_s: Some(state.velocity()),
-        axis: by_fulcrum.or(pose.map(|p| p.tube.axis)),
+        axis: by_fulcrum.or(pose.map(|p| p.axis)),
         tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
         sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
         sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
