@@ -4,7 +4,8 @@
 //! out, how sure that is, what both sides look like. **Method** Gauss–Newton. Per channel (R, G, B) light is
 //! `base + limb·cos θ` inside, where `θ` is how far the tube's surface has turned away, and `out + ramp·distance` outside;
 //! at a tape's end, where nothing turns away, it changes steadily inside instead. Without the limb its darkening pulls the
-//! border inwards by up to a pixel; without the ramp the soft shadow beside a tube pushes it outwards by 0.4.
+//! border inwards by up to a pixel; without the ramp the soft shadow beside a tube pushes it outwards by 0.4. Shadow is the
+//! same share of all channels, and one ramp for the three loses nothing; one limb for the three does, by 0.4 mm of depth.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 

@@ -1,9 +1,9 @@
 //! How edges look in one recording, learned while tracking: blur, noise of each plane, exposure.
 //!
 //! **In** the fits of every edge that was found ([`EdgeModel::learn`]). **Out** what the next frame's edges are expected to
-//! look like. **Method** lens and exposure follow the gradient of the residuals at the band's ends, each by a Kalman filter
-//! of one state; light inside each part of the outline is a mean over its last edges; noise follows the median; whether
-//! light or codes were mixed is decided once ([`super::mixing`]).
+//! look like. **Method** lens and exposure follow the gradient of the residuals at the band's ends, the blur of chroma that
+//! at its borders, each by a Kalman filter of one state; light inside each part of the outline is a mean over its last
+//! edges; noise follows the median; whether light or codes were mixed is decided once ([`super::mixing`]).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 

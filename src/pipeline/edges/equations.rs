@@ -275,14 +275,12 @@ fn light_at(constants: &Constants<'_>, distances: Lanes) -> Lit {
 }
 
 impl Lit {
-    /// Half this, half the other, which lies farther out.
+    /// Half this, half the other, which lies farther out; and how that depends on how far apart the two are.
     #[inline(always)]
     fn average(&mut self, other: &Self) {
         for (one, other) in self.channels.iter_mut().zip(&other.channels) {
             for l in 0..LANES {
-                // A minus in front of both slopes: light moves inwards past a place as the edge moves outwards.
-                let apart = one[BY_OFFSET][l] - other[BY_OFFSET][l];
-                one[BY_CHROMA_BLUR][l] = apart;
+                one[BY_CHROMA_BLUR][l] = one[BY_OFFSET][l] - other[BY_OFFSET][l];
             }
         }
         for (one, other) in self.channels.as_flattened_mut().iter_mut().zip(other.channels.as_flattened()) {

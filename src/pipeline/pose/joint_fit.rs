@@ -3,7 +3,7 @@
 //!
 //! **In** edges with their place on the outline, their pixel and its standard deviation; a tube close to the truth.
 //! **Out** the tube that fits best, its covariance, the RMS residual. **Method** Gauss–Newton with robust weights (Tukey);
-//! each border and each end also has one unknown offset of its own, zero ± [`Beliefs::offsets_px`]: what light, compression
+//! borders and ends also have unknown offsets of their own, zero ± [`Beliefs::offsets_px`]: what light, compression
 //! and sharpening shift a whole edge by is the same along it, and averaging over many pixels does not remove it.
 //! **Gives up** where fewer than [`FEWEST_BORDER_EDGES`] edges support either border, or no end was seen.
 
@@ -193,18 +193,7 @@ impl System {
             matrix[(5 + part, 5 + part)] = own[part];
             all_right[5 + part] = right_own[part];
         }
-        // From an offset of each border to one of both alike and one of both apart.
-        {
-            let (first, second) = (5, 6);
-            let (one, other) = (matrix.column(first).into_owned(), matrix.column(second).into_owned());
-            matrix.set_column(first, &(one + other));
-            matrix.set_column(second, &(one - other));
-            let (one, other) = (matrix.row(first).into_owned(), matrix.row(second).into_owned());
-            matrix.set_row(first, &(one + other));
-            matrix.set_row(second, &(one - other));
-            (all_right[first], all_right[second]) =
-                (all_right[first] + all_right[second], all_right[first] - all_right[second]);
-        }
+        borders_alike_and_apart(matrix, all_right);
         let (matrix, right) = system;
         Some(Self {
             matrix,
@@ -214,6 +203,19 @@ impl System {
             support: weights,
         })
     }
+}
+
+/// From an offset of each border to one of both alike and one of both towards the first: see [`Offsets`].
+fn borders_alike_and_apart(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right: &mut SVector<f64, UNKNOWNS>) {
+    const BORDERS: [usize; 2] = [5, 6];
+    let [first, second] = BORDERS;
+    let [one, other] = BORDERS.map(|border| matrix.column(border).into_owned());
+    matrix.set_column(first, &(one + other));
+    matrix.set_column(second, &(one - other));
+    let [one, other] = BORDERS.map(|border| matrix.row(border).into_owned());
+    matrix.set_row(first, &(one + other));
+    matrix.set_row(second, &(one - other));
+    (right[first], right[second]) = (right[first] + right[second], right[first] - right[second]);
 }
 
 /// Steps of the numeric derivative: mm, mm, mm, rad, rad.
