@@ -20,6 +20,7 @@ pub use settings::{MotionSettings, PoseMethod, SettingsProblem, Side, ToolSpec, 
 pub use trace::{Fit, FrameTrace, Look, ToolTrace};
 
 use crate::pipeline::edges::edge_model::EdgeModel;
+use crate::pipeline::edges::tone::Mixing;
 use crate::pipeline::frame::{ColourEncoding, Frame};
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
@@ -102,6 +103,7 @@ impl Tracker {
                 seen.extend(pair.iter().copied().zip(pair::observe(tools, pair.map(scene))));
             }
         }
+        self.share_mixing();
         seen.sort_by_key(|(i, _)| *i);
         let instant = (frame.index, frame.time_s);
         let tools = seen.into_iter().map(|(i, seen)| self.report(i, instant, seen)).collect();
@@ -145,6 +147,13 @@ impl Tracker {
             Trajectory { tools: names.clone(), samples, frame_times_s: frame_times_s.clone() }
         });
         Tracking { raw, filtered, smoothed, quality }
+    }
+
+    /// One camera recorded all tools: what one of them has told of how light was mixed, dull ones are told.
+    fn share_mixing(&mut self) {
+        if self.tools.iter().any(|tool| tool.edges.mixing == Mixing::Codes) {
+            self.tools.iter_mut().for_each(|tool| tool.edges.believe(Mixing::Codes));
+        }
     }
 
     /// Where each tool is expected to stand, so that the others know what hides them.

@@ -182,12 +182,19 @@ impl EdgeModel {
         (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform smear of length a: variance a²/12
     }
 
+    /// From now on, this was mixed: also what another tool's edges have told.
+    pub fn believe(&mut self, mixing: Mixing) {
+        if mixing != self.mixing {
+            self.mixing = mixing;
+            self.inside = Default::default(); // light of another kind
+        }
+    }
+
     /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
     pub fn settle(&mut self) {
         self.frames += 1;
-        if let Some(mixing) = self.trial.verdict().filter(|mixing| *mixing != self.mixing) {
-            self.mixing = mixing;
-            self.inside = Default::default(); // light of another kind
+        if let Some(mixing) = self.trial.verdict() {
+            self.believe(mixing);
         }
         let pace = self.pace();
         let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);

@@ -304,11 +304,8 @@ impl Bench<'_> {
         let mut measurement: Measurement = measurement?;
         if let Some(fulcrum) = &self.fulcrum {
             measurement.beside_squared = fulcrum::miss_squared(&measurement.estimate, fulcrum);
-            match self.bound(&found, &measurement.estimate, length_mm, fulcrum) {
-                Some(bound) => measurement.estimate = bound,
-                // What the pixels explain well is believed without: it may teach a better fulcrum.
-                None if measurement.is_good() => {}
-                None => return Err(Reason::ImpossiblePose),
+            if let Some(bound) = self.bound(&found, &measurement.estimate, length_mm, fulcrum) {
+                measurement.estimate = bound;
             }
             tube = measurement.estimate.tube;
         }

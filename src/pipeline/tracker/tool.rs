@@ -43,7 +43,7 @@ pub struct ToolTracker {
     pub(super) spec: ToolSpec,
     class: u8,
     finder: ComponentFinder,
-    edges: EdgeModel,
+    pub(super) edges: EdgeModel,
     thread: Thread,
     last: Option<(Tube, f64)>,
     adjustment: Option<Adjustment>,
