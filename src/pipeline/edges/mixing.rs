@@ -17,8 +17,8 @@ use crate::pipeline::frame::Frame;
 
 /// Edges that are looked at.
 const ENOUGH: usize = 160;
-/// Median shift from which codes were mixed, pixels: midway between what was measured of both kinds.
-const CODES_FROM_PX: f32 = 0.3;
+/// Median shift from which codes were mixed, pixels: between what was measured of both kinds.
+const CODES_FROM_PX: f32 = 0.25;
 /// How far to look on both sides, pixels.
 const REACH_PX: f64 = 5.5;
 
