@@ -3,7 +3,7 @@
 //!
 //! One pose cannot tell an offset of its borders from its depth: at 5 mm and 720 lines a tenth of a pixel is a millimetre.
 //! Many poses can, for the band's length and the one point that every axis passes through bind them together.
-//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own nine unknowns ([`Evidence`]); eliminated
+//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own nine unknowns ([`super::evidence`]); eliminated
 //! (Schur complement), they leave seven that all poses share: the fulcrum's three, and four offsets. **Assumes** that a
 //! pose's offsets differ from the shared ones by what its evidence says, alike in like poses, which therefore count as one
 //! ([`weights`]). **Gives up** where the axes turn too little to meet anywhere, or meet before the tips.
