@@ -250,44 +250,20 @@ mod tests {
     use super::*;
     use crate::pipeline::camera::testing::wide as camera;
     use crate::pipeline::pose::evidence::offsets_px;
+    use crate::pipeline::pose::testing::{self, LENGTH_MM, gaussian};
     use nalgebra::{Point3, Vector3};
     use rand::rngs::SmallRng;
-    use rand::{Rng, RngExt, SeedableRng};
-
-    const LENGTH_MM: f64 = 26.0;
+    use rand::{Rng, SeedableRng};
 
     fn tube() -> Tube {
         Tube { tip: Point3::new(-30.0, -8.0, 190.0), axis: Vector3::new(0.40, -0.62, 0.675).normalize(), radius: 2.5 }
     }
 
-    fn gaussian(random: &mut impl Rng) -> f64 {
-        (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
-    }
-
-    /// Edges along the tube's true outline, each moved by noise, and each part by an offset of its own.
-    fn edges(random: &mut impl Rng, sigma_px: f64, bias_px: [f64; 4]) -> Vec<MeasuredEdge> {
-        let (camera, outline) = (camera(), tube().outline().unwrap());
-        let offsets = bias_px.map(|sigma| sigma * gaussian(random));
-        let borders = (0..2).flat_map(|side| (1..25).map(move |k| Place::Border { side, back_mm: f64::from(k) }));
-        let rims = [0.0, LENGTH_MM]
-            .into_iter()
-            .flat_map(|back_mm| (-2..=2).map(move |k| Place::Rim { back_mm, across: 0.3 * f64::from(k) }));
-        let pixel = |p| camera.project(CameraPoint(p)).unwrap().0;
-        borders
-            .chain(rims)
-            .map(|place| {
-                let at = pixel(place.on(&outline));
-                let along = match place {
-                    Place::Border { side, back_mm } => pixel(outline.border(side, back_mm + 0.5)) - at,
-                    Place::Rim { back_mm, across } => pixel(outline.rim(back_mm, across + 0.05)) - at,
-                };
-                let inwards = pixel(tube().tip - tube().axis * (0.5 * LENGTH_MM)) - at;
-                let normal = Vector2::new(-along.y, along.x).normalize();
-                let outward = if normal.dot(&inwards) > 0.0 { -normal } else { normal };
-                let moved = at + outward * (offsets[place.part()] + sigma_px * gaussian(random));
-                MeasuredEdge::new(place, Pixel(moved), outward, sigma_px.max(1e-6), &camera).unwrap()
-            })
-            .collect()
+    /// Edges along the tube's true outline, each moved by noise, and offsets of these standard deviations.
+    fn edges(random: &mut impl Rng, sigma_px: f64, offsets_px: [f64; 4]) -> Vec<MeasuredEdge> {
+        let offsets = Offsets::from(offsets_px.map(|sigma| sigma * gaussian(random)));
+        let backs_mm: Vec<f64> = (1..25).map(f64::from).collect();
+        testing::edges(&tube(), &camera(), &backs_mm, &offsets, sigma_px, random)
     }
 
     fn rough_start() -> Tube {

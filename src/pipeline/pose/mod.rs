@@ -13,6 +13,8 @@ pub mod fulcrum;
 pub mod joint_fit;
 pub mod pinhole_width;
 pub mod tangent_planes;
+#[cfg(test)]
+mod testing;
 
 use nalgebra::{Matrix3, Matrix5, Vector3};
 

@@ -1,24 +1,18 @@
 //! Poses of one simulated session, with edges that err as real ones do, put right together.
 
-use nalgebra::{Matrix5, Point3, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix5, Point3, Vector3};
 use rand::rngs::SmallRng;
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{Rng, SeedableRng};
 
 use super::*;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::camera::testing::wide;
-use crate::pipeline::edges::outline_probes::Place;
-use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX, offset_of_part};
+use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX};
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
+use crate::pipeline::pose::testing::{self, LENGTH_MM, gaussian};
 use crate::pipeline::pose::{KeptPose, across};
-use crate::pipeline::space::{CameraPoint, Pixel};
 
 const FULCRUM: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
-const LENGTH_MM: f64 = 26.0;
-
-fn gaussian(random: &mut impl Rng) -> f64 {
-    (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
-}
 
 /// Tools in a trocar whose tips wander by `reach_mm`.
 fn tubes(reach_mm: f64) -> Vec<Tube> {
@@ -33,31 +27,11 @@ fn tubes(reach_mm: f64) -> Vec<Tube> {
 }
 
 /// Edges along a tube's outline that are off by some offsets of the session, some of this pose, and noise.
-fn edges(tube: &Tube, camera: &Camera, shared: &Vector4<f64>, random: &mut impl Rng) -> Vec<MeasuredEdge> {
+fn edges(tube: &Tube, camera: &Camera, shared: &Offsets, random: &mut impl Rng) -> Vec<MeasuredEdge> {
     const NOISE_PX: f64 = 0.1;
-    let outline = tube.outline().unwrap();
-    let own = Vector4::from(OWN_OFFSETS_PX.map(|sigma| 0.5 * sigma * gaussian(random)));
-    let borders =
-        (0..2).flat_map(|side| (0..8).map(move |k| Place::Border { side, back_mm: 2.0 + 3.0 * f64::from(k) }));
-    let rims = [0.0, LENGTH_MM]
-        .into_iter()
-        .flat_map(|back_mm| (-2..=2).map(move |k| Place::Rim { back_mm, across: 0.3 * f64::from(k) }));
-    let pixel = |place: Point3<f64>| camera.project(CameraPoint(place)).unwrap().0;
-    borders
-        .chain(rims)
-        .map(|place| {
-            let at = pixel(place.on(&outline));
-            let along = match place {
-                Place::Border { side, back_mm } => pixel(outline.border(side, back_mm + 0.5)) - at,
-                Place::Rim { back_mm, across } => pixel(outline.rim(back_mm, across + 0.05)) - at,
-            };
-            let inwards = pixel(tube.tip - tube.axis * (0.5 * LENGTH_MM)) - at;
-            let normal = Vector2::new(-along.y, along.x).normalize();
-            let outward = if normal.dot(&inwards) > 0.0 { -normal } else { normal };
-            let off = offset_of_part(&(shared + own), place.part()) + NOISE_PX * gaussian(random);
-            MeasuredEdge::new(place, Pixel(at + outward * off), outward, NOISE_PX, camera).unwrap()
-        })
-        .collect()
+    let own = Offsets::from(OWN_OFFSETS_PX.map(|sigma| 0.5 * sigma * gaussian(random)));
+    let backs_mm: Vec<f64> = (0..8).map(|k| 2.0 + 3.0 * f64::from(k)).collect();
+    testing::edges(tube, camera, &backs_mm, &(shared + own), NOISE_PX, random)
 }
 
 /// A session's true tubes, and its poses as they were measured, each alone.
