@@ -5,6 +5,7 @@ mod footprint;
 mod gaps;
 mod hindsight;
 mod light;
+mod look;
 mod measure;
 mod origin;
 mod pair;

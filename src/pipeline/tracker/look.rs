@@ -1,0 +1,131 @@
+//! One look along a tube's outline: which probes can be seen, and the edges that they find.
+
+use nalgebra::Point3;
+
+use super::measure::Bench;
+use crate::pipeline::edges::outline_probes::{Place, ProbeLayout, border_probes, rim_probes};
+use crate::pipeline::edges::probe::{Edge, Probe};
+use crate::pipeline::edges::subpixel::Fineness;
+use crate::pipeline::pose::joint_fit::MeasuredEdge;
+use crate::pipeline::reason::Reason;
+use crate::pipeline::space::Pixel;
+use crate::pipeline::tube::Tube;
+
+/// One round of probing, for a tube at rest.
+#[derive(Clone, Copy)]
+pub(super) struct Look {
+    /// Length of a chord, pixels.
+    pub(super) chord_px: f64,
+    /// How far from the outline to look, pixels.
+    pub(super) reach_px: f64,
+    /// How closely.
+    pub(super) fineness: Fineness,
+}
+
+/// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
+const MOST_CHORDS: f64 = 8.0;
+/// Chords on each border that suffice.
+const ENOUGH_CHORDS: usize = 5;
+
+/// Share of the band's length next to each end that border probes leave out, in radii: there the rim bends away.
+const END_MARGIN: f64 = 0.35;
+
+/// Edges along an outline.
+#[derive(Default)]
+pub(super) struct FoundEdges {
+    pub(super) edges: Vec<MeasuredEdge>,
+    /// Probes that could have found one, on each of the four parts.
+    pub(super) visible: [f64; 4],
+    /// Motion blur across them, summed: standard deviations, pixels.
+    smears_px: [f64; 4],
+}
+
+/// By how much a part's offset errs more than usual when it is smeared, as a share of the smear.
+const SMEAR_ERROR: f64 = 0.3;
+
+impl FoundEdges {
+    /// Usual offsets, more where edges are smeared: standard deviations, pixels.
+    pub(super) fn offsets_px(&self, usual: [f64; 4]) -> [f64; 4] {
+        let smear = |part: usize| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
+        let of_borders = 0.5 * smear(0).hypot(smear(1));
+        let more = [of_borders, of_borders, smear(2), smear(3)];
+        std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
+    }
+
+    /// Was every end that is in sight met?
+    pub(super) fn ends_seen(&self) -> bool {
+        const FEWEST: usize = 2;
+        [2, 3].into_iter().all(|part| {
+            let met = self.edges.iter().filter(|e| e.place.part() == part).count();
+            met >= FEWEST || self.visible[part] < FEWEST as f64
+        })
+    }
+}
+
+impl Bench<'_> {
+    pub(super) fn layout(&self, look: Look) -> ProbeLayout {
+        ProbeLayout {
+            chord_px: look.chord_px,
+            most_chords: MOST_CHORDS,
+            reach_px: look.reach_px,
+            motion_px_s: self.motion_px_s,
+            exposure_s: self.edges.exposure_s,
+        }
+    }
+
+    pub(super) fn locate(&mut self, probe: &Probe, fineness: Fineness) -> Option<Edge> {
+        let (table, class) = (self.table, self.class);
+        self.edges.locate(self.frame, probe, fineness, |codes| table.class_of(codes) == class)
+    }
+
+    /// The edges along a tube's outline, and what of it could be seen.
+    pub(super) fn edges_along(&mut self, tube: &Tube, length_mm: f64, look: Look) -> Result<FoundEdges, Reason> {
+        let outline = tube.outline().ok_or(Reason::ImpossiblePose)?;
+        let layout = self.layout(look);
+        let margin = END_MARGIN * tube.radius;
+        let mut probes: Vec<(Place, Probe)> = Vec::new();
+        // Of a band that is hidden but for a piece, few chords are left: then shorter ones.
+        for shorter in [1.0, 2.0] {
+            let layout =
+                ProbeLayout { chord_px: layout.chord_px / shorter, most_chords: MOST_CHORDS * shorter, ..layout };
+            probes.clear();
+            border_probes(&outline, self.camera, margin, length_mm - margin, layout, &mut probes);
+            probes.retain(|(place, probe)| self.is_visible(place.on(&outline), probe.middle));
+            if (0..2).all(|side| probes.iter().filter(|(place, _)| place.part() == side).count() >= ENOUGH_CHORDS) {
+                break;
+            }
+        }
+        rim_probes(&outline, self.camera, 0.0, 0.5 * length_mm, layout, &mut probes);
+        if let Some((_, sigma_mm)) = self.length {
+            const FARTHEST_PX: f64 = 6.0;
+            let unsure_px = (2.0 * sigma_mm * self.px_per_mm_along(tube, length_mm)).min(FARTHEST_PX);
+            let wider = ProbeLayout { reach_px: layout.reach_px + unsure_px, ..layout };
+            rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, wider, &mut probes);
+        }
+        let mut found = FoundEdges::default();
+        self.tracing.look();
+        for (place, probe) in &probes {
+            if !self.is_visible(place.on(&outline), probe.middle) {
+                continue;
+            }
+            found.visible[place.part()] += 1.0;
+            found.smears_px[place.part()] += probe.motion_px_s.abs() * self.edges.exposure_s / 12f64.sqrt();
+            let edge = self.locate(probe, look.fineness);
+            let at = edge.map(|edge| Pixel(probe.middle.0 + probe.outward * edge.offset_px));
+            self.tracing.probe(probe, at);
+            let (Some(edge), Some(at)) = (edge, at) else { continue };
+            found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
+        }
+        Ok(found)
+    }
+
+    /// Is a place on the outline inside the frame, and before every other tool?
+    pub(super) fn is_visible(&self, place: Point3<f64>, at: Pixel) -> bool {
+        const RIM_PX: f64 = 3.0;
+        const CLEAR_PX: f64 = 4.0;
+        let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
+        let in_frame = at.u() > RIM_PX && at.v() > RIM_PX && at.u() < width - RIM_PX && at.v() < height - RIM_PX;
+        let clear = CLEAR_PX / self.camera.fx;
+        in_frame && !self.obstacles.iter().any(|other| other.hides(place.coords, place.z, clear))
+    }
+}
