@@ -7,6 +7,7 @@ mod hindsight;
 mod light;
 mod look;
 mod measure;
+mod measurement;
 mod origin;
 mod pair;
 mod report;
@@ -21,7 +22,7 @@ pub use settings::{MotionSettings, PoseMethod, SettingsProblem, Side, ToolSpec, 
 pub use trace::{Fit, FrameTrace, Look, ToolTrace};
 
 use crate::pipeline::edges::edge_model::EdgeModel;
-use crate::pipeline::edges::tone::Mixing;
+use crate::pipeline::edges::mixing;
 use crate::pipeline::frame::{ColourEncoding, Frame};
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
@@ -30,7 +31,7 @@ use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 use crate::pipeline::tube::Outline;
 use light::LightWatch;
-use measure::Measurement;
+use measurement::Measurement;
 use session::{Instant, PastPose};
 use tool::{Scene, Seen, ToolTracker};
 
@@ -150,11 +151,10 @@ impl Tracker {
         Tracking { raw, filtered, smoothed, quality }
     }
 
-    /// One camera recorded all tools: what one of them has told of how light was mixed, dull ones are told.
+    /// One camera recorded all tools: what they tell together of how light was mixed, all are told.
     fn share_mixing(&mut self) {
-        if self.tools.iter().any(|tool| tool.edges.mixing == Mixing::Codes) {
-            self.tools.iter_mut().for_each(|tool| tool.edges.believe(Mixing::Codes));
-        }
+        let mixing = mixing::of_recording(self.tools.iter().filter_map(|tool| tool.edges.chroma_shift_px()));
+        self.tools.iter_mut().for_each(|tool| tool.edges.believe(mixing));
     }
 
     /// Where each tool is expected to stand, so that the others know what hides them.

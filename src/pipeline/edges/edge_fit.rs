@@ -53,6 +53,17 @@ pub struct EdgeLook<'a> {
     pub black: Vector3<f64>,
 }
 
+/// One channel's light inside an edge.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InsideLight {
+    /// But for what the limb adds.
+    pub base: f64,
+    /// What the limb adds where the surface faces the camera.
+    pub limb: f64,
+    /// What the first guess was made from.
+    pub guessed: f64,
+}
+
 type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
 /// An edge as it is believed to be.
@@ -60,6 +71,8 @@ type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 pub struct EdgeFit {
     /// Light of each channel.
     pub light: [Light<f64>; 3],
+    /// Light inside that the first guess was made from, the mean of what is clear of the edge.
+    guessed: [f64; 3],
     /// By how much more than guessed the inside shades, and the outside rises per pixel: shares of the light there.
     shared: [f64; 4],
     /// Distance from the chord, pixels.
@@ -94,6 +107,7 @@ impl EdgeFit {
         });
         Self {
             light,
+            guessed: inside,
             shared: [0.0; 4],
             offset_px,
             variance: [0.0; 3],
@@ -105,19 +119,28 @@ impl EdgeFit {
         }
     }
 
-    /// Takes the inside's light from what is usual there, as bright as it is here.
-    pub fn expect_inside(&mut self, usual: [[f64; 2]; 3]) {
-        let unsaturated = |light: &f64| *light < 0.9;
+    /// Takes the inside's light from what is usual there, as bright as it is here: like is compared with like, for the
+    /// first guess is no mean of base and limb.
+    pub fn expect_inside(&mut self, usual: [InsideLight; 3]) {
+        let unsaturated = |light: f64| light < 0.9;
         let (here, there) =
-            self.inside().iter().zip(usual.map(|l| l[0] + 0.6 * l[1])).fold((0.0, 0.0), |sum, (here, there)| {
-                if unsaturated(here) && unsaturated(&there) { (sum.0 + here, sum.1 + there) } else { sum }
+            self.guessed.into_iter().zip(usual).fold((0.0, 0.0), |sum, (here, InsideLight { guessed, .. })| {
+                if unsaturated(here) && unsaturated(guessed) { (sum.0 + here, sum.1 + guessed) } else { sum }
             });
         let brighter = if there > 0.0 { (here / there).clamp(0.5, 2.0) } else { 1.0 };
         for (light, usual) in self.light.iter_mut().zip(usual) {
-            (light.base, light.limb) = (brighter * usual[0], brighter * usual[1]);
+            (light.base, light.limb) = (brighter * usual.base, brighter * usual.limb);
             light.of.0 = (light.base + 0.6 * light.limb).max(DARKEST);
         }
         self.expected_within = LEARNED_WITHIN;
+    }
+
+    /// What it tells of each channel's light inside.
+    pub fn told(&self) -> [InsideLight; 3] {
+        std::array::from_fn(|c| {
+            let Light { base, limb, .. } = self.light[c];
+            InsideLight { base, limb, guessed: self.guessed[c] }
+        })
     }
 
     /// Light some pixels inside.

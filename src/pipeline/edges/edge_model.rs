@@ -1,13 +1,16 @@
 //! How edges look in one recording, learned while tracking: blur, noise of each plane, exposure.
 //!
-//! **In** the fits of every edge that was found ([`EdgeModel::learn`]). **Out** what the next frame's edges are expected to
+//! **In** the fits of the edges along every tube that is believed ([`EdgeModel::learn`]). **Out** what the next frame's edges are expected to
 //! look like. **Method** lens and exposure follow the gradient of the residuals at the band's ends, the blur of chroma that
 //! at its borders, each by a Kalman filter of one state; light inside each part of the outline is a mean over its last
-//! edges; noise follows the median; whether light or codes were mixed is decided once ([`super::mixing`]).
+//! edges; noise follows the median; whether light or codes were mixed, all tools of a recording tell together
+//! ([`super::mixing`]).
+
+use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::edge_fit::{EdgeFit, EdgeLook};
+use super::edge_fit::{EdgeFit, EdgeLook, InsideLight};
 use super::equations::Taught;
 use super::mixing::Trial;
 use super::probe::{Probe, Shading};
@@ -39,9 +42,11 @@ pub struct EdgeModel {
     /// Edges, and those among them whose residuals exceed the noise, plane by plane.
     noisier: [(f64, f64); 3],
     /// Light inside each of the outline's parts, as it usually is.
-    inside: [InsideLight; 4],
+    inside: [UsualInside; 4],
     trial: Trial,
     frames: u32,
+    /// Edges of this frame.
+    pub(super) found: Vec<(Probe, EdgeFit)>,
 }
 
 /// What is known of a number that a recording teaches: a Kalman filter of one state.
@@ -80,15 +85,14 @@ impl Learned {
     }
 }
 
-/// Light inside an edge: base and limb of each channel, and over how many edges that was learned.
+/// Light inside one part of an outline: the mean of each channel, and over how many edges that was learned.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct InsideLight {
-    /// `[base, limb]` of each channel.
-    pub light: [[f64; 2]; 3],
+struct UsualInside {
+    light: [InsideLight; 3],
     edges: f64,
 }
 
-impl InsideLight {
+impl UsualInside {
     /// Edges after which it is known.
     const ENOUGH: f64 = 8.0;
     /// Edges that it remembers.
@@ -96,10 +100,10 @@ impl InsideLight {
 
     fn learn(&mut self, fit: &EdgeFit) {
         self.edges = (self.edges + 1.0).min(Self::MEMORY);
-        for (mean, light) in self.light.iter_mut().zip(fit.light) {
-            for (mean, light) in mean.iter_mut().zip([light.base, light.limb]) {
-                *mean += (light - *mean) / self.edges;
-            }
+        for (mean, told) in self.light.iter_mut().zip(fit.told()) {
+            mean.base += (told.base - mean.base) / self.edges;
+            mean.limb += (told.limb - mean.limb) / self.edges;
+            mean.guessed += (told.guessed - mean.guessed) / self.edges;
         }
     }
 }
@@ -138,6 +142,7 @@ impl EdgeModel {
             inside: Default::default(),
             trial: Trial::default(),
             frames: 0,
+            found: Vec::new(),
         }
     }
 
@@ -165,9 +170,9 @@ impl EdgeModel {
     }
 
     /// The light that usually lies inside this part of an outline, where it is known.
-    pub(super) fn usual_inside(&self, part: usize) -> Option<[[f64; 2]; 3]> {
+    pub(super) fn usual_inside(&self, part: usize) -> Option<[InsideLight; 3]> {
         let inside = self.inside[part];
-        (inside.edges >= InsideLight::ENOUGH).then_some(inside.light)
+        (inside.edges >= UsualInside::ENOUGH).then_some(inside.light)
     }
 
     /// The light that has these codes, if this was mixed.
@@ -182,7 +187,13 @@ impl EdgeModel {
         (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform smear of length a: variance a²/12
     }
 
-    /// From now on, this was mixed: also what another tool's edges have told.
+    /// How much farther out its limbs lie in chroma than in luma if light was mixed, pixels, once enough were seen: tells what
+    /// a recording mixed ([`super::mixing::of_recording`]).
+    pub fn chroma_shift_px(&self) -> Option<f32> {
+        self.trial.told_px()
+    }
+
+    /// From now on, this was mixed.
     pub fn believe(&mut self, mixing: Mixing) {
         if mixing != self.mixing {
             self.mixing = mixing;
@@ -190,12 +201,10 @@ impl EdgeModel {
         }
     }
 
-    /// Takes what the frame's edges said of blur and noise into the model. Call once per frame.
+    /// Takes what the frame's edges taught of blur and noise into the model. Call once per frame.
     pub fn settle(&mut self) {
+        self.found.clear();
         self.frames += 1;
-        if let Some(mixing) = self.trial.verdict() {
-            self.believe(mixing);
-        }
         let pace = self.pace();
         let within = |value: f64, (least, most): (f64, f64)| value.clamp(least, most);
         self.exposure_s = within(self.exposure.settle(self.exposure_s), EXPOSURES_S);
@@ -209,8 +218,22 @@ impl EdgeModel {
         }
     }
 
-    /// Takes an edge that was found into the evidence.
-    pub(super) fn learn(&mut self, fit: &EdgeFit, frame: &Frame<'_>, probe: &Probe) {
+    /// How many edges of this frame have been found so far: they are counted to tell those of one tube from others.
+    pub fn found(&self) -> usize {
+        self.found.len()
+    }
+
+    /// Takes some of the edges that were found on this frame into the evidence: those of the tube that is believed. Edges
+    /// along a false tube would teach what keeps it.
+    pub fn learn(&mut self, frame: &Frame<'_>, believed: Range<usize>) {
+        let found = std::mem::take(&mut self.found);
+        for (probe, fit) in found.get(believed).unwrap_or_default() {
+            self.learn_from(fit, frame, probe);
+        }
+        self.found = found;
+    }
+
+    fn learn_from(&mut self, fit: &EdgeFit, frame: &Frame<'_>, probe: &Probe) {
         let mut trial = std::mem::take(&mut self.trial);
         trial.look(self, frame, probe, fit);
         self.trial = trial;

@@ -10,7 +10,7 @@ mod edge_fit;
 pub mod edge_model;
 mod equations;
 pub mod line_fit;
-mod mixing;
+pub mod mixing;
 pub mod outline_probes;
 pub mod probe;
 mod profile;

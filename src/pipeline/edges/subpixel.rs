@@ -96,7 +96,7 @@ impl EdgeModel {
         if !is_border(&fit) {
             return None;
         }
-        self.learn(&fit, frame, probe);
+        self.found.push((*probe, fit));
         Some(Edge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt() })
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Vector2};
 
-use super::measure::Measurement;
+use super::measurement::Measurement;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::space::CameraPoint;
 

@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use super::look::{FoundEdges, Look};
+use super::measurement::Measurement;
 use crate::pipeline::blob::moments::Rectangle;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::edge_model::EdgeModel;
@@ -52,48 +53,6 @@ pub struct Bench<'a> {
     pub method: PoseMethod,
     /// Camera's place, where known.
     pub view: Option<View>,
-}
-
-/// A band measured.
-#[derive(Clone, Debug)]
-pub struct Measurement {
-    /// Tube and covariance.
-    pub estimate: TubeEstimate,
-    /// Length of band that was seen or is known, mm.
-    pub length_mm: f64,
-    /// How well this frame alone tells that length, mm.
-    pub length_sigma_mm: f64,
-    /// Share of the outline's probes that found an edge which agrees with the tube.
-    pub seen_share: f64,
-    /// Every end of the band that is in sight was met.
-    pub ends_seen: bool,
-    /// How many standard deviations the axis passes beside the fulcrum as the edges alone have it, squared: 0 where no
-    /// fulcrum is known.
-    pub beside_squared: f64,
-    /// How far edges are smeared by motion: standard deviation, pixels.
-    pub smear_px: f64,
-}
-
-impl Measurement {
-    /// Do enough pixels agree with the tube that it may be one at all?
-    pub fn is_possible(&self) -> bool {
-        self.sharp_residual_px() < 0.8 && self.seen_share > if self.ends_seen { 0.35 } else { 0.5 }
-    }
-
-    /// Do the pixels explain the tube so well that no other start need be tried?
-    pub fn is_good(&self) -> bool {
-        self.estimate.residual_px < 0.4 && self.continues() && self.ends_seen
-    }
-
-    /// What the residual would be about, were nothing smeared.
-    fn sharp_residual_px(&self) -> f64 {
-        self.estimate.residual_px / (1.0 + 0.4 * self.smear_px)
-    }
-
-    /// Do enough pixels agree that a tube that was expected about here goes on?
-    fn continues(&self) -> bool {
-        self.sharp_residual_px() < 0.7 && self.seen_share > 0.55
-    }
 }
 
 /// Where the pixels explain a tube only in part, false edges may be among those that were believed: three times the
@@ -196,12 +155,13 @@ impl Bench<'_> {
         };
         let close = self.refine(*expected, length_mm, &LOOKS[2..]).ok().filter(Measurement::continues);
         let (start, looks) = match close {
-            Some(found) if within(self, &found, RIGHT_PX) => return Some(found),
-            Some(found) => (found.estimate.tube, &LOOKS[2..]),
-            None => (*expected, &LOOKS[1..]),
+            Some(found) if found.ends_seen && within(self, &found, RIGHT_PX) => return Some(found),
+            Some(found) if found.ends_seen => (found.estimate.tube, &LOOKS[2..]),
+            _ => (*expected, &LOOKS[1..]), // where an end is not met, the tube may have slid along itself
         };
         let found = self.refine(start, length_mm, looks).ok()?;
-        (found.is_good() || (found.continues() && within(self, &found, FARTHEST_PX))).then_some(found)
+        let goes_on = found.continues() && found.ends_seen && within(self, &found, FARTHEST_PX);
+        (found.is_good() || goes_on).then_some(found)
     }
 
     /// How far apart the corners of two tubes' bands are seen at most, pixels.
@@ -229,6 +189,7 @@ impl Bench<'_> {
         let mut found = FoundEdges::default();
         self.tracing.fit(&tube, length_mm);
         for look in looks {
+            let first = self.edges.found();
             found = self.edges_along(&tube, length_mm, *look)?;
             if found.edges.iter().all(|e| e.place.part() < 2) {
                 return Err(Reason::TipHidden);
@@ -248,6 +209,7 @@ impl Bench<'_> {
                 ends_seen,
                 beside_squared: 0.0,
                 smear_px,
+                edges: first..self.edges.found(),
             });
             if look.fineness == Fineness::Step && seen_share < LEAST_STEPS {
                 return Err(Reason::BordersNotFound);
@@ -378,6 +340,7 @@ impl Bench<'_> {
             ends_seen: true,
             beside_squared: 0.0,
             smear_px: 0.0,
+            edges: 0..0,
         }
     }
 }

@@ -9,7 +9,7 @@ use nalgebra::Point2;
 
 use super::assignment::{self, Choice};
 use super::footprint::Footprint;
-use super::measure::Measurement;
+use super::measurement::Measurement;
 use super::origin::{DECISIVE, Origin};
 use super::settings::Side;
 use super::tool::{Scene, Seen, ToolTracker};

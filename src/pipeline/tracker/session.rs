@@ -13,8 +13,8 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::identity::{Thread, ThreadSettings};
 use crate::pipeline::filter::kalman::State;
 use crate::pipeline::filter::smoother::{Step, smooth};
-use crate::pipeline::pose::adjustment;
-use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::pose::adjustment::{self, Adjustment};
+use crate::pipeline::pose::fulcrum::{self, Fulcrum};
 use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::space::CameraPoint;
@@ -54,7 +54,7 @@ pub fn rework(
     let mut reasons = Vec::with_capacity(instants.len());
     for (record, instant) in tool.records.iter().zip(instants) {
         let pose = record.estimate().and_then(|e| match &adjustment {
-            Some(adjustment) => adjustment::steady(&e, adjustment),
+            Some(adjustment) => steadied(&e, adjustment),
             None => Some(e),
         });
         let misread = (record.pose.is_some() && pose.is_none()).then_some(Reason::ImpossiblePose);
@@ -83,6 +83,14 @@ pub fn rework(
         rms(tool.records.iter().filter_map(|r| r.pose.as_ref()).map(KeptPose::residual_px));
     paths.quality.gaps = gaps::find(&paths.smoothed, instants, &reasons, &Rim::new(camera, tool.spec.band_length_mm));
     paths
+}
+
+/// The pose as the whole session has it; `None` where its axis passes so far beside the fulcrum that its edges were taken for
+/// others': steadied, it would look right, and lie millimetres off.
+fn steadied(pose: &TubeEstimate, adjustment: &Adjustment) -> Option<TubeEstimate> {
+    const MOST_SQUARED: f64 = 30.0; // passes all but 3 in 10 million good ones: two degrees of freedom
+    let passes = fulcrum::miss_squared(pose, &adjustment.fulcrum) < MOST_SQUARED;
+    if passes { adjustment::steady(pose, adjustment) } else { None }
 }
 
 /// Good poses enough to be adjusted together, spread over the recording.

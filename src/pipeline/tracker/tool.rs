@@ -2,7 +2,8 @@
 
 use nalgebra::Vector2;
 
-use super::measure::{Bench, Measurement};
+use super::measure::Bench;
+use super::measurement::Measurement;
 use super::origin::{self, Origin};
 use super::settings::{MotionSettings, Side, ToolSpec, TrackerSettings};
 use super::trace::Tracing;
@@ -186,6 +187,9 @@ impl ToolTracker {
     pub(super) fn conclude(&mut self, scene: &Scene<'_>, measured: Result<Measurement, Reason>) -> Seen {
         let thread = scene.settings.motion.thread();
         let frame = scene.frame;
+        if let Some(m) = measured.as_ref().ok().filter(|m| m.teaches()) {
+            self.edges.learn(frame, m.edges.clone());
+        }
         self.edges.settle();
         self.remember(&measured);
         let steadied = measured.map(|m| self.steady(m));

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::*;
+use crate::pipeline::edges::mixing;
 use crate::pipeline::edges::probe::Shading;
 use crate::pipeline::edges::tone::Tone;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
@@ -125,7 +126,10 @@ impl Drawing {
             shift_y: 1,
             encoding: ENCODING,
         };
-        model.locate(&frame, probe, fineness, |codes| codes[2] > 170)
+        let before = model.found();
+        let edge = model.locate(&frame, probe, fineness, |codes| codes[2] > 170);
+        model.learn(&frame, before..model.found());
+        edge
     }
 
     fn located_by(&self, model: &mut EdgeModel, probe: &Probe) -> Option<Edge> {
@@ -224,8 +228,9 @@ fn vivid_limbs_tell_whether_light_was_mixed_or_codes() {
             };
             drawing.located_by(&mut model, &drawing.probe());
         }
-        model.settle();
-        assert_eq!(model.mixing, mixing);
+        let told = model.chroma_shift_px();
+        assert!(told.is_some());
+        assert_eq!(mixing::of_recording(told.into_iter()), mixing);
     }
 }
 
