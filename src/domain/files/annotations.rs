@@ -16,6 +16,9 @@ use serde::{Deserialize, Serialize};
 /// Labels that are not tools.
 pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
 
+/// Colours of tape in one box; the tracker follows no more tools either.
+const MOST_COLOURS: usize = 16;
+
 /// From where the camera looks (T 6.4); tells which end of a band is distal where the picture does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
@@ -145,6 +148,14 @@ pub enum AnnotationsError {
         /// What it holds.
         colour: String,
     },
+    /// A tool that is called what no tool may be, so that its rectangles would count as tape.
+    #[error("`{0}` under tools is a label for what is no tool; give the tool a name of its own")]
+    NotATool(String),
+    /// More colours than the tracker tells apart.
+    #[error(
+        "{0} colours are marked; at most {MOST_COLOURS} can be told apart: label what is no tape as background or other"
+    )]
+    TooManyColours(usize),
     /// A tool that is listed twice, so that its colour is not known.
     #[error("tool `{0}` is listed twice under tools with different colours; give each tool a name of its own")]
     TwoColours(String),
@@ -218,6 +229,11 @@ impl AnnotationsFile {
         if tools.is_empty() { Err(AnnotationsError::NoTool) } else { Ok(tools) }
     }
 
+    /// The colour that each tool wears, in the tools' order: twice, where two wear the same.
+    pub fn tapes(&self) -> Vec<String> {
+        self.marked_tools().unwrap_or_default().into_iter().map(|tool| tool.colour).collect()
+    }
+
     /// The colours of tape that are marked, in order of first appearance.
     pub fn marked_colours(&self) -> Vec<&str> {
         let mut colours: Vec<&str> = Vec::new();
@@ -237,6 +253,9 @@ impl AnnotationsFile {
     fn check_colours(&self) -> Result<(), AnnotationsError> {
         for entry in &self.tools {
             let colour = entry.colour();
+            if entry.colour.is_some() && NOT_TOOLS.contains(&entry.tool.as_str()) {
+                return Err(AnnotationsError::NotATool(entry.tool.clone()));
+            }
             if entry.colour.is_some() && (colour.trim().is_empty() || NOT_TOOLS.contains(&colour)) {
                 return Err(AnnotationsError::Colour { tool: entry.tool.clone(), colour: colour.to_owned() });
             }
@@ -244,7 +263,8 @@ impl AnnotationsFile {
                 return Err(AnnotationsError::TwoColours(entry.tool.clone()));
             }
         }
-        Ok(())
+        let colours = self.marked_colours().len();
+        if colours > MOST_COLOURS { Err(AnnotationsError::TooManyColours(colours)) } else { Ok(()) }
     }
 
     fn marked_tool(&self, name: &str, colour: &str) -> Result<MarkedTool, AnnotationsError> {

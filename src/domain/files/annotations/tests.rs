@@ -50,6 +50,24 @@ fn a_colour_that_is_none_or_not_one_is_refused() {
 }
 
 #[test]
+fn background_cannot_be_made_tape_by_naming_a_tool_so() {
+    let refused = named(r#"{"tool":"background","colour":"orange"}"#, &["orange", "background"]);
+    assert_eq!(refused, Err(AnnotationsError::NotATool("background".into())));
+    assert!(
+        named(r#"{"tool":"jaw","diameter_mm":4}"#, &["orange", "jaw"]).is_ok(),
+        "a size without a colour does no harm"
+    );
+}
+
+#[test]
+fn no_more_colours_are_accepted_than_can_be_told_apart() {
+    let colours: Vec<String> = (0..=MOST_COLOURS).map(|i| format!("colour {i}")).collect();
+    let labels: Vec<&str> = colours.iter().map(String::as_str).collect();
+    assert!(named("", &labels[1..]).is_ok());
+    assert_eq!(named("", &labels), Err(AnnotationsError::TooManyColours(MOST_COLOURS + 1)));
+}
+
+#[test]
 fn a_name_tells_a_side_by_a_word_of_its_own() {
     let side = |name| Side::in_name(name);
     assert_eq!(["Left", "grasper-left", "left hand"].map(side), [Some(Side::Left); 3]);
