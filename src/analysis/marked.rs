@@ -18,8 +18,11 @@ const FRAMES_KEPT: usize = 6;
 #[derive(Default)]
 pub struct MarkedFrames {
     samples: Option<ColourSamples>,
-    kept: Vec<(Picture, Vec<Rectangle>)>,
+    kept: Vec<MarkedFrame>,
 }
+
+/// A frame, and what is marked on it.
+type MarkedFrame = (Picture, Vec<Rectangle>);
 
 impl MarkedFrames {
     /// Takes what is marked on a frame; every frame may come, also with nothing marked. The first one's encoding is that
@@ -40,32 +43,47 @@ impl MarkedFrames {
         self.samples.as_ref()
     }
 
-    /// Judges the colours of these tools against each other and against the frames; `None` if no frame came.
-    pub fn report(&self, tools: &[String]) -> Option<PaletteReport> {
+    /// Judges the colours against each other and against the frames; `None` if no frame came. `tapes` has the colour that
+    /// each tool wears: twice, where two wear the same.
+    pub fn report(&self, tapes: &[String]) -> Option<PaletteReport> {
         let samples = self.samples.as_ref()?;
-        let confusion = Confusion::of(samples, tools);
-        let false_areas = self.false_areas(samples, tools);
+        let mut colours: Vec<String> = Vec::new();
+        for tape in tapes {
+            if !colours.contains(tape) {
+                colours.push(tape.clone());
+            }
+        }
+        let confusion = Confusion::of(samples, &colours);
+        let false_areas = self.false_areas(samples, &colours, tapes);
         let verdicts = verdict::judge(&confusion, &false_areas);
         Some(PaletteReport::new(&confusion, &verdicts, &false_areas))
     }
 
-    fn false_areas(&self, samples: &ColourSamples, tools: &[String]) -> Vec<FalseArea> {
-        let class = |label: &String| tools.iter().position(|tool| tool == label).map_or(0, |i| i as u8 + 1);
-        let classes: Vec<u8> = samples.labels.iter().map(class).collect();
-        let on_frame = |(picture, marks): &(Picture, Vec<Rectangle>)| {
-            let frame = picture.frame();
-            let table = Knn::new(samples, &classes).map(|knn| ColourTable::new(knn, frame.encoding));
-            table.map_or_else(Vec::new, |table| of_frame(&frame, &table, marks, tools))
+    fn false_areas(&self, samples: &ColourSamples, colours: &[String], tapes: &[String]) -> Vec<FalseArea> {
+        let classes = samples.classes(colours);
+        let wearers = |colour: &String| tapes.iter().filter(|tape| *tape == colour).count();
+        let worn: Vec<(&String, usize)> = colours.iter().map(|colour| (colour, wearers(colour))).collect();
+        let of_one_encoding = |frames: &[MarkedFrame]| {
+            let knn = Knn::new(samples, &classes)?;
+            let table = ColourTable::new(knn, frames[0].0.frame().encoding);
+            let on_frame = |(picture, marks): &MarkedFrame| of_frame(&picture.frame(), &table, marks, &worn);
+            Some(frames.iter().flat_map(on_frame).collect::<Vec<_>>())
         };
-        self.kept.iter().flat_map(on_frame).collect()
+        let encoding = |(picture, _): &MarkedFrame| picture.frame().encoding;
+        self.kept.chunk_by(|a, b| encoding(a) == encoding(b)).filter_map(of_one_encoding).flatten().collect()
     }
 }
 
-/// The false area of each tool that is marked on this frame.
-fn of_frame(frame: &Frame<'_>, table: &ColourTable, marks: &[Rectangle], tools: &[String]) -> Vec<FalseArea> {
-    let of_tool = |(index, tool): (usize, &String)| {
-        let own: Vec<&Rectangle> = marks.iter().filter(|mark| mark.label == *tool).collect();
-        false_area(frame, table, index as u8 + 1, &own)
+/// The false area of each colour that is marked on this frame. Colours come with how many tools wear them.
+fn of_frame(
+    frame: &Frame<'_>,
+    table: &ColourTable,
+    marks: &[Rectangle],
+    colours: &[(&String, usize)],
+) -> Vec<FalseArea> {
+    let of_colour = |(index, (colour, wearers)): (usize, &(&String, usize))| {
+        let own: Vec<&Rectangle> = marks.iter().filter(|mark| mark.label == **colour).collect();
+        false_area(frame, table, index as u8 + 1, &own, *wearers)
     };
-    tools.iter().enumerate().filter_map(of_tool).collect()
+    colours.iter().enumerate().filter_map(of_colour).collect()
 }

@@ -74,7 +74,7 @@ async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
 fn palette(input: &PaletteInput) -> Result<PaletteWork, WorkError> {
     let colour_of = |label: &LabelledRectangle| input.annotations.colour_of(&label.label).to_owned();
     let marks = input.annotations.labels.iter().map(|l| mark(l, colour_of(l))).collect::<Result<_, _>>()?;
-    let tools = input.annotations.marked_colours().into_iter().map(str::to_owned).collect();
+    let tools = input.annotations.tapes();
     Ok(PaletteWork { marks, tools, frames: (!input.is_video).then(|| input.frames.clone()) })
 }
 

@@ -61,16 +61,14 @@ impl TapedBox {
     }
 
     fn false_areas(&self, samples: &ColourSamples, tools: &[String]) -> Vec<FalseArea> {
-        let class = |label: &String| tools.iter().position(|tool| tool == label).map_or(0, |i| i as u8 + 1);
-        let classes: Vec<u8> = samples.labels.iter().map(class).collect();
-        let table = ColourTable::new(Knn::new(samples, &classes).unwrap(), self.frame(0).encoding);
+        let table = ColourTable::new(Knn::new(samples, &samples.classes(tools)).unwrap(), self.frame(0).encoding);
         let mut found = Vec::new();
         for (index, tool) in tools.iter().enumerate() {
             for frame in 0..FRAMES {
                 let own = self.marks.iter().filter(|mark| mark.frame == frame && mark.label == tool);
                 let own: Vec<Rectangle> = own.map(rectangle).collect();
                 let own: Vec<&Rectangle> = own.iter().collect();
-                found.extend(false_area(&self.frame(frame), &table, index as u8 + 1, &own));
+                found.extend(false_area(&self.frame(frame), &table, index as u8 + 1, &own, 1));
             }
         }
         found

@@ -65,7 +65,7 @@ pub struct TrackWork {
 pub struct PaletteWork {
     /// Marked rectangles.
     pub marks: Vec<MarkShape>,
-    /// Labels that are colours of tools.
+    /// The colour that each tool wears: twice, where two wear the same.
     pub tools: Vec<String>,
     /// Frame shown by each input; `None`: the one input is a clip.
     pub frames: Option<Vec<u64>>,

@@ -29,7 +29,6 @@ pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), F
 }
 
 fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> Result<PaletteReport, Failure> {
-    let colours: Vec<String> = marked.marked_colours().into_iter().map(str::to_owned).collect();
     let folder = annotations.parent().unwrap_or(Path::new("."));
     let named = marked.video.as_ref().map(|name| folder.join(name));
     let path = named.as_deref().or(video).ok_or_else(|| {
@@ -50,7 +49,7 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
             marked.labels.iter().filter(|label| label.frame == index).map(|label| rectangle(marked, label)).collect(),
         );
     }
-    frames.report(&colours).ok_or_else(|| about(path, MediaError::NoFrames))
+    frames.report(&marked.tapes()).ok_or_else(|| about(path, MediaError::NoFrames))
 }
 
 fn text_of(report: &PaletteReport) -> String {

@@ -129,8 +129,7 @@ mod tests {
             let marked = AnnotationsFile::parse(&fs::read_to_string(&annotations).unwrap()).unwrap();
             let samples = Marks::new(&marked, &annotations, &video).collect(&mut StageClock::start()).unwrap();
             let names: Vec<String> = marked.marked_tools().unwrap().into_iter().map(|t| t.name).collect();
-            let class = |label: &String| names.iter().position(|n| n == label).map_or(0, |i| i as u8 + 1);
-            let classes: Vec<u8> = samples.labels.iter().map(class).collect();
+            let classes = samples.classes(&names);
             let knn = Knn::new(&samples, &classes).unwrap();
             let table = ColourTable::new(Knn::new(&samples, &classes).unwrap(), samples.encoding);
             let picture = open(&video).unwrap().next_picture().unwrap().unwrap();

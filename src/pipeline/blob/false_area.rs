@@ -2,7 +2,9 @@
 //! where nobody marked the peg that looks like the tape.
 //!
 //! In: a frame, its colour table, the rectangles that mark one tool's band on it. Regions that reach into the rectangle
-//! around those marks are the band; all others are false. A false region that touches the band counts with it.
+//! around those marks are the band; all others are false. A false region that touches the band counts with it. Where
+//! several tools wear the colour, each region with a mark on it is a band, and as many of the largest others as bands are
+//! then missing are theirs whom nobody marked on this frame.
 
 use super::components::{Component, ComponentFinder};
 use crate::pipeline::frame::Frame;
@@ -11,21 +13,38 @@ use crate::pipeline::segmentation::palette::FalseArea;
 use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::pipeline::segmentation::samples::Rectangle;
 
-/// The false area of the tool of this class; `None` where no mark lies on a region of its colour, so that its band is
-/// not known.
-pub fn false_area(frame: &Frame<'_>, table: &ColourTable, class: u8, marks: &[&Rectangle]) -> Option<FalseArea> {
+/// The false area of the colour of this class, which so many tools wear; `None` where no mark lies on a region of it, so
+/// that no band is known.
+pub fn false_area(
+    frame: &Frame<'_>,
+    table: &ColourTable,
+    class: u8,
+    marks: &[&Rectangle],
+    wearers: usize,
+) -> Option<FalseArea> {
     let whole = CellBox::whole(frame);
+    let mut marked: Vec<CellBox> = marks.iter().map(|mark| cells_of(mark)).collect();
+    let around = marked.iter().copied().reduce(|a, b| a.joined(&b))?;
+    if wearers == 1 {
+        marked = vec![around];
+    }
     let found = ComponentFinder::default().find(frame, table, class, whole, 1);
-    let mark = marks.iter().map(|mark| cells_of(mark)).reduce(|a, b| a.joined(&b))?;
+    let is_band = |region: &Component| marked.iter().any(|mark| region.bounds.overlaps(mark));
+    let (bands, mut others): (Vec<Component>, Vec<Component>) = found.into_iter().partition(is_band);
+    if bands.is_empty() {
+        return None;
+    }
+    others.sort_by_key(|region| std::cmp::Reverse(region.moments.cells()));
+    let unmarked = wearers.saturating_sub(bands.len()).min(others.len());
+    let others = others.split_off(unmarked);
     let cells = |of: &[Component]| of.iter().map(|c| c.moments.cells()).sum::<usize>() as f64;
-    let (band, others): (Vec<Component>, Vec<Component>) = found.into_iter().partition(|c| c.bounds.overlaps(&mark));
-    let largest = others.iter().map(|c| c.moments.cells()).max().unwrap_or(0) as f64;
-    let outside = (whole.width() * whole.height()) as f64 - cells(&band);
-    (!band.is_empty()).then(|| FalseArea {
+    let band = cells(&bands) / wearers.min(bands.len()) as f64;
+    let outside = (whole.width() * whole.height()) as f64 - cells(&bands);
+    Some(FalseArea {
         tool: marks[0].label.clone(),
         frame: frame.index,
         share: cells(&others) / outside.max(1.0),
-        largest_of_band: largest / cells(&band),
+        largest_of_band: others.first().map_or(0.0, |region| region.moments.cells() as f64) / band,
     })
 }
 
@@ -48,7 +67,7 @@ mod tests {
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
     /// A picture of cells: `#` has the tape's colour.
-    fn of_picture(cells: &[&str], mark: &Rectangle) -> Option<FalseArea> {
+    fn of_picture(cells: &[&str], marks: &[Rectangle], wearers: usize) -> Option<FalseArea> {
         let samples = ColourSamples {
             encoding: ENCODING,
             labels: vec!["orange".into(), "background".into()],
@@ -66,7 +85,7 @@ mod tests {
         let plane = |data| Plane { data, stride: width, width, height };
         let (y, u, v) = (plane(&y), plane(&u), plane(&v));
         let frame = Frame { index: 7, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING };
-        false_area(&frame, &table, 1, &[mark])
+        false_area(&frame, &table, 1, &marks.iter().collect::<Vec<_>>(), wearers)
     }
 
     fn mark(x: usize, y: usize) -> Rectangle {
@@ -76,7 +95,7 @@ mod tests {
     #[test]
     fn what_is_marked_is_the_band_and_all_else_is_false() {
         let picture = ["##......", "##......", "......#.", "......#.", "......#.", "........", "#.......", "........"];
-        let area = of_picture(&picture, &mark(2, 2)).unwrap();
+        let area = of_picture(&picture, &[mark(2, 2)], 1).unwrap();
         assert_eq!((area.tool.as_str(), area.frame), ("orange", 7));
         assert_eq!(area.largest_of_band, 3.0 / 4.0);
         assert_eq!(area.share, 4.0 / 60.0);
@@ -84,6 +103,16 @@ mod tests {
 
     #[test]
     fn a_mark_beside_its_colour_leaves_the_band_unknown() {
-        assert_eq!(of_picture(&["##......", "........"], &mark(10, 2)), None);
+        assert_eq!(of_picture(&["##......", "........"], &[mark(10, 2)], 1), None);
+    }
+    #[test]
+    fn of_two_tools_of_one_colour_the_one_that_nobody_marked_is_no_false_area() {
+        let picture = ["##....##", "##....##", "......##", "........", "#.......", "........"];
+        let of_one = of_picture(&picture, &[mark(2, 2)], 1).unwrap();
+        assert_eq!(of_one.largest_of_band, 6.0 / 4.0);
+        let of_two = of_picture(&picture, &[mark(2, 2)], 2).unwrap();
+        assert_eq!((of_two.largest_of_band, of_two.share), (1.0 / 4.0, 1.0 / 44.0));
+        let both_marked = of_picture(&picture, &[mark(2, 2), mark(14, 2)], 2).unwrap();
+        assert_eq!((both_marked.largest_of_band, both_marked.share), (1.0 / 5.0, 1.0 / 38.0), "of the mean band");
     }
 }

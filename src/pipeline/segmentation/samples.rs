@@ -68,6 +68,12 @@ impl ColourSamples {
         }
     }
 
+    /// The class of each label where these are the tapes: 0 for what is none of them, else the tape's place from 1.
+    pub fn classes(&self, tapes: &[String]) -> Vec<u8> {
+        let place = |label: &String| tapes.iter().position(|tape| tape == label);
+        self.labels.iter().map(|label| place(label).map_or(0, |place| place as u8 + 1)).collect()
+    }
+
     /// How many samples a label has.
     pub fn count(&self, label: &str) -> usize {
         self.samples.iter().filter(|s| self.labels[s.label] == label).count()

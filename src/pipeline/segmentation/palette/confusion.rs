@@ -61,9 +61,7 @@ impl Confusion {
         let groups = group_of_samples(samples);
         let asked = ask(samples, &groups);
         let tool_of = |label: &String| tools.iter().position(|tool| tool == label);
-        let classes: Vec<u8> =
-            samples.labels.iter().map(|label| tool_of(label).map_or(0, |tool| tool as u8 + 1)).collect();
-        let counts = counts(samples, &classes, &groups, &asked, tools.len());
+        let counts = counts(samples, &samples.classes(tools), &groups, &asked, tools.len());
         let row = |(label, counts): (usize, Vec<Vec<usize>>)| {
             let asked: usize = counts[0].iter().sum();
             let shares = counts.iter().map(|of| of.iter().map(|n| *n as f64 / asked as f64).collect()).collect();
