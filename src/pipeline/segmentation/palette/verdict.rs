@@ -213,7 +213,8 @@ impl fmt::Display for Cause {
             }
             Cause::Thin(Margin { margin_steps, spread_steps, nearest }) => write!(
                 f,
-                "a shift of {margin_steps:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over {spread_steps:.1}"
+                "a shift of {:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over {spread_steps:.1}",
+                margin_steps.max(0.0) // a negative one: what is nearer already needs no shift
             ),
             Cause::FalseRegion(FalseArea { frame, share, largest_of_band, .. }) => write!(
                 f,
