@@ -125,54 +125,86 @@ impl Cause {
     /// What was found, with the limit that it broke; after the tool's name, where it is about one.
     pub fn finding(self, figure: f64, limit: f64) -> String {
         let (percent, percents) = (100.0 * figure, 100.0 * limit);
+        let [whole, tenth, hundredth] = [0, 1, 2].map(|digits| digits_apart(figure, limit, digits));
+        let [percent_whole, percent_tenth] = [0, 1].map(|digits| digits_apart(percent, percents, digits));
         match self {
             Cause::NothingSeen => "no tool was measured on any frame".to_owned(),
             Cause::NeverInPicture => "it was never in the picture".to_owned(),
             Cause::ColourBackground => {
                 let steps = figure.max(0.0);
-                format!("its colour is told from the rest of the box by {steps:.1} of 255 steps only; needs {limit:.1}")
+                format!(
+                    "its colour is told from the rest of the box by {steps:.tenth$} of 255 steps only; needs {limit:.tenth$}"
+                )
             }
             Cause::ColourPair => {
                 let steps = figure.max(0.0);
-                format!("its colour is told from another tool's by {steps:.1} of 255 steps only; needs {limit:.1}")
+                format!(
+                    "its colour is told from another tool's by {steps:.tenth$} of 255 steps only; needs {limit:.tenth$}"
+                )
             }
-            Cause::Coverage => format!("measured on {percent:.0} % of the frames; needs {percents:.0} %"),
-            Cause::LeftView => format!("out of view for {percent:.0} % of the session; at most {percents:.0} %"),
-            Cause::Lost => format!("in view but not followed on {percent:.0} % of the frames; at most {percents:.0} %"),
+            Cause::Coverage => {
+                format!("measured on {percent:.percent_whole$} % of the frames; needs {percents:.percent_whole$} %")
+            }
+            Cause::LeftView => format!(
+                "out of view for {percent:.percent_whole$} % of the session; at most {percents:.percent_whole$} %"
+            ),
+            Cause::Lost => format!(
+                "in view but not followed on {percent:.percent_whole$} % of the frames; at most {percents:.percent_whole$} %"
+            ),
             Cause::Predicted => {
-                format!("{percent:.0} % of the positions are bridged, not measured; at most {percents:.0} %")
+                format!(
+                    "{percent:.percent_whole$} % of the positions are bridged, not measured; at most {percents:.percent_whole$} %"
+                )
             }
-            Cause::LongGap => format!("not measured for {figure:.1} s at a stretch; at most {limit:.1} s"),
+            Cause::LongGap => format!("not measured for {figure:.tenth$} s at a stretch; at most {limit:.tenth$} s"),
             Cause::Rejected => {
-                format!("{percent:.1} % of the measurements contradict the motion; at most {percents:.1} %")
+                format!(
+                    "{percent:.percent_tenth$} % of the measurements contradict the motion; at most {percents:.percent_tenth$} %"
+                )
             }
             Cause::BorderResidual => {
-                format!("its borders lie {figure:.2} px off those of a straight tube; at most {limit:.2} px")
+                format!(
+                    "its borders lie {figure:.hundredth$} px off those of a straight tube; at most {limit:.hundredth$} px"
+                )
             }
-            Cause::NoiseFloor => format!("at rest it would seem to move at {figure:.1} mm/s; at most {limit:.1} mm/s"),
+            Cause::NoiseFloor => {
+                format!("at rest it would seem to move at {figure:.tenth$} mm/s; at most {limit:.tenth$} mm/s")
+            }
             Cause::ErrorBar => {
-                format!("half of its positions are less sure than {figure:.1} mm; at most {limit:.1} mm")
+                format!("half of its positions are less sure than {figure:.tenth$} mm; at most {limit:.tenth$} mm")
             }
             Cause::Calibration => {
-                format!("the calibration misses its own photos by {figure:.2} px; at most {limit:.2} px")
+                format!(
+                    "the calibration misses its own photos by {figure:.hundredth$} px; at most {limit:.hundredth$} px"
+                )
             }
             Cause::CutFile => {
-                format!("{percent:.0} % of the recording's frames are not in the file; at most {percents:.0} %")
+                format!(
+                    "{percent:.percent_whole$} % of the recording's frames are not in the file; at most {percents:.percent_whole$} %"
+                )
             }
             Cause::Interlaced => {
-                format!("{percent:.0} % of the frames are interlaced: only every second of their lines was used")
+                format!(
+                    "{percent:.percent_whole$} % of the frames are interlaced: only every second of their lines was used"
+                )
             }
-            Cause::FrameRate => format!("{figure:.1} frames a second; needs {limit:.0}"),
-            Cause::DroppedFrames => format!("{percent:.0} % of the frames were dropped; at most {percents:.0} %"),
-            Cause::Break => format!("no frame for {figure:.1} s; at most {limit:.1} s"),
+            Cause::FrameRate => format!("{figure:.tenth$} frames a second; needs {limit:.whole$}"),
+            Cause::DroppedFrames => {
+                format!("{percent:.percent_whole$} % of the frames were dropped; at most {percents:.percent_whole$} %")
+            }
+            Cause::Break => format!("no frame for {figure:.tenth$} s; at most {limit:.tenth$} s"),
             Cause::BeginsInMotion => {
-                format!("a tool moves at {figure:.0} mm/s as the recording begins; at most {limit:.0} mm/s")
+                format!("a tool moves at {figure:.whole$} mm/s as the recording begins; at most {limit:.whole$} mm/s")
             }
             Cause::EndsInMotion => {
-                format!("a tool moves at {figure:.0} mm/s as the recording ends; at most {limit:.0} mm/s")
+                format!("a tool moves at {figure:.whole$} mm/s as the recording ends; at most {limit:.whole$} mm/s")
             }
-            Cause::Exposure => format!("the picture's brightness changes by {percent:.0} %; at most {percents:.0} %"),
-            Cause::WhiteBalance => format!("the picture's white changes by {figure:.1} codes; at most {limit:.1}"),
+            Cause::Exposure => format!(
+                "the picture's brightness changes by {percent:.percent_whole$} %; at most {percents:.percent_whole$} %"
+            ),
+            Cause::WhiteBalance => {
+                format!("the picture's white changes by {figure:.tenth$} codes; at most {limit:.tenth$}")
+            }
         }
     }
 
@@ -213,4 +245,11 @@ impl Cause {
             Cause::WhiteBalance => "switch off the camera's automatic white balance, and keep the light as it is",
         }
     }
+}
+
+/// Digits behind the point, at least so many, with which a figure does not read as the limit that it broke.
+fn digits_apart(figure: f64, limit: f64, least: usize) -> usize {
+    const MOST_MORE: usize = 2;
+    let differ = |digits: &usize| format!("{figure:.digits$}") != format!("{limit:.digits$}");
+    (least..=least + MOST_MORE).find(differ).unwrap_or(least)
 }

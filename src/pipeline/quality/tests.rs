@@ -130,6 +130,14 @@ fn a_tool_that_the_task_does_not_need_is_no_reason_to_refuse() {
 }
 
 #[test]
+fn a_figure_does_not_read_as_the_limit_that_it_broke() {
+    let told = |cause: Cause, figure, limit| cause.finding(figure, limit);
+    assert!(told(Cause::NoiseFloor, 2.53, 2.5).contains("move at 2.53 mm/s; at most 2.50 mm/s"));
+    assert!(told(Cause::NoiseFloor, 3.14, 2.5).contains("move at 3.1 mm/s; at most 2.5 mm/s"));
+    assert!(told(Cause::Coverage, 0.8996, 0.9).contains("on 89.96 % of the frames; needs 90.00 %"));
+}
+
+#[test]
 fn nothing_seen_is_refused() {
     let verdict = judged(&path(|_| false));
     assert_eq!((causes(&verdict), rank(&verdict)), (vec![Cause::NothingSeen], Some(Severity::Refuse)));
@@ -166,11 +174,20 @@ fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
     assert_eq!(judged(margin(9.0, "cyan"), margin(9.0, "background")), Verdict::Valid);
     assert_eq!(judged(None, None), Verdict::Valid);
     let refused = judged(margin(-3.0, "cyan"), margin(1.8, "background"));
-    assert_eq!(causes(&refused), [Cause::ColourBackground, Cause::ColourPair]);
-    let severities: Vec<Severity> = refused.concerns().iter().map(|concern| concern.severity).collect();
-    assert_eq!(severities, [Severity::Refuse, Severity::Care]);
-    let said = refused.concerns()[0].finding();
-    assert!(said.contains("by 1.8 of 255 steps only; needs 2.5 (nearest: `background`)"), "{said}");
+    let told = |c: &Concern| (c.cause, c.severity, c.figure, c.limit, c.label.clone());
+    let of = |label: &str| Some(label.to_owned());
+    assert_eq!(
+        refused.concerns().iter().map(told).collect::<Vec<_>>(),
+        [
+            (Cause::ColourBackground, Severity::Refuse, 1.8, 2.5, of("background")),
+            (Cause::ColourPair, Severity::Care, -3.0, 4.0, of("cyan")),
+        ]
+    );
+    let said = [0, 1].map(|i| refused.concerns()[i].finding());
+    assert!(said[0].contains("by 1.8 of 255 steps only; needs 2.5 (nearest: `background`)"), "{said:?}");
+    assert!(said[1].contains("by 0.0 of 255 steps only; needs 4.0 (nearest: `cyan`)"), "{said:?}");
+    assert_eq!(causes(&judged(margin(9.0, "cyan"), margin(1.8, "background"))), [Cause::ColourBackground]);
+    assert_eq!(causes(&judged(margin(1.8, "cyan"), margin(9.0, "background"))), [Cause::ColourPair]);
     assert_eq!(rank(&judged(None, margin(3.0, "background"))), Some(Severity::Care));
 }
 
