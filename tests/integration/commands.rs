@@ -149,8 +149,32 @@ fn debug_pictures_show_the_chosen_frames_stage_by_stage_and_change_no_result() {
     let stages = ["1_colours", "2_edges_tool1_fit1", "3_result"];
     let of_frames = ["000000", "000007"].map(|frame| stages.map(|stage| format!("frame_{frame}_{stage}.png")));
     assert_eq!(names, of_frames.as_flattened());
-    let drawn = image::open(pictures.join("frame_000007_3_result.png")).unwrap();
-    assert!(drawn.width() == 1280 && drawn.height() > 720, "the picture and its legend");
+    let drawn = |stage: &str| image::open(pictures.join(format!("frame_000007_{stage}.png"))).unwrap().into_rgb8();
+    let result = drawn("3_result");
+    assert!(result.width() == 1280 && result.height() > 720, "the picture and its legend");
+    let tip = tip_px(&said.stdout, 7).map(|px| px.round() as u32);
+    let at_tip = |picture: &image::RgbImage| picture.get_pixel(tip[0], tip[1] + picture.height() - 720).0;
+    const FIRST_TOOL: [u8; 3] = [255, 40, 255];
+    assert_eq!(at_tip(&result), FIRST_TOOL, "its cross is at {tip:?}");
+    // Blur mixes the band's rim with what is beside it, so that a little is no tape's at the tip itself.
+    let colours = drawn("1_colours");
+    let band = |at: &(u32, u32, &image::Rgb<u8>)| at.2.0 == FIRST_TOOL && at.1 > colours.height() - 720;
+    let nearest = colours
+        .enumerate_pixels()
+        .filter(band)
+        .map(|(x, y, _)| x.abs_diff(tip[0]).max((y + 720 - colours.height()).abs_diff(tip[1])));
+    assert!(nearest.clone().min().unwrap() < 12 && nearest.clone().count() > 400, "the band's cells begin at the tip");
+    let edges = drawn("2_edges_tool1_fit1");
+    let count = |ink: [u8; 3]| edges.pixels().filter(|pixel| pixel.0 == ink).count();
+    let (agree, elsewhere) = (count([70, 230, 70]), count([255, 60, 60]));
+    assert!(agree > 1000 && agree > 5 * elsewhere, "{agree} green pixels and {elsewhere} red ones on clean tape");
+}
+
+/// Where a path has the tip on a frame, pixels.
+fn tip_px(csv: &[u8], frame: u32) -> [f64; 2] {
+    let text = String::from_utf8(csv.to_vec()).unwrap();
+    let row = text.lines().find(|line| line.starts_with(&format!("{frame},"))).unwrap();
+    [12, 13].map(|column| row.split(',').nth(column).unwrap().parse().unwrap())
 }
 
 #[test]

@@ -16,7 +16,7 @@ pub mod model;
 mod refine;
 pub mod report;
 #[cfg(test)]
-pub(super) mod testing;
+pub(crate) mod testing;
 
 pub use board::{Board, BoardProblem};
 pub use calibrate::{FEWEST_PHOTOS, calibrate};

@@ -110,7 +110,8 @@ impl Canvas {
     /// A line between two places of the frame.
     pub(super) fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, ink: Ink) {
         const LONGEST: f64 = 20_000.0;
-        let steps = ((to - from).amax() * self.part.scale as f64).ceil().clamp(1.0, LONGEST);
+        const A_PIXEL: f64 = 2.0; // steps of a whole pixel leave gaps where rounding joins two of them
+        let steps = ((to - from).amax() * self.part.scale as f64 * A_PIXEL).ceil().clamp(1.0, LONGEST);
         for step in 0..=steps as u32 {
             self.dot(from + (to - from) * (f64::from(step) / steps), self.pen_px, ink);
         }
@@ -159,4 +160,70 @@ impl Canvas {
 /// Where a line's letter of this number begins, pixels of the picture.
 fn letter_x(place: usize) -> usize {
     (place * (letters::SIZE.0 + 1) + 2) * LETTER_PX
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
+
+    const INK: Ink = [255, 0, 0];
+    const PAPER: Ink = [16, 16, 16];
+    /// Of a grey that full range codes as 100, at half brightness.
+    const GREY: Ink = [50, 50, 50];
+
+    /// Four columns by three rows of a frame, from its pixel (2, 1), each ten pixels wide, below two lines of text.
+    fn canvas() -> Canvas {
+        let data = [[100; 48], [128; 48], [128; 48]];
+        let [y, u, v] = data.each_ref().map(|data| Plane { data, stride: 8, width: 8, height: 6 });
+        let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+        let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding };
+        let part = Part { left: 2, top: 1, width: 4, height: 3, scale: 10 };
+        Canvas::new(&frame, part, &[(INK, "h".to_owned()), (INK, "two lines".to_owned())], 0.5)
+    }
+
+    fn inked(canvas: &Canvas, ink: Ink) -> Vec<(u32, u32)> {
+        canvas.picture.enumerate_pixels().filter(|(_, _, pixel)| pixel.0 == ink).map(|(x, y, _)| (x, y)).collect()
+    }
+
+    #[test]
+    fn the_frame_s_part_stands_below_the_text() {
+        let canvas = canvas();
+        assert_eq!(canvas.picture.dimensions(), (76, 64), "as wide as nine letters, two lines and thirty rows high");
+        let rectangle = |left, right, top, bottom| (top..bottom).flat_map(move |y| (left..right).map(move |x| (x, y)));
+        assert_eq!(inked(&canvas, GREY), rectangle(0, 40, 34, 64).collect::<Vec<_>>());
+        let h: Vec<_> = inked(&canvas, INK).into_iter().filter(|(_, y)| *y < 18).collect();
+        assert_eq!((h.len(), h.first(), h.last()), (44, Some(&(4, 2)), Some(&(9, 11))), "eleven dots of two by two");
+    }
+
+    #[test]
+    fn what_is_drawn_stands_where_the_frame_has_it_and_never_over_the_text() {
+        let blank = canvas();
+        let new = |canvas: &Canvas| {
+            let was_there = inked(&blank, INK);
+            inked(canvas, INK).into_iter().filter(|at| !was_there.contains(at)).collect::<Vec<_>>()
+        };
+        let mut dotted = canvas();
+        dotted.dot(Vector2::new(3.0, 2.0), 1, INK);
+        assert_eq!(new(&dotted), [(15, 49)], "the middle of the enlarged pixel");
+        let mut lined = canvas();
+        lined.line(Vector2::new(3.0, 2.0), Vector2::new(3.0, -40.0), INK);
+        assert_eq!(new(&lined), (34..50).map(|y| (15, y)).collect::<Vec<_>>(), "without gaps");
+        lined.line(Vector2::new(3.0, 3.0), Vector2::new(90.0, 3.0), INK);
+        assert!(inked(&lined, PAPER).len() == inked(&blank, PAPER).len(), "nor beside the part");
+    }
+
+    #[test]
+    fn a_part_is_cut_at_the_frame_and_as_large_as_a_thousand_pixels_hold() {
+        let data = [0; 300 * 200];
+        let plane = Plane { data: &data, stride: 300, width: 300, height: 200 };
+        let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+        let frame = Frame { index: 0, time_s: 0.0, y: plane, u: plane, v: plane, shift_x: 0, shift_y: 0, encoding };
+        let around = |low: [f64; 2], high: [f64; 2]| Part::around(low.into(), high.into(), &frame);
+        let corner = Part { left: 0, top: 0, width: 101, height: 51, scale: 9 };
+        assert_eq!(around([-5.0, -9.0], [100.0, 50.0]), Some(corner));
+        let small = Part { left: 290, top: 190, width: 10, height: 10, scale: 12 };
+        assert_eq!(around([290.0, 190.0], [400.0, 400.0]), Some(small));
+        assert_eq!(around([310.0, 10.0], [400.0, 50.0]), None);
+    }
 }

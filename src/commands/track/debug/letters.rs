@@ -22,6 +22,7 @@ fn rows(letter: char) -> u32 {
         'A'..='Z' => CAPITALS[letter as usize - 'A' as usize],
         '0'..='9' => DIGITS[letter as usize - '0' as usize],
         '.' => 0o00002,
+        '\'' => 0o22000,
         ',' => 0o00024,
         ':' => 0o02020,
         ';' => 0o02024,

@@ -10,6 +10,7 @@ mod canvas;
 mod letters;
 mod pictures;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
@@ -48,7 +49,8 @@ pub(super) struct DebugPictures {
     folder: PathBuf,
     every: u64,
     frames: Vec<u64>,
-    drawn: usize,
+    /// A damaged recording is tracked twice, and the pictures of the second time take the place of the first.
+    drawn: BTreeSet<u64>,
 }
 
 impl DebugPictures {
@@ -61,14 +63,19 @@ impl DebugPictures {
             return Err(about(folder, anyhow!(what)));
         }
         is_writable(folder).map_err(|e| about(folder, e))?;
-        Ok(Some(Self { folder: folder.clone(), every: args.every, frames: args.frames.clone(), drawn: 0 }))
+        Ok(Some(Self {
+            folder: folder.clone(),
+            every: args.every,
+            frames: args.frames.clone(),
+            drawn: BTreeSet::new(),
+        }))
     }
 
     /// Is this frame to be drawn?
     pub(super) fn wants(&self, frame: u64) -> bool {
         let chosen =
             if self.frames.is_empty() { frame.is_multiple_of(self.every) } else { self.frames.contains(&frame) };
-        chosen && self.drawn < MOST_FRAMES
+        chosen && (self.drawn.len() < MOST_FRAMES || self.drawn.contains(&frame))
     }
 
     /// Draws a frame.
@@ -83,18 +90,19 @@ impl DebugPictures {
             let path = self.folder.join(format!("frame_{:06}_{name}.png", frame.index));
             canvas.save(&path).with_context(|| format!("writing {}", path.display()))?;
         }
-        self.drawn += 1;
+        self.drawn.insert(frame.index);
         Ok(())
     }
 
     /// What came of it, for people.
     pub(super) fn report(&self) -> String {
         let folder = self.folder.display();
-        match self.drawn {
+        match self.drawn.len() {
             0 => format!("debug: none of the chosen frames is in the recording; {folder} is empty"),
             MOST_FRAMES => {
                 format!("debug: {MOST_FRAMES} frames drawn in {folder}, and no more; choose others with --debug-frames")
             }
+            1 => format!("debug: 1 frame drawn in {folder}"),
             drawn => format!("debug: {drawn} frames drawn in {folder}"),
         }
     }
@@ -105,4 +113,20 @@ fn is_writable(folder: &Path) -> std::io::Result<()> {
     let probe = folder.join(".writable");
     std::fs::write(&probe, [])?;
     std::fs::remove_file(probe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_that_was_drawn_is_drawn_again_and_no_more_than_the_most_are() {
+        let all = MOST_FRAMES as u64;
+        let folder = PathBuf::from("pictures");
+        let mut pictures = DebugPictures { folder, every: 2, frames: Vec::new(), drawn: BTreeSet::new() };
+        assert!(pictures.wants(8) && !pictures.wants(9));
+        pictures.drawn = (0..all).map(|index| 2 * index).collect();
+        assert!(pictures.wants(8) && !pictures.wants(9) && !pictures.wants(2 * all));
+        assert!(pictures.report().contains("100 frames drawn in pictures, and no more"), "{}", pictures.report());
+    }
 }

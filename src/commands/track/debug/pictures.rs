@@ -32,6 +32,8 @@ const SHAFT_MM: f64 = 60.0;
 pub(in crate::commands::track) struct Scene {
     camera: Camera,
     tools: Vec<String>,
+    /// For each tool the first that wears its colour.
+    first_of_its_colour: Vec<usize>,
 }
 
 /// One picture, and what its file's name says of it.
@@ -40,8 +42,24 @@ pub(super) type Named = (String, Canvas);
 impl Scene {
     /// The camera and the tools that are tracked.
     pub(in crate::commands::track) fn new(settings: &TrackerSettings) -> Self {
-        let tools = settings.tools.iter().map(|tool| tool.name.clone()).collect();
-        Self { camera: settings.camera, tools }
+        let first_of = |colour: &str| settings.tools.iter().position(|tool| tool.colour == colour).unwrap_or(0);
+        Self {
+            camera: settings.camera,
+            tools: settings.tools.iter().map(|tool| tool.name.clone()).collect(),
+            first_of_its_colour: settings.tools.iter().map(|tool| first_of(&tool.colour)).collect(),
+        }
+    }
+
+    /// Said of a tool whose cells have another's ink.
+    fn tape_of_another(&self, tool: usize) -> String {
+        let first = self.first_of_its_colour[tool];
+        if first == tool { String::new() } else { format!("; same tape as {}", self.tools[first]) }
+    }
+
+    /// Classes count colours from 1. Tools of one colour share a class, which is drawn as the first one's.
+    fn ink_of_class(&self, class: u8) -> Option<Ink> {
+        let mut firsts = self.first_of_its_colour.iter().enumerate().filter(|(tool, first)| tool == *first);
+        firsts.nth(usize::from(class).checked_sub(1)?).map(|(tool, _)| ink_of(tool))
     }
 
     /// Every picture of a frame, in the order of the stages.
@@ -60,7 +78,8 @@ impl Scene {
 
     /// The class of every cell, the places that were searched, and the regions that were taken for a band.
     fn colours(&self, frame: &Frame<'_>, trace: &FrameTrace) -> Canvas {
-        let head = format!("frame {}: colours. white: searched. yellow: measured. red: no band", frame.index);
+        let head =
+            format!("frame {}: cells of a tool's colour. white: searched. yellow: measured. red: no band", frame.index);
         let mut text = vec![(WHITE, head)];
         for (tool, of_tool) in trace.tools.iter().enumerate() {
             let followed = of_tool.places.is_empty() && !of_tool.fits.is_empty();
@@ -69,13 +88,14 @@ impl Scene {
             } else {
                 searched(of_tool)
             };
-            text.push((ink_of(tool), format!("{}: {how}", self.tools[tool])));
+            text.push((ink_of(tool), format!("{}: {how}{}", self.tools[tool], self.tape_of_another(tool))));
         }
         let mut canvas = Canvas::new(frame, Part::whole(frame), &text, 0.45).with_pen(2);
-        for (cell, class) in trace.classes.iter().enumerate().filter(|(_, class)| **class != 0) {
+        for (cell, class) in trace.classes.iter().enumerate() {
+            let Some(ink) = self.ink_of_class(*class) else { continue };
             let corner = Vector2::new((cell % trace.columns) as f64, (cell / trace.columns) as f64);
             let centre = (corner * CELL_PX as f64).add_scalar(0.5 * CELL_PX as f64);
-            canvas.dot(centre, CELL_PX as i64, ink_of(usize::from(*class) - 1));
+            canvas.dot(centre, CELL_PX as i64, ink);
         }
         for of_tool in &trace.tools {
             of_tool.places.iter().for_each(|place| canvas.path(&box_corners(place), WHITE));
@@ -118,7 +138,7 @@ impl Scene {
             (RED, "red: edge elsewhere".to_owned()),
             (GREY, "grey: probe that met no edge".to_owned()),
         ];
-        let mut canvas = Canvas::new(frame, Part::around(low, high, frame)?, &text, 1.0);
+        let mut canvas = Canvas::new(frame, Part::around(low, high, frame)?, &text, 1.0).with_pen(2);
         canvas.path(&start, DARK_BLUE);
         canvas.path(&laid, BLUE);
         for (probe, edge) in &look.probes {
@@ -246,6 +266,26 @@ fn box_corners(place: &CellBox) -> [Vector2<f64>; 5] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::camera::testing::STRAIGHT;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+    use crate::pipeline::segmentation::samples::ColourSamples;
+    use crate::pipeline::tracker::ToolSpec;
+
+    #[test]
+    fn the_cells_of_a_colour_have_the_ink_of_the_first_tool_that_wears_it() {
+        let tool = |name: &str, colour: &str| ToolSpec {
+            name: name.into(),
+            colour: colour.into(),
+            side: None,
+            diameter_mm: 5.0,
+            band_length_mm: None,
+        };
+        let tools = vec![tool("left", "orange"), tool("right", "orange"), tool("cyan", "cyan")];
+        let samples = ColourSamples::new(ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 });
+        let scene = Scene::new(&TrackerSettings::new(STRAIGHT, tools, samples));
+        assert_eq!([0, 1].map(|tool| scene.tape_of_another(tool)), ["", "; same tape as left"]);
+        assert_eq!([0, 1, 2, 3].map(|class| scene.ink_of_class(class)), [None, Some(TOOLS[0]), Some(TOOLS[2]), None]);
+    }
 
     #[test]
     fn an_edge_agrees_within_seven_tenths_of_a_pixel_of_the_outline_not_of_its_endless_line() {
