@@ -136,6 +136,7 @@ impl VideoFile {
     pub fn repaired_times(&self) -> u64 {
         self.clock.repaired()
     }
+
     /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file cut short ends
     /// where its bytes end.
     pub fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {

@@ -69,6 +69,11 @@ impl PictureMaker {
     pub(super) fn make(&mut self, decoded: frame::Video, index: u64, time_s: f64) -> Result<Picture, MediaError> {
         let first_line = decoded.is_interlaced().then(|| usize::from(!decoded.is_top_first()));
         let planar = self.planar(decoded)?;
+        Ok(self.picture_of(planar, first_line, index, time_s))
+    }
+
+    /// The frame as a picture; of an interlaced one the field that begins at this line.
+    fn picture_of(&mut self, planar: PlanarFrame, first_line: Option<usize>, index: u64, time_s: f64) -> Picture {
         let (sx, sy) = chroma_shift(planar.frame.format());
         let encoding = encoding_of(&planar.frame);
         let turns = matches!(self.rotation, Rotation::Right | Rotation::Left);
@@ -85,7 +90,7 @@ impl PictureMaker {
             }
         };
         let picture = Picture::new(planes, shift, encoding, index, time_s);
-        Ok(if first_line.is_some() { picture.of_one_field() } else { picture })
+        if first_line.is_some() { picture.of_one_field() } else { picture }
     }
 
     /// 8-bit planar frames pass untouched; deeper ones keep their chroma resolution, anything else becomes 4:4:4.
@@ -216,6 +221,54 @@ mod tests {
         assert_eq!(turned.data, [3, 6, 2, 5, 1, 4]);
         turn_plane(plane, Rotation::Half, &mut turned);
         assert_eq!((turned.width, turned.height, &turned.data[..]), (3, 2, &[6, 5, 4, 3, 2, 1][..]));
+    }
+
+    /// A frame of 4:2:2 whose lines have the codes 10, 11, 12, … in luma, 100, … in blue and 200, … in red.
+    fn lined(format: format::Pixel) -> PlanarFrame {
+        let mut frame = frame::Video::new(format, 4, 4);
+        for plane in 0..3 {
+            let stride = frame.stride(plane);
+            let codes = frame.data_mut(plane).chunks_mut(stride).zip([10, 100, 200][plane]..);
+            codes.for_each(|(line, code)| line.fill(code));
+        }
+        PlanarFrame { frame, is_converted: false }
+    }
+
+    #[test]
+    fn a_field_is_taken_before_the_picture_is_turned() {
+        let mut maker = PictureMaker::new(Rotation::Right);
+        let picture = maker.picture_of(lined(format::Pixel::YUV422P), Some(1), 3, 0.5);
+        assert!(picture.is_interlaced());
+        let frame = picture.frame();
+        assert_eq!((frame.index, frame.time_s, frame.shift_x, frame.shift_y), (3, 0.5, 0, 1));
+        // The second and the fourth line stay, and the last one comes first.
+        assert_eq!(frame.y.data, [13, 12, 11, 11].repeat(4));
+        assert_eq!(frame.u.data, [103, 102, 101, 101].repeat(2));
+        assert_eq!(frame.v.data, [203, 202, 201, 201].repeat(2));
+    }
+
+    #[test]
+    fn an_upright_progressive_picture_is_the_decoder_s_own_memory() {
+        let planar = lined(format::Pixel::YUV422P);
+        let place = planar.frame.data(0).as_ptr();
+        let picture = PictureMaker::new(Rotation::None).picture_of(planar, None, 0, 0.0);
+        let frame = picture.frame();
+        assert!(!picture.is_interlaced() && frame.y.data.as_ptr() == place);
+        assert_eq!((frame.shift_x, frame.shift_y), (1, 0));
+    }
+
+    #[test]
+    fn what_is_converted_keeps_its_range_and_its_matrix() {
+        let encoding = |from, space: color::Space| {
+            let mut decoded = frame::Video::new(from, 96, 64);
+            decoded.set_color_range(color::Range::JPEG);
+            decoded.set_color_space(space);
+            PictureMaker::new(Rotation::None).make(decoded, 0, 0.0).unwrap().frame().encoding
+        };
+        let full = ColourEncoding { range: Range::Full, matrix: Matrix::Bt2020 };
+        assert_eq!(encoding(format::Pixel::YUV420P10LE, color::Space::BT2020NCL), full);
+        let from_rgb = ColourEncoding { range: Range::Limited, matrix: Matrix::Bt601 };
+        assert_eq!(encoding(format::Pixel::RGB24, color::Space::RGB), from_rgb, "as the scaler makes it");
     }
 
     #[test]

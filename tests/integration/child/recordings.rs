@@ -174,24 +174,37 @@ fn a_file_that_is_no_video_is_refused_by_name() {
 
 #[test]
 fn of_an_interlaced_frame_only_the_first_moment_is_seen() {
+    for (first_line, fields) in [
+        (0, "-vf tinterlace=interleave_top,fieldorder=tff -flags +ilme+ildct -x264opts tff=1"),
+        (1, "-vf tinterlace=interleave_bottom,fieldorder=bff -flags +ilme+ildct -x264opts bff=1"),
+    ] {
+        first_moment_of_frames_whose_first_field_begins_at(first_line, fields);
+    }
+}
+
+fn first_moment_of_frames_whose_first_field_begins_at(first_line: usize, fields: &str) {
     const TWICE_AS_OFTEN: &str = "-f lavfi -i testsrc2=size=320x240:rate=50 -frames:v";
-    const FIELDS: &str = "-vf tinterlace=interleave_top,fieldorder=tff -flags +ilme+ildct -x264opts tff=1";
     const CODEC: &str = "-c:v libx264 -preset ultrafast -qp 1 -pix_fmt yuv420p";
     let folder = tempfile::tempdir().unwrap();
     let whole = ffmpeg(&format!("{TWICE_AS_OFTEN} 20 {CODEC}"), &folder.path().join("whole.mp4"));
-    let fields = ffmpeg(&format!("{TWICE_AS_OFTEN} 10 {CODEC} {FIELDS}"), &folder.path().join("fields.mp4"));
+    let fields = ffmpeg(&format!("{TWICE_AS_OFTEN} 10 {CODEC} {fields}"), &folder.path().join("fields.mp4"));
     let (Some(whole), Some(fields)) = (whole, fields) else { return };
     let open = |path| VideoFile::open(std::fs::File::open(path).unwrap(), Limits::default()).unwrap();
     let (mut whole, mut fields) = (open(whole), open(fields));
+    let (kept, filled) = (first_line, 1 - first_line);
     let mut frames = 0;
     while let Some(picture) = fields.next_picture().unwrap() {
         let (first, _second) = (whole.next_picture().unwrap().unwrap(), whole.next_picture().unwrap());
         assert!(picture.is_interlaced() && !first.is_interlaced());
         let (seen, first) = (picture.frame(), first.frame());
         let apart = |y: usize| (0..320).map(|x| seen.y.at(x, y).abs_diff(first.y.at(x, y))).max().unwrap();
-        assert!((0..240).step_by(2).all(|y| apart(y) < 8), "frame {frames}: another moment");
+        assert!((kept..240).step_by(2).all(|y| apart(y) < 8), "frame {frames}: another moment");
         let between = |x: usize, y: usize| seen.y.at(x, y - 1).midpoint(seen.y.at(x, y + 1)) == seen.y.at(x, y);
-        assert!((1..239).step_by(2).all(|y| (0..320).all(|x| between(x, y))), "frame {frames}: lines of two moments");
+        let inner = (filled..239).step_by(2).filter(|y| *y > 0);
+        assert!(
+            inner.clone().count() > 100 && inner.clone().all(|y| (0..320).all(|x| between(x, y))),
+            "frame {frames}"
+        );
         assert!((seen.time_s - first.time_s).abs() < 1e-6, "{} s, not {} s", seen.time_s, first.time_s);
         frames += 1;
     }
