@@ -42,7 +42,6 @@ export default function BoxPage({ person, route }) {
   if (!box)
     return html`<${PageHead} title=${t.nav.boxes} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
-  const ready = box.calibration && box.palette;
   return html`
     <${PageHead} title=${box.name} lead=${[box.code, t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>
       <a class="button" href=${href(['sessions'], { box: box.id })}>${t.sessions.title}</a>
@@ -50,7 +49,7 @@ export default function BoxPage({ person, route }) {
     <//>
     <div class="steps">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      <${Notice} tone=${ready ? 'good' : 'warn'} title=${ready ? words.ready : words.needed} />
+      <${State} ready=${box.calibration && box.palette} palette=${box.palettes[0]} />
       <section class="card">
         <header><h2>${words.camera}</h2><${CameraState} calibration=${box.calibration} /></header>
         <div class="body stack">
@@ -68,3 +67,11 @@ export default function BoxPage({ person, route }) {
     </div>
     ${edit.dialogs}`;
 }
+
+/** A box that can score may still have a tape whose scores nobody should want. */
+const State = ({ ready, palette }) => {
+  const bad = (palette?.verdicts ?? []).filter(({ grade }) => grade === 'bad').map(({ tool }) => tool);
+  if (!ready) return html`<${Notice} tone="warn" title=${words.needed} />`;
+  if (bad.length) return html`<${Notice} tone="warn" title=${words.readyBut(bad)} />`;
+  return html`<${Notice} tone="good" title=${words.ready} />`;
+};

@@ -55,7 +55,7 @@ export default function Boxes({ person }) {
                   <th scope="row"><a class="cover" href=${href(['boxes', box.id])}>${box.name}</a></th>
                   <td><${CameraState} calibration=${box.calibration} /></td>
                   <td><${PaletteState} palette=${box.palette} /></td>
-                  <td>${box.tools.map(tool => tool.name).join(', ') || '–'}</td>
+                  <td>${box.tools.map(toolName).join(', ') || '–'}</td>
                   <td>${words.views[box.view] ?? words.auto}</td>
                   <td>${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change}
                     onRemove=${may(person, 'people') && edit.remove} />`}</td>
@@ -66,6 +66,9 @@ export default function Boxes({ person }) {
     </section>
     ${edit.dialogs}`;
 }
+
+/** With its tape, where that is not its name. */
+const toolName = ({ name, colour }) => (colour ? `${name} (${colour})` : name);
 
 /** A camera.json from elsewhere says nothing of its residual. */
 export const CameraState = ({ calibration }) => {

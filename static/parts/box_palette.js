@@ -23,6 +23,7 @@ const FIELDS = [
 
 export function PaletteSummary({ palette }) {
   if (!palette) return html`<p class="muted">${words.noPalette}</p>`;
+  const someSide = palette.tools.some(tool => sideOf(tool, palette.tools));
   return html`
     <p class="small muted">${words.learnedAs(palette.version, dateTime(palette.created_at))}</p>
     <div class="columns">
@@ -30,11 +31,14 @@ export function PaletteSummary({ palette }) {
         <thead>
           <tr>
             <th scope="col">${t.session.tool}</th>
+            <th scope="col">${words.tape}</th>
+            ${someSide && html`<th scope="col">${words.hand}</th>`}
             <th scope="col" class="number">${words.diameter}</th>
             <th scope="col" class="number">${words.band}</th>
           </tr>
         </thead>
-        <tbody>${palette.tools.map(tool => html`<${Tool} key=${tool.name} tool=${tool} />`)}</tbody>
+        <tbody>${palette.tools.map(tool => html`<${Tool} key=${tool.name} tool=${tool}
+          side=${someSide && (sideOf(tool, palette.tools) ?? '–')} />`)}</tbody>
       </table>
       <table class="table dense">
         <thead><tr><th scope="col">${words.label}</th><th scope="col" class="number">${words.samples}</th></tr></thead>
@@ -59,9 +63,24 @@ const Verdicts = ({ verdicts }) => html`
       </li>`)}
   </ul>`;
 
-const Tool = ({ tool }) => html`
+/** REST tells the colour of the tape only where it is not the name. */
+const tapeOf = tool => tool.colour ?? tool.name;
+
+/** Where a tool's hand is, as told; of two tools with the same tape the other side of the other's, else by their order. */
+function sideOf(tool, tools) {
+  if (tool.side) return words.sides[tool.side];
+  const pair = tools.filter(other => tapeOf(other) === tapeOf(tool));
+  if (pair.length < 2) return null;
+  const told = pair.find(other => other.side)?.side;
+  if (told) return words.sides[told === 'left' ? 'right' : 'left'];
+  return words.byOrder(words.sides[tool === pair[0] ? 'left' : 'right']);
+}
+
+const Tool = ({ tool, side }) => html`
   <tr>
     <th scope="row">${tool.name}</th>
+    <td>${tapeOf(tool)}</td>
+    ${side && html`<td>${side}</td>`}
     <td class="number">${number(tool.diameter_mm)} mm</td>
     <td class="number">${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td>
   </tr>`;

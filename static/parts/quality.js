@@ -34,7 +34,7 @@ function Tool({ tool }) {
       </div>
       <p class="small">${words.shares(share('observed'), share('predicted'), share('missing'))}</p>
       <dl class="facts small">
-        ${Object.entries(figures(tool)).filter(([, text]) => text).map(([name, text]) => html`
+        ${Object.entries(figures(tool, all)).filter(([, text]) => text).map(([name, text]) => html`
           <dt key=${name}>${words.figures[name]}</dt><dd>${text}</dd>`)}
       </dl>
       ${reasons.length > 0 && html`
@@ -48,13 +48,13 @@ function Tool({ tool }) {
     </section>`;
 }
 
-/** What is known of a tool besides its shares; shares of nothing are left out. */
-function figures(tool) {
+/** What is known of a tool besides its shares; shares of nothing are left out, as are gaps of one that was always seen. */
+function figures(tool, all) {
   const noise = tool.noise_floor;
   return {
     left_view_share: tool.left_view_share > 0 && percent(tool.left_view_share),
     lost_share: tool.lost_share > 0 && percent(tool.lost_share),
-    longest_gap_s: Number.isFinite(tool.longest_gap_s) && `${number(tool.longest_gap_s)} s`,
+    longest_gap_s: tool.observed < all && Number.isFinite(tool.longest_gap_s) && `${number(tool.longest_gap_s)} s`,
     noise_floor: noise && words.noise(number(noise.smoothed_mm_s), noise.causal_mm_s && number(noise.causal_mm_s)),
     error_median_mm: Number.isFinite(tool.error_median_mm) &&
       words.error(number(tool.error_median_mm), number(tool.error_p95_mm)),

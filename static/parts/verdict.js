@@ -9,6 +9,7 @@ const LOOKS = {
   usable_with_care: { tone: 'warn', icon: icons.warning },
   refused: { tone: 'bad', icon: icons.warning },
 };
+const TONES = { refuse: 'bad', care: 'warn' };
 const SHOWN = 3; // Those that weigh most; the others are behind a click.
 
 /** Results of earlier versions have no verdict. */
@@ -17,22 +18,28 @@ export function Verdict({ quality }) {
   if (!look) return null;
   const reasons = quality.reasons ?? [];
   const [first, more] = [reasons.slice(0, SHOWN), reasons.slice(SHOWN)];
+  const mixed = new Set(reasons.map(reason => reason.severity)).size > 1;
   return html`
     <section class=${`notice ${look.tone} verdict`} aria-label=${words.name}>
       <${look.icon} />
       <div>
         <strong>${words[quality.verdict]}</strong>
-        <${Reasons} reasons=${first} />
+        <${Reasons} reasons=${first} mixed=${mixed} />
         ${more.length > 0 && html`<details><summary>${words.more(more.length)}</summary>
-          <${Reasons} reasons=${more} /></details>`}
+          <${Reasons} reasons=${more} mixed=${mixed} /></details>`}
       </div>
     </section>`;
 }
 
-const Reasons = ({ reasons }) => reasons.length > 0 && html`
+/** Which of them refuse the session is said where some only ask for care. */
+const Reasons = ({ reasons, mixed }) => reasons.length > 0 && html`
   <ul>
-    ${reasons.map(reason => html`<li key=${reason.name + reason.tool}>${reason.finding}.
-      <span class="small muted"> ${capital(reason.advice)}.</span></li>`)}
+    ${reasons.map(reason => html`
+      <li key=${`${reason.name} ${reason.tool}`}>
+        ${mixed && html`<span class=${`pill ${TONES[reason.severity]}`}>${words.severities[reason.severity]}</span>${' '}`}
+        ${reason.tool ? reason.finding : capital(reason.finding)}.
+        <span class="small muted"> ${capital(reason.advice)}.</span>
+      </li>`)}
   </ul>`;
 
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
