@@ -54,7 +54,8 @@ pub(super) struct Tracked {
 }
 
 impl Tracked {
-    /// Judges and assesses the smoothed path and codes the rest. `calibration_rms_px` is the camera's. Takes a while for an hour of recording: not for an async thread.
+    /// Judges and assesses the smoothed path and codes the rest. `calibration_rms_px` is the camera's. Takes a while for an
+    /// hour of recording: not for an async thread.
     pub(super) fn new(
         input: &TrackInput,
         tools: Vec<String>,

@@ -109,7 +109,8 @@ impl StageClock {
             "wall_ms": self.began.elapsed().as_secs_f64() * 1e3,
             "wall_ms_of": wall,
         });
-        writeln!(out, "{text:#}")
+        writeln!(out, "{text:#}")?;
+        out.flush() // a full disk would go unnoticed when a buffer is dropped
     }
 }
 
