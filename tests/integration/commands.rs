@@ -137,6 +137,19 @@ fn without_a_file_to_write_to_the_path_goes_to_stdout_and_nothing_else_does() {
 }
 
 #[test]
+fn two_tools_with_the_same_good_tape_pass_the_check() {
+    let folder = tempfile::tempdir().unwrap();
+    let order = "simulate --quiet --scene exchange --tapes orange,orange --seed 4 --seconds 5 --size 640x360";
+    assert!(trocar(folder.path(), &format!("{order} --boards 0 --out .")).status.success());
+    let check = trocar(folder.path(), "palette --check annotations.json --json");
+    let report: Value = serde_json::from_slice(&check.stdout).unwrap();
+    let verdict = &report["verdicts"][0];
+    assert_eq!((&verdict["tool"], &verdict["grade"]), (&"orange".into(), &"good".into()), "{verdict}");
+    assert!(verdict["false_area"]["largest_of_band"].as_f64().is_some_and(|bands| bands < 0.2), "{verdict}");
+    assert!(check.status.success() && check.stderr.is_empty(), "{check:?}");
+}
+
+#[test]
 fn debug_pictures_show_the_chosen_frames_stage_by_stage_and_change_no_result() {
     let folder = scene();
     let said = trocar(folder.path(), &format!("{TRACK} --debug-dir pictures/new --debug-frames 0,7,99"));
