@@ -69,7 +69,7 @@ release: packages
 	cargo build --release --locked
 
 .PHONY: figures
-figures: release test-packages ## every figure of the README, beside the OpenCV peer; FIGURES="--quick --only rest" to try one
+figures: release test-packages ## every figure of the README, beside the OpenCV peer and the limits; FIGURES="--quick --only rest" to try one
 	@$(call install,python3-venv)
 	python3 benches/figures $(RELEASE) $(SHARED) $(TARGET)/figures $(or $(FIGURES),--readme README.md)
 

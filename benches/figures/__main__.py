@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The README's figures: calibrate → track → evaluate, on every scene with a known answer, beside the OpenCV peer.
+"""The README's figures: calibrate → track → evaluate, on every scene with a known answer, beside the OpenCV peer and the limits.
 
 Usage: python3 benches/figures TROCAR SHARED WORK [--readme README.md] [--only PART,…] [--quick]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 ROUNDS = 3
 VISIBLE = 0.4
+LIMIT = Path(__file__).with_name("limit.py")
 PEER_NEEDS = ["opencv-python-headless<5", "numpy", "scipy", "numba"]
 
 
@@ -80,17 +81,17 @@ class Bench:
              "--annotations", scene.annotations, "--out", track, "--timings", timings, "--lut", scene.out / "peer-lut.npy"])
         return track, json.loads(timings.read_text())
 
+    def limit(self, scene):
+        """The least errors that the scene's pictures allow (see `limit.py`)."""
+        return output(self.python, LIMIT, scene.video, scene.truth, scene.annotations, scene.true_camera)
+
     def evaluated(self, track, truth):
         """All tools together, on the frames where at least VISIBLE of the band can be seen; each tool's under `tools`."""
-        figures = self._json("evaluate", "--json", track, truth)
+        figures = output(self.trocar, "evaluate", "--json", track, truth)
         return {**well_visible(figures["all"]), "tools": [well_visible(tool) for tool in figures["tools"]]}
 
     def repeatability(self, *tracks):
-        return self._json("evaluate", "--json", "--repeatability", *tracks)
-
-    def _json(self, *arguments):
-        command = [str(argument) for argument in (self.trocar, *arguments)]
-        return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        return output(self.trocar, "evaluate", "--json", "--repeatability", *tracks)
 
 
 def well_visible(tool):
@@ -110,6 +111,11 @@ def run(command):
         print(said, file=sys.stderr)
         raise subprocess.CalledProcessError(process.returncode, command, stderr=said)
     return Usage(used.ru_utime + used.ru_stime, time.monotonic() - start, used.ru_maxrss / 1024)
+
+
+def output(*command):
+    """What a program prints as JSON."""
+    return json.loads(subprocess.run([str(part) for part in command], check=True, stdout=subprocess.PIPE, text=True).stdout)
 
 
 def decoding(video):
