@@ -50,8 +50,10 @@ def result(bench, scene):
 
 
 def goals(at_1080p):
-    own, peer, wall, one_pass, mbit_s = (at_1080p[key] for key in ("own", "peer", "wall", "one_pass", "mbit_s"))
-    return [Goal("own CPU a frame, 1080p, two tools (thesis: 460 ms)", "≤ 0.5 ms", f"{own:.2f} ms", own <= 0.5),
+    own, peer, wall, one_pass, mbit_s, decode = (at_1080p[key] for key in ("own", "peer", "wall", "one_pass", "mbit_s", "decode"))
+    alone = f"decoding alone {decode:.1f} ms"
+    return [Goal("own CPU a frame, 1080p, two tools (thesis: 460 ms)", "≤ 0.5 ms", f"{own:.2f} ms; {alone}", own <= 0.5),
             Goal("the peer's own CPU ÷ that", "≥ 25", f"{peer / own:.1f} ({peer:.1f} ms)", peer >= 25 * own),
             Goal("wall time of `trocar track` ÷ `ffmpeg -threads 2 -f null`, 1080p", "≤ 1.15",
-                 f"{wall:.2f} at {mbit_s:.1f} Mbit/s; {one_pass:.2f} without the pass over marked frames", wall <= 1.15)]
+                 f"{wall:.2f} at {mbit_s:.1f} Mbit/s; {one_pass:.2f} without the pass over marked frames; floor 1.00: {alone} of CPU "
+                 "a frame", wall <= 1.15)]
