@@ -56,7 +56,8 @@ impl ReadAhead {
     }
 
     /// The first pictures, at most so many and as many as [`MOST_KEPT_BYTES`] hold; they still come. Call before
-    /// [`Self::next_picture`].
+    /// [`Self::next_picture`]. They are copies, whose memory is free again once they have come; pictures of the decoder's own
+    /// that are held back make it take more for ever.
     ///
     /// # Errors
     /// Those of [`VideoFile::next_picture`], if not even one picture comes.
@@ -66,7 +67,8 @@ impl ReadAhead {
             match self.receive() {
                 Ok(Some(picture)) => {
                     bytes += picture.bytes();
-                    self.kept.push_back(picture);
+                    self.kept.push_back(picture.copied());
+                    self.done_with(picture);
                 }
                 Ok(None) => break,
                 Err(error) if self.kept.is_empty() => return Err(error),
@@ -84,9 +86,8 @@ impl ReadAhead {
     /// # Errors
     /// Those of [`VideoFile::next_picture`], after the pictures before them.
     pub fn next_picture(&mut self) -> Result<Option<&Picture>, MediaError> {
-        if let (Some(decoder), Some(seen)) = (&self.decoder, self.seen.take()) {
-            // Refused at the recording's end, when nothing is left to decode into it.
-            let _ = decoder.done_with.send(seen);
+        if let Some(seen) = self.seen.take() {
+            self.done_with(seen);
         }
         let next = match (self.kept.pop_front(), self.failed.take()) {
             (Some(kept), failed) => {
@@ -98,6 +99,13 @@ impl ReadAhead {
         };
         self.seen = next;
         Ok(self.seen.as_ref())
+    }
+
+    fn done_with(&self, picture: Picture) {
+        if let Some(decoder) = &self.decoder {
+            // Refused at the recording's end, when nothing is left to decode into it.
+            let _ = decoder.done_with.send(picture);
+        }
     }
 
     fn receive(&mut self) -> Result<Option<Picture>, MediaError> {

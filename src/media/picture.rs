@@ -20,6 +20,8 @@ pub(super) enum Planes {
     Frame(PlanarFrame),
     /// Our own.
     Owned([OwnedPlane; 3]),
+    /// Our own, of a copy: nobody asks for its memory again.
+    Copied([OwnedPlane; 3]),
 }
 
 /// A frame of FFmpeg's in planar 8-bit YUV.
@@ -52,6 +54,13 @@ impl Picture {
         self.is_interlaced
     }
 
+    /// The same in memory of its own, for as long as it is kept: a decoder never gives back what it needed at most.
+    pub(super) fn copied(&self) -> Self {
+        let frame = self.frame();
+        let planes = [frame.y, frame.u, frame.v].map(OwnedPlane::of);
+        Self { planes: Planes::Copied(planes), ..*self }
+    }
+
     pub(super) fn into_planes(self) -> Planes {
         self.planes
     }
@@ -80,7 +89,7 @@ impl Picture {
     pub fn frame(&self) -> Frame<'_> {
         let [y, u, v] = [0, 1, 2].map(|i| match &self.planes {
             Planes::Frame(planar) => plane_of(&planar.frame, i),
-            Planes::Owned(planes) => planes[i].borrow(),
+            Planes::Owned(planes) | Planes::Copied(planes) => planes[i].borrow(),
         });
         Frame {
             index: self.index,
@@ -96,6 +105,13 @@ impl Picture {
 }
 
 impl OwnedPlane {
+    fn of(plane: Plane<'_>) -> Self {
+        let Plane { width, height, .. } = plane;
+        let mut data = Vec::with_capacity(width * height);
+        (0..height).for_each(|y| data.extend_from_slice(plane.row(y)));
+        Self { data, width, height }
+    }
+
     pub(super) fn borrow(&self) -> Plane<'_> {
         Plane { data: &self.data, stride: self.width, width: self.width, height: self.height }
     }

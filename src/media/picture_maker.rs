@@ -61,6 +61,7 @@ impl PictureMaker {
         match picture.into_planes() {
             Planes::Frame(planar) => self.spare.keep(planar),
             Planes::Owned(planes) => self.spare.turned.push(planes),
+            Planes::Copied(_) => {}
         }
     }
 
@@ -289,5 +290,16 @@ mod tests {
         let second = maker.make(decoded(), 1, 0.04).unwrap();
         assert_eq!(second.frame().y.data.as_ptr(), place);
         assert_eq!(spare(&maker), (1, 1, 0), "converted into the spare buffer, which is spare again once turned");
+    }
+
+    #[test]
+    fn a_copy_leaves_no_memory_behind() {
+        let mut maker = PictureMaker::new(Rotation::None);
+        let picture = maker.make(frame::Video::new(format::Pixel::YUV420P, 96, 64), 0, 0.0).unwrap();
+        let copy = picture.copied();
+        maker.take_back(copy);
+        assert_eq!((maker.spare.decoded.len(), maker.spare.turned.len()), (0, 0));
+        maker.take_back(picture);
+        assert_eq!(maker.spare.decoded.len(), 1);
     }
 }

@@ -17,6 +17,19 @@ fn every_picture_comes_once_in_order_whoever_waits_for_whom() {
 }
 
 #[test]
+fn the_first_pictures_are_shown_and_come_again() {
+    let clip: Arc<[u8]> = recording(Samples::Yuv420, 30).into();
+    let mut pictures = ReadAhead::new(open(&clip, Limits::default())).unwrap();
+    let shown: Vec<_> = pictures.first_pictures(12).unwrap().iter().map(|picture| seen(&picture.frame())).collect();
+    assert_eq!(shown, all(&clip)[..12]);
+    let mut ahead = Vec::new();
+    while let Some(picture) = pictures.next_picture().unwrap() {
+        ahead.push(seen(&picture.frame()));
+    }
+    assert_eq!(ahead, all(&clip));
+}
+
+#[test]
 fn an_error_comes_after_the_pictures_before_it() {
     let clip: Arc<[u8]> = recording(Samples::Yuv420, 30).into();
     let limits = Limits { frames: 20, ..Limits::default() };
