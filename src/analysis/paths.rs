@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::protocol::{PathRow, decode, encode};
 pub use crate::pipeline::trajectory::Kind;
-use crate::pipeline::trajectory::Trajectory;
+use crate::pipeline::trajectory::{self, Sample, Trajectory};
 
 /// Begins every blob of this form; the last byte is its version.
 const MAGIC: [u8; 8] = *b"trocarP\x01";
@@ -54,16 +54,25 @@ impl Paths {
 
     /// One of the paths, as the pipeline knows it.
     pub fn trajectory(&self, kind: Kind) -> Trajectory {
-        let rows = match kind {
+        Trajectory {
+            tools: self.tools.clone(),
+            samples: self.rows(kind).iter().map(|&row| row.into()).collect(),
+            frame_times_s: self.frame_times_s.clone(),
+        }
+    }
+
+    fn rows(&self, kind: Kind) -> &[PathRow] {
+        match kind {
             Kind::Raw => &self.raw,
             Kind::Filtered => &self.filtered,
             Kind::Smoothed => &self.smoothed,
-        };
-        Trajectory {
-            tools: self.tools.clone(),
-            samples: rows.iter().map(|&row| row.into()).collect(),
-            frame_times_s: self.frame_times_s.clone(),
         }
+    }
+}
+
+impl trajectory::Paths for Paths {
+    fn path(&self, kind: Kind, tool: usize) -> Vec<Sample> {
+        self.rows(kind).iter().filter(|row| row.tool as usize == tool).map(|&row| row.into()).collect()
     }
 }
 

@@ -74,11 +74,10 @@ impl Tracked {
             filtered: heard.filtered,
             smoothed: heard.smoothed,
         };
-        let [smoothed, filtered, raw] = [Kind::Smoothed, Kind::Filtered, Kind::Raw].map(|kind| paths.trajectory(kind));
+        let smoothed = paths.trajectory(Kind::Smoothed);
         let figures = quality::measure(&Evidence {
             smoothed: &smoothed,
-            filtered: Some(&filtered),
-            raw: Some(&raw),
+            others: Some(&paths),
             tracker: Some(&counts),
             motion: MotionSettings::default(),
             calibration_rms_px,

@@ -30,6 +30,7 @@ use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use crate::pipeline::tracker::{
     MOST_REHEARSED, MotionSettings, PoseMethod, Side, ToolSpec, Tracker, TrackerSettings, Tracking, View,
 };
+use crate::pipeline::trajectory::Kind;
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
@@ -85,24 +86,28 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let marks = Marks::new(&marked, &args.annotations, &args.video);
     let Followed { tracking, frames_expected, frames_interlaced, .. } =
         track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
-    let trajectory = match (args.raw, args.causal) {
-        (true, _) => &tracking.raw,
-        (_, true) => &tracking.filtered,
-        _ => &tracking.smoothed,
+    let kind = match (args.raw, args.causal) {
+        (true, _) => Kind::Raw,
+        (_, true) => Kind::Filtered,
+        _ => Kind::Smoothed,
     };
+    let mut trajectory = tracking.trajectory(kind);
     match &args.out {
-        Some(path) => write_csv(trajectory, create(path)?).with_context(|| format!("writing {}", path.display()))?,
-        None => write_csv(trajectory, io::stdout().lock()).context("writing to standard output")?,
+        Some(path) => write_csv(&trajectory, create(path)?).with_context(|| format!("writing {}", path.display()))?,
+        None => write_csv(&trajectory, io::stdout().lock()).context("writing to standard output")?,
     }
     clock.lap_of(Stage::Writing);
     if let Some(path) = &args.timings {
         clock.save(create(path)?).with_context(|| format!("writing {}", path.display()))?;
     }
+    if kind != Kind::Smoothed {
+        trajectory = tracking.trajectory(Kind::Smoothed);
+    }
     let evidence = Evidence {
         calibration_rms_px: camera.rms_px(),
         frames_expected,
         frames_interlaced: Some(frames_interlaced),
-        ..Evidence::of_tracking(&tracking, MotionSettings::default())
+        ..Evidence::of_tracking(&tracking, &trajectory, MotionSettings::default())
     };
     let figures = quality::measure(&evidence);
     let judged = quality::judge(&figures);
@@ -231,6 +236,7 @@ fn follow(
         progress.step();
     }
     progress.end();
+    drop(ahead); // the paths need the memory now
     let tracking = tracker.finish();
     clock.lap_of(Stage::Finishing);
     let samples = again.and_then(Collector::into_samples);

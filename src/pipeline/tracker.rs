@@ -1,6 +1,7 @@
 //! The flow: what happens to each frame, and what a whole recording becomes.
 
 mod assignment;
+mod blocks;
 mod footprint;
 mod gaps;
 mod hindsight;
@@ -8,6 +9,7 @@ mod light;
 mod look;
 mod measure;
 mod measurement;
+mod motion;
 mod origin;
 mod pair;
 mod report;
@@ -28,11 +30,11 @@ use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::segmentation::palette;
 use crate::pipeline::space::{CameraPoint, Pixel};
-use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+use crate::pipeline::trajectory::SampleState;
 use crate::pipeline::tube::Outline;
 use light::LightWatch;
 use measurement::Measurement;
-use session::{Instant, PastPose};
+use motion::{Instant, PastPose};
 use tool::{Scene, Seen, ToolTracker};
 
 /// Frames that are rehearsed: enough edges to tell how they look, and views to tell a band's length.
@@ -129,26 +131,19 @@ impl Tracker {
                 hindsight::settle(tools, &self.instants);
             }
         }
-        let names: Vec<String> = self.settings.tools.iter().map(|t| t.name.clone()).collect();
-        let frame_times_s: Vec<f64> = self.instants.iter().map(|i| i.1).collect();
-        let motion = &self.settings.motion;
-        let mut paths = [Vec::new(), Vec::new(), Vec::new()];
-        let mut quality =
-            Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
         let tapes: Vec<String> = self.settings.tools.iter().map(|t| t.colour.clone()).collect();
         let colours = palette::apart(&self.settings.samples, &tapes);
-        for ((i, tool), colour) in self.tools.iter().enumerate().zip(colours) {
-            let reworked = session::rework(tool, i, &self.instants, &self.settings.camera, motion);
-            quality.tools.push(ToolQuality { colour, ..reworked.quality });
-            for (all, own) in paths.iter_mut().zip([reworked.raw, reworked.filtered, reworked.smoothed]) {
-                all.extend(own);
-            }
+        let mut quality =
+            Quality { frames: self.instants.len() as u64, tools: Vec::new(), light: self.light.into_samples() };
+        let mut motions = Vec::with_capacity(self.tools.len());
+        for ((i, tool), colour) in self.tools.into_iter().enumerate().zip(colours) {
+            let TrackerSettings { camera, motion, .. } = &self.settings;
+            let (motion, reworked) = session::rework(tool.records, &tool.spec, i, &self.instants, camera, motion);
+            quality.tools.push(ToolQuality { colour, ..reworked });
+            motions.push(motion);
         }
-        let [raw, filtered, smoothed] = paths.map(|mut samples| {
-            samples.sort_by_key(|s: &Sample| (s.frame, s.tool));
-            Trajectory { tools: names.clone(), samples, frame_times_s: frame_times_s.clone() }
-        });
-        Tracking { raw, filtered, smoothed, quality }
+        let frame_times_s = self.instants.iter().map(|instant| instant.1).collect();
+        Tracking { quality, motions, frame_times_s }
     }
 
     /// One camera recorded all tools: what they tell together of how light was mixed, all are told.
@@ -169,8 +164,8 @@ impl Tracker {
         let state = if seen.advance.observed { SampleState::Observed } else { SampleState::Predicted };
         let filtered = seen
             .advance
-            .step
-            .map(|step| session::state_sample(&step.updated, pose.as_ref(), tool, instant, state, camera, None));
+            .state
+            .map(|filtered| motion::state_sample(&filtered, pose.as_ref(), tool, instant, state, camera, None));
         let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
         let outcome =
             seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));

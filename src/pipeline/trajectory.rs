@@ -65,3 +65,9 @@ impl Trajectory {
         self.samples.iter().filter(move |s| s.tool == tool)
     }
 }
+
+/// What can make each path of a tool again, for those who look at one of them at a time: an hour of samples takes 15 MiB.
+pub trait Paths: std::fmt::Debug {
+    /// One path of one tool, in time order.
+    fn path(&self, kind: Kind, tool: usize) -> Vec<Sample>;
+}

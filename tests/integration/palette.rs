@@ -11,6 +11,7 @@ use trocar::pipeline::segmentation::palette::confusion::Confusion;
 use trocar::pipeline::segmentation::palette::{FalseArea, Grade, Verdict, verdict, verdicts};
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use trocar::pipeline::tracker::{MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking, View};
+use trocar::pipeline::trajectory::Kind;
 use trocar::simulation::marks::{self, Mark};
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::tool::Tape;
@@ -100,13 +101,14 @@ impl TapedBox {
             tools: truth::at(&self.world, *time_s),
         };
         let truth = Truth { frames: self.times_s.iter().enumerate().map(frame).collect() };
-        accuracy(&tracking.smoothed, &truth).unwrap()
+        accuracy(&tracking.trajectory(Kind::Smoothed), &truth).unwrap()
     }
 }
 
 /// What the gate has against the colours of a session.
 fn of_colours(tracking: &Tracking) -> Vec<Concern> {
-    let figures = quality::measure(&Evidence::of_tracking(tracking, MotionSettings::default()));
+    let smoothed = tracking.trajectory(Kind::Smoothed);
+    let figures = quality::measure(&Evidence::of_tracking(tracking, &smoothed, MotionSettings::default()));
     let concerns = quality::judge(&figures).concerns().to_vec();
     concerns.into_iter().filter(|c| [Cause::ColourBackground, Cause::ColourPair].contains(&c.cause)).collect()
 }

@@ -6,6 +6,7 @@ use trocar::pipeline::quality::{Basis, Cause, Evidence, Figures, Severity, Verdi
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use trocar::pipeline::space::CameraPoint;
 use trocar::pipeline::tracker::{MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::pipeline::trajectory::Kind;
 use trocar::simulation::random::Dice;
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{Scenario, Setup, Skill, World, marks, truth};
@@ -85,7 +86,8 @@ fn window(plane: Plane<'_>, left: usize, width: usize) -> Plane<'_> {
 }
 
 fn figures(tracking: &Tracking) -> Figures {
-    measure(&Evidence::of_tracking(tracking, MotionSettings::default()))
+    let smoothed = tracking.trajectory(Kind::Smoothed);
+    measure(&Evidence::of_tracking(tracking, &smoothed, MotionSettings::default()))
 }
 
 fn judged(tracking: &Tracking) -> Verdict {
@@ -107,17 +109,19 @@ fn with_grain(mut picture: Rendered, codes: f64, dice: &mut Dice) -> Rendered {
 #[test]
 fn a_clean_clip_is_valid_and_both_ways_to_its_noise_floor_agree() {
     let rest = Rest::of(90);
-    let mut tracking = rest.track();
+    let tracking = rest.track();
     assert_eq!(judged(&tracking), Verdict::Valid);
     let measured = figures(&tracking).tools[0].noise_floor.unwrap();
-    let speeds = tracking.smoothed.samples[13..77].iter().map(|s| s.velocity_mm_s.unwrap().norm_squared());
+    let mut smoothed = tracking.trajectory(Kind::Smoothed);
+    let speeds = smoothed.samples[13..77].iter().map(|s| s.velocity_mm_s.unwrap().norm_squared());
     let truth = (speeds.sum::<f64>() / 64.0).sqrt(); // the tool stands still: whatever speed it has is noise
     assert!(matches!(measured.basis, Basis::Rest(_)), "{measured:?}");
     assert!((measured.smoothed_mm_s / truth - 1.0).abs() < 0.1, "{measured:?}, truth {truth}");
 
     // Without knowing that it rests, from the scatter of the measurements alone:
-    tracking.smoothed.samples.iter_mut().for_each(|sample| sample.tip_px = None);
-    let worked_out = figures(&tracking).tools[0].noise_floor.unwrap();
+    smoothed.samples.iter_mut().for_each(|sample| sample.tip_px = None);
+    let evidence = Evidence::of_tracking(&tracking, &smoothed, MotionSettings::default());
+    let worked_out = measure(&evidence).tools[0].noise_floor.unwrap();
     eprintln!("noise floor: measured {measured:?}, worked out {worked_out:?}, truth {truth:.3} mm/s");
     assert_eq!(worked_out.basis, Basis::Measurements);
     let factor = worked_out.smoothed_mm_s / truth;

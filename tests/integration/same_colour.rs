@@ -1,6 +1,7 @@
 //! Two tools with the same tape, rendered, through the whole tracker: nobody is taken for somebody else.
 
 use trocar::pipeline::evaluation::{Accuracy, accuracy};
+use trocar::pipeline::trajectory::Kind;
 use trocar::simulation::tool::Tape;
 use trocar::simulation::{Scenario, Setup, Skill, View};
 
@@ -18,9 +19,9 @@ fn judged(recording: &Recording) -> Accuracy {
         eprintln!("{}: {} observed, {} bridged, {:?}", tool.tool, tool.observed, tool.predicted, tool.reasons);
     }
     let truth = recording.truth();
-    let of_raw = accuracy(&tracking.raw, &truth).unwrap();
+    let of_raw = accuracy(&tracking.trajectory(Kind::Raw), &truth).unwrap();
     assert_eq!(of_raw.all.levels[0].swaps, 0, "single measurements");
-    accuracy(&tracking.smoothed, &truth).unwrap()
+    accuracy(&tracking.trajectory(Kind::Smoothed), &truth).unwrap()
 }
 
 fn names_are_kept(view: View) {

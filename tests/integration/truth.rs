@@ -8,6 +8,7 @@ use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
 use trocar::pipeline::frame::Frame;
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use trocar::pipeline::tracker::{ToolSpec, Tracker, TrackerSettings, Tracking, View as TrackerView};
+use trocar::pipeline::trajectory::Kind;
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{Scenario, Setup, Skill, View, World, marks, truth};
 
@@ -37,23 +38,28 @@ impl Recording {
         Self { view: setup.view, times_s, pictures, world }
     }
 
-    fn frame(&self, index: usize) -> Frame<'_> {
+    pub fn frame(&self, index: usize) -> Frame<'_> {
         self.pictures[index].frame(index as u64, self.times_s[index])
     }
 
     /// What the tracker makes of it, believing in this camera.
     pub fn track(&self, camera: Camera) -> Tracking {
+        let mut tracker = self.tracker(camera);
+        for index in 0..self.pictures.len() {
+            tracker.observe(&self.frame(index));
+        }
+        tracker.finish()
+    }
+
+    /// A tracker for it that believes in this camera.
+    pub fn tracker(&self, camera: Camera) -> Tracker {
         let mut settings = TrackerSettings::new(camera, tools(&self.world), self.samples());
         settings.view = Some(match self.view {
             View::Top => TrackerView::Top,
             View::Side => TrackerView::Side,
         });
         let encoding = self.frame(0).encoding;
-        let mut tracker = Tracker::new(settings, camera.width, camera.height, encoding).unwrap();
-        for index in 0..self.pictures.len() {
-            tracker.observe(&self.frame(index));
-        }
-        tracker.finish()
+        Tracker::new(settings, camera.width, camera.height, encoding).unwrap()
     }
 
     fn samples(&self) -> ColourSamples {
@@ -77,7 +83,7 @@ impl Recording {
     fn judged(&self, spoil: impl Fn(&mut Camera)) -> Accuracy {
         let mut camera = self.world.rig.camera;
         spoil(&mut camera);
-        accuracy(&self.track(camera).smoothed, &self.truth()).unwrap()
+        accuracy(&self.track(camera).trajectory(Kind::Smoothed), &self.truth()).unwrap()
     }
 }
 
@@ -147,10 +153,11 @@ fn a_resting_tool_is_measured_at_rest() {
     let recording = Recording::of(Scenario::Rest);
     let tracking = recording.track(recording.world.rig.camera);
     let tip = recording.truth().frames[0].tools[0].tip_mm;
-    assert_eq!(tracking.smoothed.samples.len(), 30);
-    let wander = tracking.smoothed.samples.iter().map(|s| (s.tip_mm - tip).xy().norm()).fold(0.0, f64::max);
+    let smoothed = tracking.trajectory(Kind::Smoothed);
+    assert_eq!(smoothed.samples.len(), 30);
+    let wander = smoothed.samples.iter().map(|s| (s.tip_mm - tip).xy().norm()).fold(0.0, f64::max);
     assert!(wander < 1.0, "a resting tip is seen {wander} mm off, across the line of sight");
-    let speeds = tracking.smoothed.samples.iter().filter_map(|s| s.velocity_mm_s).map(|v| v.norm());
+    let speeds = smoothed.samples.iter().filter_map(|s| s.velocity_mm_s).map(|v| v.norm());
     let fastest = speeds.fold(0.0, f64::max);
     assert!(fastest < 12.0, "a resting tool moves at {fastest} mm/s");
 }

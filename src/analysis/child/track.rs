@@ -8,7 +8,7 @@ use crate::analysis::protocol::{Answer, KindShape, PathRow, QualityShape, SeenRo
 use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::tracker::{MOST_REHEARSED, Quality, Tracker, TrackerSettings, Tracking};
-use crate::pipeline::trajectory::Trajectory;
+use crate::pipeline::trajectory::Kind;
 
 /// Rows of a path told of at a time.
 const ROWS_AT_A_TIME: usize = 1024;
@@ -48,19 +48,16 @@ fn tell(tracking: &Tracking, frames_interlaced: u64, reporter: &mut Reporter) ->
     if was_never_seen(&tracking.quality) {
         return Err(Halt::Explained(explain::never_seen(&tracking.quality)));
     }
-    path(KindShape::Raw, &tracking.raw, reporter)?;
-    path(KindShape::Filtered, &tracking.filtered, reporter)?;
-    path(KindShape::Smoothed, &tracking.smoothed, reporter)?;
+    let kinds =
+        [(Kind::Raw, KindShape::Raw), (Kind::Filtered, KindShape::Filtered), (Kind::Smoothed, KindShape::Smoothed)];
+    for (kind, shape) in kinds {
+        for rows in tracking.trajectory(kind).samples.chunks(ROWS_AT_A_TIME) {
+            reporter.say(&Answer::Path { kind: shape, rows: rows.iter().map(PathRow::from).collect() })?;
+        }
+    }
     Ok(reporter.say(&Answer::Quality(QualityShape::new(&tracking.quality, frames_interlaced)))?)
 }
 
 fn was_never_seen(quality: &Quality) -> bool {
     quality.tools.iter().all(|tool| tool.observed == 0)
-}
-
-fn path(kind: KindShape, trajectory: &Trajectory, reporter: &mut Reporter) -> Result<(), Halt> {
-    for rows in trajectory.samples.chunks(ROWS_AT_A_TIME) {
-        reporter.say(&Answer::Path { kind, rows: rows.iter().map(PathRow::from).collect() })?;
-    }
-    Ok(())
 }

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Point3};
 
 use super::kalman::State;
-use super::smoother::Step;
+use super::smoother::Position;
 use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::reason::Reason;
 
@@ -52,9 +52,9 @@ const YOUNG: u32 = 4;
 /// What became of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Advance {
-    /// The step for the smoother; `None` where the tool is not tracked.
-    pub step: Option<Step>,
-    /// A new thread begins with this step.
+    /// The filter's state; `None` where the tool is not tracked.
+    pub state: Option<State>,
+    /// A new thread begins with this state.
     pub begins: bool,
     /// The thread before it was young and is contradicted: it was none.
     pub disowns: bool,
@@ -78,12 +78,7 @@ impl Thread {
     }
 
     /// Takes one frame's measurement, or its absence.
-    pub fn advance(
-        &mut self,
-        time_s: f64,
-        measured: Option<(Point3<f64>, Matrix3<f64>)>,
-        settings: &ThreadSettings,
-    ) -> Advance {
+    pub fn advance(&mut self, time_s: f64, measured: Option<Position>, settings: &ThreadSettings) -> Advance {
         let out_of_bounds =
             measured.is_some_and(|(tip, _)| !(settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z));
         let mut refused = out_of_bounds.then_some(Reason::OutOfBounds);
@@ -95,14 +90,14 @@ impl Thread {
                 Some((tip, covariance)) => {
                     self.begin(time_s, State::first_seen(tip, covariance, settings.first_speed_mm_s))
                 }
-                None => Advance { step: None, begins: false, disowns: false, observed: false, refused },
+                None => Advance { state: None, begins: false, disowns: false, observed: false, refused },
             };
         };
         let believed =
             measured.filter(|(tip, covariance)| predicted.distance_squared(*tip, *covariance) <= settings.gate);
         if let Some((tip, covariance)) = believed {
             self.rival = None;
-            return self.follow(time_s, predicted, predicted.updated(tip, covariance), true, None);
+            return self.follow(time_s, predicted.updated(tip, covariance), true, None);
         }
         if let Some((tip, covariance)) = measured {
             refused = Some(Reason::GateRejected);
@@ -114,34 +109,26 @@ impl Thread {
                 return self.begin(time_s, state);
             }
         }
-        self.follow(time_s, predicted, predicted, false, refused)
+        self.follow(time_s, predicted, false, refused)
     }
 
     fn begin(&mut self, time_s: f64, state: State) -> Advance {
         self.current = Some(Followed { state, time_s, began_s: time_s, seen_s: time_s, believed: 1 });
         self.rival = None;
-        let step = Step { time_s, predicted: state, updated: state };
-        Advance { step: Some(step), begins: true, disowns: false, observed: true, refused: None }
+        Advance { state: Some(state), begins: true, disowns: false, observed: true, refused: None }
     }
 
-    fn follow(
-        &mut self,
-        time_s: f64,
-        predicted: State,
-        updated: State,
-        observed: bool,
-        refused: Option<Reason>,
-    ) -> Advance {
+    fn follow(&mut self, time_s: f64, state: State, observed: bool, refused: Option<Reason>) -> Advance {
         if let Some(followed) = &mut self.current {
             *followed = Followed {
-                state: updated,
+                state,
                 time_s,
                 seen_s: if observed { time_s } else { followed.seen_s },
                 believed: followed.believed + u32::from(observed),
                 ..*followed
             };
         }
-        Advance { step: Some(Step { time_s, predicted, updated }), begins: false, disowns: false, observed, refused }
+        Advance { state: Some(state), begins: false, disowns: false, observed, refused }
     }
 
     /// Follows refused measurements; their state once they have agreed for long enough.
@@ -207,8 +194,8 @@ mod tests {
         thread.advance(0.0, at(14.0), &SETTINGS);
         let followed: Vec<Advance> = (1..8).map(|k| thread.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS)).collect();
         assert!(followed.iter().any(|a| a.disowns), "the false start is given up");
-        let last = followed.last().and_then(|a| a.step).unwrap();
-        assert!((last.updated.tip().x).abs() < 0.5 && last.updated.velocity().norm() < 20.0, "{:?}", last.updated.mean);
+        let last = followed.last().and_then(|a| a.state).unwrap();
+        assert!((last.tip().x).abs() < 0.5 && last.velocity().norm() < 20.0, "{:?}", last.mean);
     }
 
     #[test]
@@ -222,7 +209,7 @@ mod tests {
     #[test]
     fn a_gap_is_bridged_up_to_its_limit_and_not_beyond() {
         let mut thread = settled();
-        let bridged = (1..=10).filter(|k| thread.advance(0.36 + f64::from(*k) * 0.03, None, &SETTINGS).step.is_some());
+        let bridged = (1..=10).filter(|k| thread.advance(0.36 + f64::from(*k) * 0.03, None, &SETTINGS).state.is_some());
         assert_eq!(bridged.count(), 6);
         assert!(thread.advance(0.80, at(90.0), &SETTINGS).begins);
     }

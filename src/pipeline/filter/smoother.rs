@@ -1,69 +1,145 @@
 //! Rauch–Tung–Striebel smoother: what the whole recording says of each instant, without the filter's lag.
+//!
+//! A run may last for an hour, and a state takes 336 bytes. So a run keeps what was measured, and the filter's state at
+//! every [`BLOCK`]th instant only; those between are worked out again, block by block, when the smoother comes to them: the
+//! same sums, and so the same to the last bit.
+
+use nalgebra::{Matrix3, Point3};
 
 use super::kalman::State;
 use super::motion_model;
 
-/// One instant of a filter's run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
-    /// Time, s.
-    pub time_s: f64,
-    /// Before this instant's measurement.
-    pub predicted: State,
-    /// After it; the same where there was none.
-    pub updated: State,
+/// Instants from one kept state to the next: a run of an hour keeps as many states as a block has.
+const BLOCK: usize = 300;
+
+/// A measured position, mm, and its covariance, mm².
+pub type Position = (Point3<f64>, Matrix3<f64>);
+
+/// One unbroken run of the filter.
+#[derive(Clone, Debug)]
+pub struct Run {
+    noise_density: f64,
+    blocks: Vec<Block>,
 }
 
-/// Smoothed states of one unbroken run, in time order.
-pub fn smooth(run: &[Step]) -> Vec<State> {
-    let mut smoothed: Vec<State> = run.iter().map(|s| s.updated).collect();
-    for i in (0..run.len().saturating_sub(1)).rev() {
-        let step = motion_model::transition(run[i + 1].time_s - run[i].time_s);
-        let (own, ahead, later) = (run[i].updated, run[i + 1].predicted, smoothed[i + 1]);
-        let Some(factor) = ahead.covariance.cholesky() else { continue };
-        let gain = factor.solve(&(step * own.covariance)).transpose();
-        let covariance = own.covariance + gain * (later.covariance - ahead.covariance) * gain.transpose();
-        smoothed[i] = State {
-            mean: own.mean + gain * (later.mean - ahead.mean),
-            covariance: (covariance + covariance.transpose()) * 0.5,
-        };
+#[derive(Clone, Debug)]
+struct Block {
+    /// The filter's state at the first instant.
+    first: State,
+    instants: Vec<Instant>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Instant {
+    time_s: f64,
+    believed: Option<Position>,
+}
+
+impl Run {
+    /// An empty run of a filter that reckons with acceleration noise of this density, mm²/s³.
+    pub fn new(noise_density: f64) -> Self {
+        Self { noise_density, blocks: Vec::new() }
     }
-    smoothed
+
+    /// Takes the next instant: the filter's state there, and the measurement that it believed, if there was one.
+    pub fn push(&mut self, time_s: f64, state: &State, believed: Option<Position>) {
+        let instant = Instant { time_s, believed };
+        match self.blocks.last_mut().filter(|block| block.instants.len() < BLOCK) {
+            Some(block) => block.instants.push(instant),
+            None => self.blocks.push(Block { first: *state, instants: vec![instant] }),
+        }
+    }
+
+    /// The measurements that it believed; `None` where there was none.
+    pub fn believed(&self) -> impl Iterator<Item = Option<&Position>> {
+        self.blocks.iter().flat_map(|block| &block.instants).map(|instant| instant.believed.as_ref())
+    }
+
+    /// What the filter knew at each instant.
+    pub fn filtered(&self) -> impl Iterator<Item = State> {
+        self.blocks.iter().flat_map(|block| block.filtered(self.noise_density))
+    }
+
+    /// What the whole run says of each instant; the last one first.
+    pub fn smoothed(&self) -> impl Iterator<Item = State> {
+        let states = |block: &'_ Block| {
+            let times: Vec<f64> = block.instants.iter().map(|instant| instant.time_s).collect();
+            times.into_iter().zip(block.filtered(self.noise_density)).rev()
+        };
+        let mut later: Option<(f64, State)> = None;
+        self.blocks.iter().rev().flat_map(states).map(move |(time_s, own)| {
+            let smoothed =
+                later.map_or(own, |(later_s, later)| backwards(&own, later_s - time_s, &later, self.noise_density));
+            later = Some((time_s, smoothed));
+            smoothed
+        })
+    }
+}
+
+impl Block {
+    /// The filter's states, worked out again.
+    fn filtered(&self, noise_density: f64) -> Vec<State> {
+        let mut states = vec![self.first];
+        for pair in self.instants.windows(2) {
+            let predicted = states[states.len() - 1].predicted(pair[1].time_s - pair[0].time_s, noise_density);
+            states.push(pair[1].believed.map_or(predicted, |(tip, covariance)| predicted.updated(tip, covariance)));
+        }
+        states
+    }
+}
+
+/// What a state becomes by the smoothed one `dt_s` seconds later.
+fn backwards(own: &State, dt_s: f64, later: &State, noise_density: f64) -> State {
+    let (step, ahead) = (motion_model::transition(dt_s), own.predicted(dt_s, noise_density));
+    let Some(factor) = ahead.covariance.cholesky() else { return *own };
+    let gain = factor.solve(&(step * own.covariance)).transpose();
+    let covariance = own.covariance + gain * (later.covariance - ahead.covariance) * gain.transpose();
+    State { mean: own.mean + gain * (later.mean - ahead.mean), covariance: (covariance + covariance.transpose()) * 0.5 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, Point3};
 
-    fn run() -> Vec<Step> {
+    const NOISE_DENSITY: f64 = 800.0;
+
+    /// A run of several blocks, and the filter's own states.
+    fn run() -> (Run, Vec<State>) {
         let spread = Matrix3::from_diagonal_element(0.3);
         let at = |t: f64| Point3::new(20.0 * t, (3.0 * t).sin() * 8.0, 150.0 + 0.4 * (40.0 * t).sin());
-        let first = State::first_seen(at(0.0), spread, 50.0);
-        let mut steps = vec![Step { time_s: 0.0, predicted: first, updated: first }];
-        for k in 1..40 {
+        let mut run = Run::new(NOISE_DENSITY);
+        let (mut last_s, mut states) = (0.0, vec![State::first_seen(at(0.0), spread, 50.0)]);
+        run.push(0.0, &states[0], Some((at(0.0), spread)));
+        for k in 1..2 * BLOCK as u32 + 40 {
             let time_s = f64::from(k) * 0.04 + 0.01 * f64::from(k % 3);
-            let last = steps[steps.len() - 1];
-            let predicted = last.updated.predicted(time_s - last.time_s, 800.0);
-            let updated = if k % 7 == 0 { predicted } else { predicted.updated(at(time_s), spread) };
-            steps.push(Step { time_s, predicted, updated });
+            let predicted = states[states.len() - 1].predicted(time_s - last_s, NOISE_DENSITY);
+            let believed = (k % 7 != 0).then_some((at(time_s), spread));
+            let state = believed.map_or(predicted, |(tip, covariance)| predicted.updated(tip, covariance));
+            run.push(time_s, &state, believed);
+            (last_s, states) = (time_s, [states, vec![state]].concat());
         }
-        steps
+        (run, states)
+    }
+
+    #[test]
+    fn the_filters_states_come_again_to_the_last_bit() {
+        let (run, states) = run();
+        assert!(run.filtered().eq(states));
     }
 
     #[test]
     fn hindsight_never_makes_less_sure() {
-        let run = run();
-        for (step, smoothed) in run.iter().zip(smooth(&run)) {
-            let gained = (step.updated.covariance - smoothed.covariance).symmetric_eigenvalues().min();
+        let (run, states) = run();
+        for (filtered, smoothed) in states.iter().rev().zip(run.smoothed()) {
+            let gained = (filtered.covariance - smoothed.covariance).symmetric_eigenvalues().min();
             assert!(gained > -1e-6, "covariance grew by {gained}");
         }
     }
 
     #[test]
     fn the_last_instant_has_no_future_to_learn_from() {
-        let run = run();
-        assert_eq!(smooth(&run).last(), run.last().map(|s| &s.updated));
-        assert!(smooth(&[]).is_empty());
+        let (run, states) = run();
+        assert_eq!(run.smoothed().next(), states.last().copied());
+        assert_eq!(Run::new(NOISE_DENSITY).smoothed().count(), 0);
     }
 }

@@ -30,17 +30,15 @@ pub use session::SessionFigures;
 pub use tool::ToolFigures;
 
 use super::tracker::{MotionSettings, Quality, Tracking};
-use super::trajectory::{SampleState, Trajectory};
+use super::trajectory::{Paths, SampleState, Trajectory};
 
 /// All that is known of a session when it is judged.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence<'a> {
     /// The path that is scored.
     pub smoothed: &'a Trajectory,
-    /// The causal path.
-    pub filtered: Option<&'a Trajectory>,
-    /// Each frame's own measurement.
-    pub raw: Option<&'a Trajectory>,
+    /// The causal path, and each frame's own measurement.
+    pub others: Option<&'a dyn Paths>,
     /// How the tracker fared.
     pub tracker: Option<&'a Quality>,
     /// The filter's motion model.
@@ -54,12 +52,11 @@ pub struct Evidence<'a> {
 }
 
 impl<'a> Evidence<'a> {
-    /// Of a recording that was tracked here.
-    pub fn of_tracking(tracking: &'a Tracking, motion: MotionSettings) -> Self {
+    /// Of a recording that was tracked here, and its smoothed path.
+    pub fn of_tracking(tracking: &'a Tracking, smoothed: &'a Trajectory, motion: MotionSettings) -> Self {
         Self {
-            smoothed: &tracking.smoothed,
-            filtered: Some(&tracking.filtered),
-            raw: Some(&tracking.raw),
+            smoothed,
+            others: Some(tracking),
             tracker: Some(&tracking.quality),
             motion,
             calibration_rms_px: None,
@@ -72,8 +69,7 @@ impl<'a> Evidence<'a> {
     pub fn of_path(path: &'a Trajectory) -> Self {
         Self {
             smoothed: path,
-            filtered: None,
-            raw: None,
+            others: None,
             tracker: None,
             motion: MotionSettings::default(),
             calibration_rms_px: None,

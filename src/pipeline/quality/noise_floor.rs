@@ -20,8 +20,8 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::{Evidence, quantile};
 use crate::pipeline::filter::kalman::State;
-use crate::pipeline::filter::smoother::{Step, smooth};
-use crate::pipeline::trajectory::{Sample, SampleState};
+use crate::pipeline::filter::smoother::Run;
+use crate::pipeline::trajectory::{Kind, Sample, SampleState};
 
 /// How long a tip must stay in its place to be at rest, s: half a second at both ends does not count, where the smoother
 /// still remembers the motion.
@@ -85,7 +85,7 @@ pub(super) fn at_rest(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor
         rms(samples.filter(|s| inside(s)).filter_map(|s| s.velocity_mm_s).map(|v| v.norm()))
     };
     let smoothed_mm_s = speed(&mut path.iter().copied())?;
-    let causal_mm_s = evidence.filtered.and_then(|filtered| speed(&mut filtered.of_tool(tool)));
+    let causal_mm_s = evidence.others.and_then(|others| speed(&mut others.path(Kind::Filtered, tool).iter()));
     let rest_s = rests.iter().map(|(from, until)| until - from).sum();
     Some(NoiseFloor { smoothed_mm_s, causal_mm_s, basis: Basis::Rest(rest_s) })
 }
@@ -128,7 +128,7 @@ fn last_in_place(seen: &[(f64, [f64; 2])], first: usize) -> usize {
 
 /// From how much measurements differ from frame to frame.
 pub(super) fn from_measurements(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor> {
-    let raw: Vec<&Sample> = evidence.raw?.of_tool(tool).collect();
+    let raw = evidence.others?.path(Kind::Raw, tool);
     let steps = raw.windows(2).filter(|pair| pair[1].frame == pair[0].frame + 1);
     let step_s = quantile(steps.map(|pair| pair[1].time_s - pair[0].time_s).collect(), 0.5)?;
     let noise = passing_noise(&raw, step_s)?;
@@ -144,12 +144,12 @@ pub(super) fn from_measurements(evidence: &Evidence<'_>, tool: usize) -> Option<
 
 /// Standard deviation of what changes in the measurements, mm, per axis: a robust one, of third differences from frame to
 /// frame, over the slowest quarter of the session.
-fn passing_noise(raw: &[&Sample], step_s: f64) -> Option<Vector3<f64>> {
+fn passing_noise(raw: &[Sample], step_s: f64) -> Option<Vector3<f64>> {
     /// Variance of the differences `-1 3 -3 1` of errors of unit variance, of which the next is this much alike.
     const GAIN: f64 = 20.0 - 30.0 * ALIKE + 12.0 * ALIKE * ALIKE - 2.0 * ALIKE * ALIKE * ALIKE;
     /// Standard deviation over median magnitude, of a normal distribution.
     const PER_MEDIAN: f64 = 1.482_6;
-    let even = |w: &&[&Sample]| {
+    let even = |w: &&[Sample]| {
         w.windows(2).all(|p| p[1].frame == p[0].frame + 1 && ((p[1].time_s - p[0].time_s) / step_s - 1.0).abs() < 0.2)
     };
     let mut differences: Vec<(f64, Vector3<f64>)> = raw
@@ -178,15 +178,16 @@ pub(super) fn speeds(noise_mm: Vector3<f64>, stated_mm: Vector3<f64>, step_s: f6
     let side = (SIDE_S / step_s).clamp(8.0, MOST_STEPS) as usize;
     let covariance = Matrix3::from_diagonal(&stated_mm.component_mul(&stated_mm));
     let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
-    let mut run = vec![Step { time_s: 0.0, predicted: state, updated: state }];
+    let mut run = Run::new(noise_density);
+    run.push(0.0, &state, None);
     for step in 1..=2 * side {
-        let predicted = state.predicted(step_s, noise_density);
         let seen = if step == side { Point3::from(noise_mm) } else { Point3::origin() };
-        state = predicted.updated(seen, covariance);
-        run.push(Step { time_s: step as f64 * step_s, predicted, updated: state });
+        state = state.predicted(step_s, noise_density).updated(seen, covariance);
+        run.push(step as f64 * step_s, &state, Some((seen, covariance)));
     }
-    let sum = |states: &mut dyn Iterator<Item = State>| states.map(|s| s.velocity().norm_squared()).sum::<f64>().sqrt();
-    (sum(&mut smooth(&run).into_iter()), sum(&mut run.iter().map(|step| step.updated)))
+    let root =
+        |states: &mut dyn Iterator<Item = State>| states.map(|s| s.velocity().norm_squared()).sum::<f64>().sqrt();
+    (root(&mut run.smoothed()), root(&mut run.filtered()))
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {

@@ -231,23 +231,25 @@ fn a_recording_that_ends_while_a_tool_moves_is_not_whole() {
 #[test]
 fn independent_errors_make_the_speed_that_one_of_them_tells() {
     use crate::pipeline::filter::kalman::State;
-    use crate::pipeline::filter::smoother::{Step, smooth};
+    use crate::pipeline::filter::smoother::Run;
     let (noise, stated) = (Vector3::new(0.05, 0.03, 0.4), Vector3::new(0.2, 0.2, 1.5));
     let covariance = nalgebra::Matrix3::from_diagonal(&stated.component_mul(&stated));
     let density = MotionSettings::default().noise_density();
     let mut dice = Dice::new(5, "errors of a rest");
     let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
-    let mut run = vec![Step { time_s: 0.0, predicted: state, updated: state }];
+    let mut run = Run::new(density);
+    run.push(0.0, &state, None);
     for step in 1..8000 {
-        let predicted = state.predicted(FRAME_S, density);
-        state = predicted.updated(Point3::from(dice.gauss3().component_mul(&noise)), covariance);
-        run.push(Step { time_s: f64::from(step) * FRAME_S, predicted, updated: state });
+        let seen = Point3::from(dice.gauss3().component_mul(&noise));
+        state = state.predicted(FRAME_S, density).updated(seen, covariance);
+        run.push(f64::from(step) * FRAME_S, &state, Some((seen, covariance)));
     }
-    let rms = |states: &[State]| {
-        let inner = &states[100..states.len() - 100];
-        (inner.iter().map(|s| s.velocity().norm_squared()).sum::<f64>() / inner.len() as f64).sqrt()
+    let rms = |states: &mut dyn Iterator<Item = State>| {
+        let squares: Vec<f64> = states.map(|s| s.velocity().norm_squared()).collect();
+        let inner = &squares[100..squares.len() - 100];
+        (inner.iter().sum::<f64>() / inner.len() as f64).sqrt()
     };
-    let drawn = (rms(&smooth(&run)), rms(&run.iter().map(|step| step.updated).collect::<Vec<_>>()));
+    let drawn = (rms(&mut run.smoothed()), rms(&mut run.filtered()));
     let told = noise_floor::speeds(noise, stated, FRAME_S, density);
     assert!((told.0 / drawn.0 - 1.0).abs() < 0.1, "smoothed: {} told, {} drawn", told.0, drawn.0);
     assert!((told.1 / drawn.1 - 1.0).abs() < 0.1, "causal: {} told, {} drawn", told.1, drawn.1);

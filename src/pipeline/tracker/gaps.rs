@@ -1,7 +1,7 @@
 //! Where a tool has no position, and whose doing that is: did it leave the view, or did the tracker lose it?
 
+use super::motion::Instant;
 use super::report::{Absence, Gap};
-use super::session::Instant;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::space::CameraPoint;

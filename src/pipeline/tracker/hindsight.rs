@@ -10,8 +10,9 @@ use std::ops::Range;
 
 use nalgebra::Point3;
 
+use super::blocks::Blocks;
+use super::motion::Instant;
 use super::origin::{self, DECISIVE, Origin};
-use super::session::Instant;
 use super::tool::{self, Record, ToolTracker};
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::pose::{TubeEstimate, adjustment};
@@ -37,8 +38,15 @@ struct Run {
     owner: Option<usize>,
 }
 
+impl Run {
+    fn records<'a>(&self, all: &'a Records) -> impl Iterator<Item = &'a Record> + use<'a> {
+        let own = &all[self.as_tool];
+        self.frames.clone().map(move |frame| &own[frame])
+    }
+}
+
 /// Both tools' records.
-type Records = [Vec<Record>; 2];
+type Records = [Blocks<Record>; 2];
 
 fn settled(records: Records, instants: &[Instant], are_alike: bool) -> Records {
     const ROUNDS: usize = 6;
@@ -58,7 +66,7 @@ fn settled(records: Records, instants: &[Instant], are_alike: bool) -> Records {
         origins.swap(0, 1);
         runs.iter_mut().for_each(|run| run.owner = run.owner.map(|tool| 1 - tool));
     }
-    hand_over(&records, &runs, &origins, are_alike)
+    hand_over(records, &runs, &origins, are_alike)
 }
 
 /// The runs of both tools, each as long as nothing could have exchanged them unseen.
@@ -94,7 +102,7 @@ fn origins(records: &Records, runs: &[Run]) -> [Option<Origin>; 2] {
     const MOST_POSES: usize = 256; // more know no better
     [0, 1].map(|tool| {
         let own = runs.iter().filter(|run| run.owner == Some(tool));
-        let seen: Vec<&Record> = own.flat_map(|run| &records[run.as_tool][run.frames.clone()]).collect();
+        let seen: Vec<&Record> = own.flat_map(|run| run.records(records)).collect();
         let step = seen.len().div_ceil(MOST_POSES).max(1);
         let poses = |good: bool| -> Vec<TubeEstimate> {
             seen.iter().step_by(step).filter(|r| r.is_good || !good).filter_map(|r| r.estimate()).collect()
@@ -114,8 +122,7 @@ fn usual_hand(poses: &[TubeEstimate]) -> Option<Fulcrum> {
 /// Gives each run to the tool whose origin explains it, if one does.
 fn decide(runs: &mut [Run], records: &Records, origins: &[Origin; 2]) {
     for run in runs {
-        let seen = &records[run.as_tool][run.frames.clone()];
-        let poses = seen.iter().filter_map(Record::estimate);
+        let poses = run.records(records).filter_map(Record::estimate);
         let for_left = median(poses.map(|pose| origins[1].against(&pose) - origins[0].against(&pose)).collect());
         run.owner = match for_left {
             by if by > DECISIVE => Some(0),
@@ -152,29 +159,40 @@ fn is_right_of(first: &Origin, second: &Origin) -> bool {
 }
 
 /// The records of each tool after every run went to its owner.
-fn hand_over(records: &Records, runs: &[Run], origins: &[Origin; 2], are_alike: bool) -> Records {
+fn hand_over(mut records: Records, runs: &[Run], origins: &[Origin; 2], are_alike: bool) -> Records {
     let mut owners = [0, 1].map(|tool| vec![None; records[tool].len()]);
     for run in runs {
         owners[run.as_tool][run.frames.clone()].fill(run.owner);
     }
+    for frame in 0..records[0].len() {
+        let (seen, owner) = ([0, 1].map(|tool| records[tool][frame]), [0, 1].map(|tool| owners[tool][frame]));
+        let given = [0, 1].map(|tool| handed_over(tool, &seen, &owner, origins, are_alike));
+        for (own, given) in records.iter_mut().zip(given) {
+            own[frame] = given;
+        }
+    }
+    records
+}
+
+/// One tool's record of a frame, of what was seen of both and to whom it belongs.
+fn handed_over(
+    tool: usize,
+    seen: &[Record; 2],
+    owners: &[Option<usize>; 2],
+    origins: &[Origin; 2],
+    are_alike: bool,
+) -> Record {
     let refused = |reason| Record { pose: None, is_good: false, reason: Some(reason) };
-    let of_tool = |tool: usize| {
-        let at = |frame: usize| {
-            let has = |as_tool: &usize| records[*as_tool][frame].pose.is_some();
-            let against =
-                |as_tool: &usize| records[*as_tool][frame].estimate().map_or(0.0, |e| origins[tool].against(&e));
-            let given = [tool, 1 - tool].into_iter().filter(has).filter(|s| owners[*s][frame] == Some(tool));
-            match given.min_by(|a, b| against(a).total_cmp(&against(b))) {
-                Some(as_tool) if as_tool == tool || are_alike => records[as_tool][frame],
-                Some(_) => refused(Reason::EitherTool),
-                None if !has(&tool) => records[tool][frame],
-                None if owners[tool][frame].is_some() && !has(&(1 - tool)) => records[1 - tool][frame],
-                None => refused(Reason::EitherTool),
-            }
-        };
-        (0..records[tool].len()).map(at).collect()
-    };
-    [of_tool(0), of_tool(1)]
+    let has = |as_tool: &usize| seen[*as_tool].pose.is_some();
+    let against = |as_tool: &usize| seen[*as_tool].estimate().map_or(0.0, |e| origins[tool].against(&e));
+    let given = [tool, 1 - tool].into_iter().filter(has).filter(|s| owners[*s] == Some(tool));
+    match given.min_by(|a, b| against(a).total_cmp(&against(b))) {
+        Some(as_tool) if as_tool == tool || are_alike => seen[as_tool],
+        Some(_) => refused(Reason::EitherTool),
+        None if !has(&tool) => seen[tool],
+        None if owners[tool].is_some() && !has(&(1 - tool)) => seen[1 - tool],
+        None => refused(Reason::EitherTool),
+    }
 }
 
 /// The middle value; 0 of none.

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use super::motion::Motion;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::palette::Apart;
 use crate::pipeline::space::Pixel;
-use crate::pipeline::trajectory::{Sample, Trajectory};
+use crate::pipeline::trajectory::{Kind, Paths, Sample, Trajectory};
 
 /// One tool measured on one frame, before any filter over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,15 +114,29 @@ pub struct Quality {
     pub light: Vec<LightSample>,
 }
 
-/// A whole recording, tracked.
-#[derive(Clone, Debug, PartialEq)]
+/// A whole recording, tracked. Its paths are made when they are asked for: all three at once would take three times as much
+/// memory as what they are made of.
+#[derive(Clone, Debug)]
 pub struct Tracking {
-    /// Each frame's own measurement.
-    pub raw: Trajectory,
-    /// The causal filter's path.
-    pub filtered: Trajectory,
-    /// The smoother's path over the whole recording: the default for scores.
-    pub smoothed: Trajectory,
     /// How it went.
     pub quality: Quality,
+    pub(super) motions: Vec<Motion>,
+    pub(super) frame_times_s: Vec<f64>,
+}
+
+impl Tracking {
+    /// Where every tool was.
+    pub fn trajectory(&self, kind: Kind) -> Trajectory {
+        let mut samples = Vec::with_capacity(self.motions.len() * self.frame_times_s.len());
+        self.motions.iter().for_each(|motion| motion.add_to(&mut samples, kind));
+        samples.sort_unstable_by_key(|s| (s.frame, s.tool));
+        let tools = self.quality.tools.iter().map(|tool| tool.tool.clone()).collect();
+        Trajectory { tools, samples, frame_times_s: self.frame_times_s.clone() }
+    }
+}
+
+impl Paths for Tracking {
+    fn path(&self, kind: Kind, tool: usize) -> Vec<Sample> {
+        self.motions.get(tool).map_or_else(Vec::new, |motion| motion.path(kind))
+    }
 }

@@ -3,86 +3,46 @@
 //! What all poses share is worked out from them together and steadies each, also the first; the filter runs once more over the
 //! steadied poses, and the smoother behind it.
 
-use nalgebra::{Matrix3, Point2, Vector3};
-
+use super::blocks::Blocks;
 use super::gaps::{self, Rim};
+use super::motion::{Instant, Motion, Run};
 use super::report::ToolQuality;
-use super::settings::MotionSettings;
-use super::tool::{self, Record, ToolTracker};
+use super::settings::{MotionSettings, ToolSpec};
+use super::tool::{self, Record};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::identity::{Thread, ThreadSettings};
-use crate::pipeline::filter::kalman::State;
-use crate::pipeline::filter::smoother::{Step, smooth};
 use crate::pipeline::pose::adjustment::{self, Adjustment};
-use crate::pipeline::pose::fulcrum::{self, Fulcrum};
+use crate::pipeline::pose::fulcrum;
 use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
-use crate::pipeline::space::CameraPoint;
-use crate::pipeline::trajectory::{Sample, SampleState};
-
-/// A frame's number and time.
-pub type Instant = (u64, f64);
-
-/// One tool's three paths and quality.
-pub struct ToolPaths {
-    pub raw: Vec<Sample>,
-    pub filtered: Vec<Sample>,
-    pub smoothed: Vec<Sample>,
-    pub quality: ToolQuality,
-}
+use crate::pipeline::trajectory::Kind;
 
 /// Reworks one tool's records.
 pub fn rework(
-    tool: &ToolTracker,
-    index: usize,
+    records: Blocks<Record>,
+    spec: &ToolSpec,
+    tool: usize,
     instants: &[Instant],
     camera: &Camera,
     motion: &MotionSettings,
-) -> ToolPaths {
-    let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
-    let good = thinned(&tool.records);
-    let adjustment = adjustment::estimate(&good).filter(tool::is_known);
-    let fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
-    let mut paths = ToolPaths {
-        raw: Vec::new(),
-        filtered: Vec::new(),
-        smoothed: Vec::new(),
-        quality: ToolQuality { tool: tool.spec.name.clone(), ..ToolQuality::default() },
-    };
-    let mut following = Thread::default();
-    let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
+) -> (Motion, ToolQuality) {
+    let adjustment = adjustment::estimate(&thinned(&records)).filter(tool::is_known);
+    let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(KeptPose::residual_px));
+    let mut rework = Rework::new(tool, camera, motion);
+    rework.motion.fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
     let mut reasons = Vec::with_capacity(instants.len());
-    for (record, instant) in tool.records.iter().zip(instants) {
+    for (record, instant) in records.into_iter().zip(instants) {
         let pose = record.estimate().and_then(|e| match &adjustment {
             Some(adjustment) => steadied(&e, adjustment),
             None => Some(e),
         });
         let misread = (record.pose.is_some() && pose.is_none()).then_some(Reason::ImpossiblePose);
-        let reason = record.reason.or(misread);
-        let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
-        let advance = following.advance(instant.1, measured, &hindsight);
-        reasons.push(reason.or(advance.refused));
-        count(&mut paths.quality, advance.observed, advance.step.is_some(), reason.or(advance.refused));
-        let believed = pose.filter(|_| advance.observed);
-        if advance.disowns {
-            run.drop_from(&mut paths);
-        }
-        if let Some(pose) = believed {
-            paths.raw.push(raw_sample(&pose, index, *instant, camera));
-        }
-        if advance.begins || advance.step.is_none() {
-            run.close(&mut paths, index, camera, fulcrum.as_ref());
-        }
-        if let Some(step) = advance.step {
-            let in_sight = record.reason != Some(Reason::NoMarkerColour);
-            run.add(step, *instant, believed, in_sight);
-        }
+        reasons.push(rework.frame(*instant, pose, record.reason.or(misread)));
     }
-    run.close(&mut paths, index, camera, fulcrum.as_ref());
-    paths.quality.border_residual_px =
-        rms(tool.records.iter().filter_map(|r| r.pose.as_ref()).map(KeptPose::residual_px));
-    paths.quality.gaps = gaps::find(&paths.smoothed, instants, &reasons, &Rim::new(camera, tool.spec.band_length_mm));
-    paths
+    let (motion, quality) = rework.end();
+    let rim = Rim::new(camera, spec.band_length_mm);
+    let gaps = gaps::find(&motion.path(Kind::Smoothed), instants, &reasons, &rim);
+    (motion, ToolQuality { tool: spec.name.clone(), border_residual_px, gaps, ..quality })
 }
 
 /// The pose as the whole session has it; `None` where its axis passes so far beside the fulcrum that its edges were taken for
@@ -94,145 +54,72 @@ fn steadied(pose: &TubeEstimate, adjustment: &Adjustment) -> Option<TubeEstimate
 }
 
 /// Good poses enough to be adjusted together, spread over the recording.
-fn thinned(records: &[Record]) -> Vec<TubeEstimate> {
+fn thinned(records: &Blocks<Record>) -> Vec<TubeEstimate> {
     const ENOUGH: usize = 256;
     let good = || records.iter().filter(|record| record.is_good);
     let every = good().count().div_ceil(ENOUGH).max(1);
     good().step_by(every).filter_map(Record::estimate).collect()
 }
 
-/// An unbroken run of the filter.
-#[derive(Default)]
-struct Run {
-    longest_prediction_s: f64,
-    steps: Vec<Step>,
-    instants: Vec<Instant>,
-    poses: Vec<Option<PastPose>>,
-    in_sight: Vec<bool>,
+/// The filter's second way through a recording.
+struct Rework<'a> {
+    settings: &'a MotionSettings,
+    hindsight: ThreadSettings,
+    thread: Thread,
+    run: Run,
+    motion: Motion,
+    quality: ToolQuality,
 }
 
-impl Run {
-    fn add(&mut self, step: Step, instant: Instant, pose: Option<TubeEstimate>, in_sight: bool) {
-        self.in_sight.push(in_sight);
-        self.steps.push(step);
-        self.instants.push(instant);
-        self.poses.push(pose.as_ref().map(PastPose::from));
-    }
-
-    /// Forgets a run that was none.
-    fn drop_from(&mut self, paths: &mut ToolPaths) {
-        let first = self.instants.first().map_or(u64::MAX, |instant| instant.0);
-        let (seen, all) = (self.poses.iter().flatten().count() as u64, self.poses.len() as u64);
-        paths.quality.observed -= seen; // counted when they were added
-        paths.quality.predicted -= all - seen;
-        paths.quality.missing += all;
-        paths.raw.retain(|sample| sample.frame < first);
-        self.clear();
-    }
-
-    fn clear(&mut self) {
-        *self = Self { longest_prediction_s: self.longest_prediction_s, ..Self::default() };
-    }
-
-    /// How many frames the smoothed path has: up to the last that saw the tool, and a short prediction beyond; but
-    /// hindsight knows when the tool was gone, and ends with the last frame that showed anything of its colour.
-    fn smoothed_frames(&self) -> usize {
-        let after = |place: Option<usize>| place.map_or(0, |last| last + 1);
-        let seen_s =
-            self.poses.iter().rposition(Option::is_some).map_or(f64::NEG_INFINITY, |last| self.instants[last].1);
-        let near = self.instants.iter().rposition(|instant| instant.1 - seen_s <= self.longest_prediction_s);
-        after(near).min(after(self.in_sight.iter().rposition(|seen| *seen)))
-    }
-
-    /// Smooths the run and writes both paths. The filtered path is what was known at the time: it breaks off in a gap that
-    /// only hindsight bridges.
-    fn close(&mut self, paths: &mut ToolPaths, tool: usize, camera: &Camera, fulcrum: Option<&Fulcrum>) {
-        let mut pose = self.poses.iter().flatten().next().copied();
-        let smoothed_frames = self.smoothed_frames();
-        let mut seen_s = f64::NEG_INFINITY;
-        let steps = self.steps.iter().zip(smooth(&self.steps)).zip(self.instants.iter().zip(&self.poses));
-        for (place, ((step, smoothed), (instant, seen))) in steps.enumerate() {
-            pose = seen.or(pose);
-            seen_s = if seen.is_some() { instant.1 } else { seen_s };
-            let state = if seen.is_some() { SampleState::Observed } else { SampleState::Predicted };
-            let sample = |s: &State| state_sample(s, pose.as_ref(), tool, *instant, state, camera, fulcrum);
-            let (filtered, smoothed) = (sample(&step.updated), sample(&smoothed));
-            if instant.1 - seen_s <= self.longest_prediction_s && is_supported(&filtered, camera) {
-                paths.filtered.push(filtered);
-            }
-            if place < smoothed_frames && is_supported(&smoothed, camera) {
-                paths.smoothed.push(smoothed);
-            } else {
-                paths.quality.predicted -= 1; // counted when it was added
-                paths.quality.missing += 1;
-            }
+impl<'a> Rework<'a> {
+    fn new(tool: usize, camera: &Camera, settings: &'a MotionSettings) -> Self {
+        let longest_prediction_s = settings.longest_prediction_s;
+        Self {
+            settings,
+            hindsight: ThreadSettings { longest_prediction_s: settings.longest_bridge_s, ..settings.thread() },
+            thread: Thread::default(),
+            run: Run::new(settings),
+            motion: Motion { tool, runs: Vec::new(), camera: *camera, fulcrum: None, longest_prediction_s },
+            quality: ToolQuality::default(),
         }
-        self.clear();
     }
-}
 
-/// A tip that was seen, or one that is predicted where it could have been: outside the picture nothing supports it.
-fn is_supported(sample: &Sample, camera: &Camera) -> bool {
-    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let in_picture = |at: Point2<f64>| (0.0..width).contains(&at.x) && (0.0..height).contains(&at.y);
-    sample.state == SampleState::Observed || sample.tip_px.is_some_and(in_picture)
-}
-
-/// What a filter's state needs of the pose that was measured last.
-#[derive(Clone, Copy, Debug)]
-pub struct PastPose {
-    axis: Vector3<f64>,
-    /// The lasting part of the tip's covariance, mm².
-    lasting: Matrix3<f64>,
-}
-
-impl From<&TubeEstimate> for PastPose {
-    fn from(pose: &TubeEstimate) -> Self {
-        Self { axis: pose.tube.axis, lasting: pose.lasting_tip_covariance() }
+    /// Takes a frame's pose, or why there is none; returns why it was not measured or not believed.
+    fn frame(&mut self, instant: Instant, pose: Option<TubeEstimate>, reason: Option<Reason>) -> Option<Reason> {
+        let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
+        let advance = self.thread.advance(instant.1, measured, &self.hindsight);
+        let refused = reason.or(advance.refused);
+        count(&mut self.quality, advance.observed, advance.state.is_some(), refused);
+        if advance.disowns {
+            let (all, seen) = self.begin().frames_and_seen(); // a run that was none, counted when it was added
+            self.quality.observed -= seen;
+            self.quality.predicted -= all - seen;
+            self.quality.missing += all;
+        } else if advance.begins || advance.state.is_none() {
+            let ended = self.begin();
+            self.motion.runs.extend(Some(ended).filter(|run| run.frames_and_seen().0 > 0));
+        }
+        if let Some(state) = advance.state {
+            let in_sight = reason != Some(Reason::NoMarkerColour);
+            self.run.add(&state, instant, pose.filter(|_| advance.observed), in_sight);
+        }
+        refused
     }
-}
 
-/// A sample of a filter's state. What lasts in the errors of poses like `pose`, the nearest one measured, the filter has
-/// taken for noise and averaged away: it is added again (Schmidt's "considered" errors).
-pub fn state_sample(
-    state: &State,
-    pose: Option<&PastPose>,
-    tool: usize,
-    instant: Instant,
-    seen: SampleState,
-    camera: &Camera,
-    fulcrum: Option<&Fulcrum>,
-) -> Sample {
-    let tip = state.tip();
-    let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, |p| p.lasting);
-    let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
-    Sample {
-        frame: instant.0,
-        time_s: instant.1,
-        tool,
-        tip_mm: tip,
-        velocity_mm_s: Some(state.velocity()),
-        axis: by_fulcrum.or(pose.map(|p| p.axis)),
-        tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
-        sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
-        sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
-        state: seen,
+    /// Begins a new run; returns the one before.
+    fn begin(&mut self) -> Run {
+        std::mem::replace(&mut self.run, Run::new(self.settings))
     }
-}
 
-fn raw_sample(pose: &TubeEstimate, tool: usize, instant: Instant, camera: &Camera) -> Sample {
-    let covariance = pose.tip_covariance();
-    Sample {
-        frame: instant.0,
-        time_s: instant.1,
-        tool,
-        tip_mm: pose.tube.tip,
-        velocity_mm_s: None,
-        axis: Some(pose.tube.axis),
-        tip_px: camera.project(CameraPoint(pose.tube.tip)).map(|p| p.0),
-        sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
-        sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
-        state: SampleState::Observed,
+    /// Ends the recording. Bridged frames that no smoothed path has were counted as predicted.
+    fn end(mut self) -> (Motion, ToolQuality) {
+        let last = self.begin();
+        self.motion.runs.push(last);
+        let all: u64 = self.motion.runs.iter().map(|run| run.frames_and_seen().0).sum();
+        let unsupported = all - self.motion.path(Kind::Smoothed).len() as u64;
+        self.quality.predicted -= unsupported;
+        self.quality.missing += unsupported;
+        (self.motion, self.quality)
     }
 }
 
@@ -259,24 +146,27 @@ mod tests {
     use super::*;
     use crate::pipeline::camera::testing::STRAIGHT as CAMERA;
     use crate::pipeline::pose::evidence::Evidence;
+    use crate::pipeline::trajectory::Sample;
     use crate::pipeline::tube::Tube;
 
     /// No multiple of it is a limit, where rounding would decide.
     const FRAME_S: f64 = 0.039;
 
-    fn paths(seen: &[bool]) -> ToolPaths {
+    struct Paths {
+        filtered: Vec<Sample>,
+        smoothed: Vec<Sample>,
+        quality: ToolQuality,
+    }
+
+    fn paths(seen: &[bool]) -> Paths {
         paths_from(0.0, 0.0, seen)
     }
 
     /// A tool that moves to the right, mm and mm/s, seen on some frames only, but with its colour always in sight.
-    fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> ToolPaths {
-        let motion = MotionSettings::default();
-        let hindsight = ThreadSettings { longest_prediction_s: motion.longest_bridge_s, ..motion.thread() };
+    fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> Paths {
+        let settings = MotionSettings::default();
         let covariance = nalgebra::Matrix5::identity() * 0.01;
-        let mut thread = Thread::default();
-        let mut run = Run { longest_prediction_s: motion.longest_prediction_s, ..Run::default() };
-        let mut paths =
-            ToolPaths { raw: Vec::new(), filtered: Vec::new(), smoothed: Vec::new(), quality: ToolQuality::default() };
+        let mut rework = Rework::new(0, &CAMERA, &settings);
         for (frame, seen) in seen.iter().enumerate() {
             let instant = (frame as u64, frame as f64 * FRAME_S);
             let tip = Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0);
@@ -289,18 +179,10 @@ mod tests {
                 residual_px: 0.1,
                 support: 50.0,
             };
-            let advance = thread.advance(instant.1, seen.then(|| (tip, pose.tip_covariance())), &hindsight);
-            count(&mut paths.quality, advance.observed, advance.step.is_some(), None);
-            match advance.step {
-                Some(step) if !advance.begins || frame == 0 => run.add(step, instant, seen.then_some(pose), true),
-                step => {
-                    run.close(&mut paths, 0, &CAMERA, None);
-                    step.into_iter().for_each(|step| run.add(step, instant, seen.then_some(pose), true));
-                }
-            }
+            rework.frame(instant, seen.then_some(pose), None);
         }
-        run.close(&mut paths, 0, &CAMERA, None);
-        paths
+        let (motion, quality) = rework.end();
+        Paths { filtered: motion.path(Kind::Filtered), smoothed: motion.path(Kind::Smoothed), quality }
     }
 
     fn frames(samples: &[Sample]) -> Vec<u64> {

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use super::blocks::Blocks;
 use super::measure::Bench;
 use super::measurement::Measurement;
 use super::origin::{self, Origin};
@@ -52,7 +53,7 @@ pub struct ToolTracker {
     lengths: BandLengths,
     motion_px_s: Vector2<f64>,
     pub(super) last_pose: Option<TubeEstimate>,
-    pub(super) records: Vec<Record>,
+    pub(super) records: Blocks<Record>,
     pub(super) tracing: Tracing,
 }
 
@@ -143,7 +144,7 @@ impl ToolTracker {
             lengths: BandLengths::default(),
             motion_px_s: Vector2::zeros(),
             last_pose: None,
-            records: Vec::new(),
+            records: Blocks::default(),
             tracing: Tracing::default(),
         }
     }

@@ -9,6 +9,7 @@ use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
 use trocar::media::{Limits, Picture, VideoFile};
 use trocar::pipeline::tracker::{MOST_REHEARSED, Tracker, TrackerSettings, Tracking};
+use trocar::pipeline::trajectory::{Kind, Trajectory};
 
 use super::*;
 
@@ -113,13 +114,14 @@ fn a_child_tracks_to_the_last_bit_as_the_tracker_does() {
     let palette = scene.palette();
     let heard = ask(Work::Track(scene.track_work(palette.clone())), &scene.video()).unwrap();
     let tracking = tracked_here(&scene, scene.track_work(palette));
-    let rows = |samples: &[trocar::pipeline::trajectory::Sample]| samples.iter().map(PathRow::from).collect::<Vec<_>>();
+    let [raw, filtered, smoothed] = [Kind::Raw, Kind::Filtered, Kind::Smoothed].map(|kind| tracking.trajectory(kind));
+    let rows = |path: &Trajectory| path.samples.iter().map(PathRow::from).collect::<Vec<_>>();
     assert!(!heard.smoothed.is_empty());
-    assert!(heard.raw == rows(&tracking.raw.samples), "raw"); // thousands of rows: not worth printing
-    assert!(heard.filtered == rows(&tracking.filtered.samples), "filtered");
-    assert!(heard.smoothed == rows(&tracking.smoothed.samples), "smoothed");
-    assert_eq!(heard.times_s, tracking.smoothed.frame_times_s);
-    assert_eq!(heard.seen.len(), heard.times_s.len() * tracking.smoothed.tools.len());
+    assert!(heard.raw == rows(&raw), "raw"); // thousands of rows: not worth printing
+    assert!(heard.filtered == rows(&filtered), "filtered");
+    assert!(heard.smoothed == rows(&smoothed), "smoothed");
+    assert_eq!(heard.times_s, smoothed.frame_times_s);
+    assert_eq!(heard.seen.len(), heard.times_s.len() * smoothed.tools.len());
 }
 
 #[test]

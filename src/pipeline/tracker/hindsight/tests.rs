@@ -87,7 +87,7 @@ fn one_tool_followed_as_both_is_one_tool() {
         records(|tool, frame| if tool == 1 && frame < 60 { seen(pose(0, frame)) } else { seen(pose(tool, frame)) });
     let settled = settled(doubled, &instants(), true);
     assert_eq!(count(&settled), [2 * FRAMES - 60, 0, 60]);
-    assert!(settled[1][..60].iter().all(|record| record.reason.is_some()));
+    assert!(settled[1].iter().take(60).all(|record| record.reason.is_some()));
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn tools_through_one_trocar_cannot_be_told_apart_and_are_refused() {
         seen(TubeEstimate { tube, ..pose(0, frame) })
     });
     let settled = settled(one, &instants(), true);
-    assert!(settled.iter().flatten().all(|record| record.reason == Some(Reason::EitherTool)));
+    assert!(settled.iter().flat_map(Blocks::iter).all(|record| record.reason == Some(Reason::EitherTool)));
 }
 
 #[test]

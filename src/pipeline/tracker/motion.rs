@@ -1,0 +1,199 @@
+//! A tool's motion through a recording: the runs in which it was followed. Each path is made of them when it is asked for.
+//!
+//! An hour of two tools' motion takes 40 MiB, as much as one and a half paths of samples.
+
+use nalgebra::{Matrix3, Point2, Vector3};
+
+use super::blocks::Blocks;
+use super::settings::MotionSettings;
+use crate::pipeline::camera::Camera;
+use crate::pipeline::filter::kalman::State;
+use crate::pipeline::filter::smoother::{self, Position};
+use crate::pipeline::pose::TubeEstimate;
+use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::space::CameraPoint;
+use crate::pipeline::trajectory::{Kind, Sample, SampleState};
+
+/// A frame's number and time.
+pub type Instant = (u64, f64);
+
+/// One tool's motion.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// The tool's index.
+    pub tool: usize,
+    /// The unbroken runs of its filter, in time order.
+    pub runs: Vec<Run>,
+    /// The camera that saw it.
+    pub camera: Camera,
+    /// Where its tube passes through the box's wall, if that is known.
+    pub fulcrum: Option<Fulcrum>,
+    /// Longest gap that is bridged without hindsight, s.
+    pub longest_prediction_s: f64,
+}
+
+impl Motion {
+    /// Adds one of its paths, in time order.
+    pub fn add_to(&self, path: &mut Vec<Sample>, kind: Kind) {
+        for run in &self.runs {
+            match kind {
+                Kind::Raw => path.extend(self.raw(run)),
+                Kind::Filtered => path.extend(self.filtered(run)),
+                Kind::Smoothed => {
+                    let before = path.len();
+                    path.extend(self.smoothed_last_first(run));
+                    path[before..].reverse();
+                }
+            }
+        }
+    }
+
+    /// One of its paths, in time order.
+    pub fn path(&self, kind: Kind) -> Vec<Sample> {
+        let mut path = Vec::new();
+        self.add_to(&mut path, kind);
+        path
+    }
+
+    /// Each frame's own measurement.
+    fn raw(&self, run: &Run) -> impl Iterator<Item = Sample> {
+        let measured = run.filter.believed().zip(run.frames.iter());
+        measured.filter_map(|(position, frame)| Some(self.raw_sample(position?, frame.pose.as_ref()?, frame.instant)))
+    }
+
+    /// What was known at the time: it breaks off in a gap that only hindsight bridges.
+    fn filtered(&self, run: &Run) -> impl Iterator<Item = Sample> {
+        let is_near = |place: usize| run.frames[place].instant.1 - run.last_seen(place).0 <= self.longest_prediction_s;
+        let near = run.filter.filtered().enumerate().filter(move |(place, _)| is_near(*place));
+        near.map(|(place, state)| self.sample(run, place, &state)).filter(|sample| is_supported(sample, &self.camera))
+    }
+
+    /// What the whole run says; the last frame first.
+    fn smoothed_last_first(&self, run: &Run) -> impl Iterator<Item = Sample> {
+        let length = run.smoothed_frames(self.longest_prediction_s);
+        let states = (0..run.frames.len()).rev().zip(run.filter.smoothed()).filter(move |(place, _)| *place < length);
+        states.map(|(place, state)| self.sample(run, place, &state)).filter(|sample| is_supported(sample, &self.camera))
+    }
+
+    fn sample(&self, run: &Run, place: usize, state: &State) -> Sample {
+        let RunFrame { instant, pose } = &run.frames[place];
+        let seen = if pose.is_some() { SampleState::Observed } else { SampleState::Predicted };
+        let pose = run.last_seen(place).1;
+        state_sample(state, pose, self.tool, *instant, seen, &self.camera, self.fulcrum.as_ref())
+    }
+
+    fn raw_sample(&self, (tip, covariance): &Position, pose: &PastPose, instant: Instant) -> Sample {
+        Sample {
+            frame: instant.0,
+            time_s: instant.1,
+            tool: self.tool,
+            tip_mm: *tip,
+            velocity_mm_s: None,
+            axis: Some(pose.axis),
+            tip_px: self.camera.project(CameraPoint(*tip)).map(|p| p.0),
+            sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
+            sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
+            state: SampleState::Observed,
+        }
+    }
+}
+
+/// An unbroken run of the filter.
+#[derive(Clone, Debug)]
+pub struct Run {
+    filter: smoother::Run,
+    frames: Blocks<RunFrame>,
+    /// Frames up to the last that showed anything of the tool's colour.
+    in_sight: usize,
+}
+
+#[derive(Clone, Debug)]
+struct RunFrame {
+    instant: Instant,
+    pose: Option<PastPose>,
+}
+
+impl Run {
+    /// A run that has yet to begin.
+    pub fn new(motion: &MotionSettings) -> Self {
+        Self { filter: smoother::Run::new(motion.noise_density()), frames: Blocks::default(), in_sight: 0 }
+    }
+
+    /// Takes the next frame: the filter's state, the pose that was believed, and whether the tool's colour was in sight.
+    pub fn add(&mut self, state: &State, instant: Instant, pose: Option<TubeEstimate>, in_sight: bool) {
+        self.filter.push(instant.1, state, pose.map(|p| (p.tube.tip, p.tip_covariance())));
+        self.frames.push(RunFrame { instant, pose: pose.as_ref().map(PastPose::from) });
+        if in_sight {
+            self.in_sight = self.frames.len();
+        }
+    }
+
+    /// Its frames, and how many of them saw the tool.
+    pub fn frames_and_seen(&self) -> (u64, u64) {
+        (self.frames.len() as u64, self.frames.iter().filter(|frame| frame.pose.is_some()).count() as u64)
+    }
+
+    /// When the tool was last seen before a frame or on it, s, and how.
+    fn last_seen(&self, place: usize) -> (f64, Option<&PastPose>) {
+        let seen = (0..=place).rev().map(|place| &self.frames[place]).find(|frame| frame.pose.is_some());
+        seen.map_or((f64::NEG_INFINITY, None), |frame| (frame.instant.1, frame.pose.as_ref()))
+    }
+
+    /// How many frames the smoothed path has: up to the last that saw the tool, and a short prediction beyond; but
+    /// hindsight knows when the tool was gone, and ends with the last frame that showed anything of its colour.
+    fn smoothed_frames(&self, longest_prediction_s: f64) -> usize {
+        let Some(last) = self.frames.len().checked_sub(1) else { return 0 };
+        let (seen_s, _) = self.last_seen(last);
+        let is_near = |place: &usize| self.frames[*place].instant.1 - seen_s <= longest_prediction_s;
+        (0..=last).rfind(is_near).map_or(0, |last| last + 1).min(self.in_sight)
+    }
+}
+
+/// A tip that was seen, or one that is predicted where it could have been: outside the picture nothing supports it.
+fn is_supported(sample: &Sample, camera: &Camera) -> bool {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    let in_picture = |at: Point2<f64>| (0.0..width).contains(&at.x) && (0.0..height).contains(&at.y);
+    sample.state == SampleState::Observed || sample.tip_px.is_some_and(in_picture)
+}
+
+/// What a filter's state needs of the pose that was measured last.
+#[derive(Clone, Copy, Debug)]
+pub struct PastPose {
+    axis: Vector3<f64>,
+    /// The lasting part of the tip's covariance, mm².
+    lasting: Matrix3<f64>,
+}
+
+impl From<&TubeEstimate> for PastPose {
+    fn from(pose: &TubeEstimate) -> Self {
+        Self { axis: pose.tube.axis, lasting: pose.lasting_tip_covariance() }
+    }
+}
+
+/// A sample of a filter's state. What lasts in the errors of poses like `pose`, the nearest one measured, the filter has
+/// taken for noise and averaged away: it is added again (Schmidt's "considered" errors).
+pub fn state_sample(
+    state: &State,
+    pose: Option<&PastPose>,
+    tool: usize,
+    instant: Instant,
+    seen: SampleState,
+    camera: &Camera,
+    fulcrum: Option<&Fulcrum>,
+) -> Sample {
+    let tip = state.tip();
+    let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, |p| p.lasting);
+    let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
+    Sample {
+        frame: instant.0,
+        time_s: instant.1,
+        tool,
+        tip_mm: tip,
+        velocity_mm_s: Some(state.velocity()),
+        axis: by_fulcrum.or(pose.map(|p| p.axis)),
+        tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
+        sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
+        sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
+        state: seen,
+    }
+}
