@@ -5,7 +5,7 @@ from programs import Goal, Part, frames_and_mbit_s, run
 
 MOST_MIB = 160
 FLAT = 1.1  # what a long recording may need, in units of a short one
-LONG_S = 3600  # its decoding and tracking take 8 to 14 minutes on two cores
+LONG_S = 3600  # it takes 8 minutes of CPU to decode and track
 
 
 def measure(bench, scenes):

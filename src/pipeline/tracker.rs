@@ -12,6 +12,7 @@ mod measurement;
 mod motion;
 mod origin;
 mod pair;
+mod record;
 mod report;
 mod session;
 mod settings;
@@ -138,7 +139,8 @@ impl Tracker {
         let mut motions = Vec::with_capacity(self.tools.len());
         for ((i, tool), colour) in self.tools.into_iter().enumerate().zip(colours) {
             let TrackerSettings { camera, motion, .. } = &self.settings;
-            let (motion, reworked) = session::rework(tool.records, &tool.spec, i, &self.instants, camera, motion);
+            let (motion, reworked) =
+                session::rework(tool.records.unpack(), &tool.spec, i, &self.instants, camera, motion);
             quality.tools.push(ToolQuality { colour, ..reworked });
             motions.push(motion);
         }

@@ -10,6 +10,8 @@ pub const OWN: usize = 9;
 /// Information on them.
 pub type Information = SMatrix<f64, OWN, OWN>;
 const PACKED: usize = OWN * (OWN + 1) / 2;
+/// How many numbers an [`Evidence`] is.
+pub const NUMBERS: usize = PACKED + 4 + OWN + 4 + 4 + 3;
 
 /// By how much an outline's edges lie off, pixels outwards: both borders alike (the tube seems wider), both towards the
 /// first one (it seems displaced), the distal end, the other end. Light from one side, and where a camera puts its chroma
@@ -107,6 +109,29 @@ impl Evidence {
         information.fixed_view_mut::<5, 5>(0, 0).copy_from(&of_tube);
         let bare = Self::new(&information, &SVector::zeros(), &Vector4::zeros(), &Beliefs::usual(0.0), 1.0);
         Self { is_bare: true, ..bare }
+    }
+
+    /// All its numbers, for who keeps them.
+    pub fn numbers(&self) -> [f32; NUMBERS] {
+        let Self { information, offsets, pull, believed_px, own_px, length_mm, px_per_mm, is_bare } = self;
+        let parts: [&[f32]; 5] = [information, offsets, pull, believed_px, own_px];
+        let others = [*length_mm, *px_per_mm, f32::from(u8::from(*is_bare))];
+        let mut numbers = [0.0; NUMBERS];
+        let all = parts.into_iter().flatten().copied().chain(others);
+        numbers.iter_mut().zip(all).for_each(|(number, own)| *number = own);
+        numbers
+    }
+
+    /// Of its numbers.
+    pub fn of_numbers(numbers: &[f32; NUMBERS]) -> Self {
+        fn part<const N: usize>(numbers: &mut impl Iterator<Item = f32>) -> [f32; N] {
+            std::array::from_fn(|_| numbers.next().unwrap_or(0.0))
+        }
+        let mut rest = numbers.iter().copied();
+        let (information, offsets, pull) = (part(&mut rest), part(&mut rest), part(&mut rest));
+        let (believed_px, own_px) = (part(&mut rest), part(&mut rest));
+        let [length_mm, px_per_mm, is_bare] = part(&mut rest);
+        Self { information, offsets, pull, believed_px, own_px, length_mm, px_per_mm, is_bare: is_bare != 0.0 }
     }
 
     /// As if the noise's variance were so many times as large.

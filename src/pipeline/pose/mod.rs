@@ -11,6 +11,7 @@ pub mod band_length;
 pub mod evidence;
 pub mod fulcrum;
 pub mod joint_fit;
+pub mod packed;
 pub mod pinhole_width;
 pub mod tangent_planes;
 #[cfg(test)]
@@ -88,7 +89,36 @@ impl KeptPose {
     pub fn residual_px(&self) -> f64 {
         f64::from(self.residual_px)
     }
+
+    fn words(&self) -> Words {
+        let Self { tube: Tube { tip, axis, radius }, evidence, residual_px, support } = self;
+        let of_tube = tip.iter().chain(axis.iter()).chain([radius]).flat_map(|number| {
+            let bits = number.to_bits();
+            [(bits >> 32) as u32, bits as u32]
+        });
+        let of_edges = evidence.numbers().into_iter().chain([*residual_px, *support]).map(f32::to_bits);
+        let mut words = [0; WORDS];
+        words.iter_mut().zip(of_tube.chain(of_edges)).for_each(|(word, bits)| *word = bits);
+        words
+    }
+
+    fn of_words(words: &Words) -> Self {
+        let wide = |place: usize| f64::from_bits(u64::from(words[2 * place]) << 32 | u64::from(words[2 * place + 1]));
+        let three = |first: usize| [wide(first), wide(first + 1), wide(first + 2)];
+        let number = |place: usize| f32::from_bits(words[TUBE_WORDS + place]);
+        Self {
+            tube: Tube { tip: three(0).into(), axis: three(3).into(), radius: wide(6) },
+            evidence: Evidence::of_numbers(&std::array::from_fn(number)),
+            residual_px: number(evidence::NUMBERS),
+            support: number(evidence::NUMBERS + 1),
+        }
+    }
 }
+
+/// A [`KeptPose`] as bits.
+type Words = [u32; WORDS];
+const TUBE_WORDS: usize = 2 * 7;
+const WORDS: usize = TUBE_WORDS + evidence::NUMBERS + 2;
 
 /// Two unit vectors perpendicular to an axis and to each other.
 pub fn across(axis: Vector3<f64>) -> [Vector3<f64>; 2] {

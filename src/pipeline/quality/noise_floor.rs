@@ -132,7 +132,7 @@ pub(super) fn from_measurements(evidence: &Evidence<'_>, tool: usize) -> Option<
     let steps = raw.windows(2).filter(|pair| pair[1].frame == pair[0].frame + 1);
     let step_s = quantile(steps.map(|pair| pair[1].time_s - pair[0].time_s).collect(), 0.5)?;
     let noise = passing_noise(&raw, step_s)?;
-    let sigma = |of: fn(&Sample) -> Option<f64>| quantile(raw.iter().filter_map(|s| of(s)).collect(), 0.5);
+    let sigma = |of: fn(&Sample) -> Option<f64>| quantile(raw.iter().filter_map(of).collect(), 0.5);
     let (lateral, depth) = (sigma(|s| s.sigma_xy_mm)?, sigma(|s| s.sigma_z_mm)?);
     let stated = Vector3::new(lateral, lateral, depth);
     /// What slow filters leave of alike errors, against independent ones.

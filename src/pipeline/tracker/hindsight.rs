@@ -13,7 +13,8 @@ use nalgebra::Point3;
 use super::blocks::Blocks;
 use super::motion::Instant;
 use super::origin::{self, DECISIVE, Origin};
-use super::tool::{self, Record, ToolTracker};
+use super::record::{PackedRecords, Record};
+use super::tool::{self, ToolTracker};
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::pose::{TubeEstimate, adjustment};
 use crate::pipeline::reason::Reason;
@@ -23,8 +24,8 @@ pub fn settle(tools: [&mut ToolTracker; 2], instants: &[Instant]) {
     let [left, right] = tools;
     let sizes = |tool: &ToolTracker| (tool.spec.diameter_mm, tool.spec.band_length_mm);
     let are_alike = sizes(left) == sizes(right);
-    let records = [std::mem::take(&mut left.records), std::mem::take(&mut right.records)];
-    [left.records, right.records] = settled(records, instants, are_alike);
+    let records = [&mut left.records, &mut right.records].map(|packed| std::mem::take(packed).unpack());
+    [left.records, right.records] = settled(records, instants, are_alike).map(PackedRecords::from_iter);
 }
 
 /// A piece of what was followed as one tool.

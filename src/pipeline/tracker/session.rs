@@ -6,9 +6,10 @@
 use super::blocks::Blocks;
 use super::gaps::{self, Rim};
 use super::motion::{Instant, Motion, Run};
+use super::record::Record;
 use super::report::ToolQuality;
 use super::settings::{MotionSettings, ToolSpec};
-use super::tool::{self, Record};
+use super::tool;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::identity::{Thread, ThreadSettings};
 use crate::pipeline::pose::adjustment::{self, Adjustment};

@@ -2,10 +2,10 @@
 
 use nalgebra::Vector2;
 
-use super::blocks::Blocks;
 use super::measure::Bench;
 use super::measurement::Measurement;
 use super::origin::{self, Origin};
+use super::record::{PackedRecords, Record};
 use super::settings::{MotionSettings, Side, ToolSpec, TrackerSettings};
 use super::trace::Tracing;
 use crate::pipeline::blob::components::{Component, ComponentFinder};
@@ -22,24 +22,6 @@ use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::tube::{Outline, Tube};
 
-/// What one frame left behind for the recording's end.
-#[derive(Clone, Copy, Debug)]
-pub struct Record {
-    /// The measurement before the adjustment steadied it.
-    pub pose: Option<KeptPose>,
-    /// The pixels explain it so well that the adjustment may be made from it.
-    pub is_good: bool,
-    /// Why there is no measurement, or why it was refused.
-    pub reason: Option<Reason>,
-}
-
-impl Record {
-    /// The measurement, with its covariance.
-    pub fn estimate(&self) -> Option<TubeEstimate> {
-        self.pose.as_ref().and_then(KeptPose::estimate)
-    }
-}
-
 /// One tool's tracker.
 pub struct ToolTracker {
     pub(super) spec: ToolSpec,
@@ -53,7 +35,7 @@ pub struct ToolTracker {
     lengths: BandLengths,
     motion_px_s: Vector2<f64>,
     pub(super) last_pose: Option<TubeEstimate>,
-    pub(super) records: Blocks<Record>,
+    pub(super) records: PackedRecords,
     pub(super) tracing: Tracing,
 }
 
@@ -144,7 +126,7 @@ impl ToolTracker {
             lengths: BandLengths::default(),
             motion_px_s: Vector2::zeros(),
             last_pose: None,
-            records: Blocks::default(),
+            records: PackedRecords::default(),
             tracing: Tracing::default(),
         }
     }

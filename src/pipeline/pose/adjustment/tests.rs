@@ -9,6 +9,7 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::camera::testing::wide;
 use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX};
 use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
+use crate::pipeline::pose::packed::PackedPoses;
 use crate::pipeline::pose::testing::{self, LENGTH_MM, gaussian};
 use crate::pipeline::pose::{KeptPose, across};
 
@@ -139,6 +140,18 @@ fn a_pose_that_would_have_to_turn_far_is_refused() {
 #[test]
 fn too_few_poses_are_not_enough() {
     assert_eq!(estimate(&poses(&session(30.0, [0.0; 4], 8))[..5]), None);
+}
+
+#[test]
+fn packed_poses_come_again_to_the_last_bit() {
+    let poses: Vec<KeptPose> = session(30.0, [0.0; 4], 9).iter().map(|(_, pose)| KeptPose::from(pose)).collect();
+    let bare =
+        TubeEstimate { evidence: Evidence::of_covariance(&Matrix5::identity()), ..session(30.0, [0.0; 4], 9)[0].1 };
+    let poses: Vec<KeptPose> = poses.into_iter().chain([KeptPose::from(&bare)]).collect();
+    let poses = poses.repeat(9); // more than a block
+    let mut packed = PackedPoses::default();
+    poses.iter().for_each(|pose| packed.push(pose));
+    assert!(packed.unpack().eq(poses));
 }
 
 #[test]

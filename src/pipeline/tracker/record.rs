@@ -1,0 +1,59 @@
+//! What frames leave behind for the recording's end.
+
+use super::blocks::Blocks;
+use crate::pipeline::pose::packed::PackedPoses;
+use crate::pipeline::pose::{KeptPose, TubeEstimate};
+use crate::pipeline::reason::Reason;
+
+/// What one frame left behind.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// The measurement before the adjustment steadied it.
+    pub pose: Option<KeptPose>,
+    /// The pixels explain it so well that the adjustment may be made from it.
+    pub is_good: bool,
+    /// Why there is no measurement, or why it was refused.
+    pub reason: Option<Reason>,
+}
+
+impl Record {
+    /// The measurement, with its covariance.
+    pub fn estimate(&self) -> Option<TubeEstimate> {
+        self.pose.as_ref().and_then(KeptPose::estimate)
+    }
+}
+
+/// The records of a recording while it goes on, packed.
+#[derive(Default)]
+pub struct PackedRecords {
+    poses: PackedPoses,
+    /// All but the pose, and whether there is one.
+    others: Blocks<(bool, bool, Option<Reason>)>,
+}
+
+impl PackedRecords {
+    /// Takes the next record.
+    pub fn push(&mut self, Record { pose, is_good, reason }: Record) {
+        pose.iter().for_each(|pose| self.poses.push(pose));
+        self.others.push((pose.is_some(), is_good, reason));
+    }
+
+    /// The records again; what they were packed in is freed on the way.
+    pub fn unpack(self) -> Blocks<Record> {
+        let mut poses = self.poses.unpack();
+        let record = |(has_pose, is_good, reason): (bool, bool, _)| Record {
+            pose: if has_pose { poses.next() } else { None },
+            is_good,
+            reason,
+        };
+        self.others.into_iter().map(record).collect()
+    }
+}
+
+impl FromIterator<Record> for PackedRecords {
+    fn from_iter<I: IntoIterator<Item = Record>>(records: I) -> Self {
+        let mut all = Self::default();
+        records.into_iter().for_each(|record| all.push(record));
+        all
+    }
+}
