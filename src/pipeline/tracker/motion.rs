@@ -50,7 +50,7 @@ impl Motion {
 
     /// One of its paths, in time order.
     pub fn path(&self, kind: Kind) -> Vec<Sample> {
-        let mut path = Vec::new();
+        let mut path = Vec::with_capacity(self.runs.iter().map(|run| run.frames.len()).sum());
         self.add_to(&mut path, kind);
         path
     }
