@@ -114,7 +114,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if let Some(path) = &args.quality {
         let document = QualityDocument::new(&tracking.quality, &figures, &judged);
         let text = serde_json::to_string_pretty(&document).context("writing JSON")?;
-        writeln!(create(path)?, "{text}").with_context(|| format!("writing {}", path.display()))?;
+        let mut file = create(path)?;
+        writeln!(file, "{text}").and_then(|()| file.flush()).with_context(|| format!("writing {}", path.display()))?;
     }
     if !args.quiet {
         report(&tracking);

@@ -1,5 +1,6 @@
 //! Does the scene's light change? A coarse grid of pixels, looked at about once a second and held against the first
-//! frame. Exposure and white balance move the whole picture, tools only parts of it: so the median over the grid counts.
+//! frame that shows enough. Exposure and white balance move the whole picture, tools only parts of it: so the median over
+//! the grid counts.
 
 use super::report::LightSample;
 use crate::pipeline::frame::Frame;
@@ -31,8 +32,8 @@ impl LightWatch {
         if self.last_s.is_some_and(|last_s| frame.time_s < last_s + EVERY_S) {
             return;
         }
-        if self.last_s.is_none() {
-            self.first = pixels(frame).collect();
+        if self.first.iter().filter(|first| TELLING.contains(&first[0])).count() < FEWEST {
+            self.first = pixels(frame).collect(); // none yet, or a dark one
         }
         self.last_s = Some(frame.time_s);
         self.changes.iter_mut().for_each(Vec::clear);
@@ -112,7 +113,9 @@ mod tests {
     fn a_dark_first_frame_is_nothing_to_compare_with() {
         let mut watch = LightWatch::default();
         look_at(&mut watch, 0.0, [17, 128, 128], 0);
-        look_at(&mut watch, 1.0, [116, 128, 128], 0);
-        assert!(watch.into_samples().is_empty());
+        look_at(&mut watch, 1.0, [90, 128, 128], 0);
+        look_at(&mut watch, 2.0, [164, 128, 128], 0);
+        let ratios: Vec<f64> = watch.into_samples().iter().map(|sample| sample.luma_ratio).collect();
+        assert_eq!(ratios, [1.0, 2.0], "black is 16: 74 codes of light became 148");
     }
 }
