@@ -5,7 +5,7 @@ use super::*;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::palette::{Apart, Margin};
 use crate::pipeline::tracker::{Absence, Gap, LightSample, ToolQuality};
-use crate::pipeline::trajectory::Sample;
+use crate::pipeline::trajectory::{Kind, Sample};
 use crate::simulation::random::Dice;
 
 const FRAME_S: f64 = 0.04;
@@ -254,6 +254,29 @@ fn independent_errors_make_the_speed_that_one_of_them_tells() {
     assert!((told.0 / drawn.0 - 1.0).abs() < 0.1, "smoothed: {} told, {} drawn", told.0, drawn.0);
     assert!((told.1 / drawn.1 - 1.0).abs() < 0.1, "causal: {} told, {} drawn", told.1, drawn.1);
     assert!(told.0 < told.1, "hindsight is calmer");
+}
+
+#[test]
+fn tremor_across_the_line_of_sight_is_no_noise() {
+    #[derive(Debug)]
+    struct Measured(Vec<Sample>);
+    impl Paths for Measured {
+        fn path(&self, _kind: Kind, _tool: usize) -> Vec<Sample> {
+            self.0.clone()
+        }
+    }
+    let floor_mm_s = |tremor_mm: f64| {
+        let mut dice = Dice::new(6, "errors and tremor");
+        let mut measured = path(|_| true);
+        for sample in &mut measured.samples {
+            sample.tip_mm += dice.gauss3().component_mul(&Vector3::new(tremor_mm, tremor_mm, 0.3));
+        }
+        let (smoothed, others) = (path(|_| true), Measured(measured.samples));
+        let evidence = Evidence { others: Some(&others), ..Evidence::of_path(&smoothed) };
+        noise_floor::from_measurements(&evidence, 0).unwrap().smoothed_mm_s
+    };
+    let (calm, trembling) = (floor_mm_s(0.03), floor_mm_s(0.4));
+    assert!(trembling < 1.6 * calm, "{trembling} mm/s with tremor, {calm} without");
 }
 
 #[test]
