@@ -1,9 +1,9 @@
 //! How edges look in one recording, learned while tracking: blur, noise of each plane, exposure.
 //!
-//! **In** the fits of the edges along every tube that is believed ([`EdgeModel::learn`]). **Out** what the next frame's edges are expected to
-//! look like. **Method** lens and exposure follow the gradient of the residuals at the band's ends, the blur of chroma that
-//! at its borders, each by a Kalman filter of one state; light inside each part of the outline is a mean over its last
-//! edges; noise follows the median; whether light or codes were mixed, all tools of a recording tell together
+//! **In** the fits of the edges along every tube that is believed ([`EdgeModel::learn`]). **Out** what the next frame's
+//! edges are expected to look like. **Method** lens and exposure follow the gradient of the residuals at the band's ends, the
+//! blur of chroma that at its borders, each by a Kalman filter of one state; light inside each part of the outline is a mean
+//! over its last edges; noise follows the median; whether light or codes were mixed, all tools of a recording tell together
 //! ([`super::mixing`]).
 
 use std::ops::Range;
