@@ -178,6 +178,7 @@ mod tests {
             observed_predicted_missing: [observed, 0, FRAMES - observed],
             reasons: vec![],
             border_residual_px: Some(0.2),
+            passing_depth_mm: Some(0.3),
             gaps: vec![],
             colour: [None, None],
         };

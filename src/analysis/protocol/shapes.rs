@@ -234,6 +234,8 @@ pub struct ToolQualityShape {
     pub reasons: Vec<(ReasonShape, u64)>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
+    /// What passes in a measured depth, mm.
+    pub passing_depth_mm: Option<f64>,
     /// First and last frame of each gap, and why it was lost; `None`: it had left the view.
     pub gaps: Vec<(u64, u64, Option<ReasonShape>)>,
     /// How far its colour is from the other tools' and from what is no tool.
@@ -269,6 +271,7 @@ impl QualityShape {
             observed_predicted_missing: [t.observed, t.predicted, t.missing],
             reasons: t.reasons.iter().map(|(&reason, &n)| (reason.into(), n)).collect(),
             border_residual_px: t.border_residual_px,
+            passing_depth_mm: t.passing_depth_mm,
             gaps: t.gaps.iter().map(gap_shape).collect(),
             colour: [&t.colour.from_tools, &t.colour.from_background].map(|m| m.as_ref().map(Into::into)),
         };
@@ -307,6 +310,7 @@ impl QualityShape {
                 missing,
                 reasons: shape.reasons.iter().map(|&(reason, n)| (reason.into(), n)).collect(),
                 border_residual_px: shape.border_residual_px,
+                passing_depth_mm: shape.passing_depth_mm,
                 gaps: shape.gaps.iter().map(gap).collect(),
                 colour: Apart { from_tools, from_background },
             }

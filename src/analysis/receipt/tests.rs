@@ -120,7 +120,14 @@ fn answers_out_of_turn_are_refused() {
 fn tool() -> ToolQualityShape {
     let colour = [None, None];
     let (reasons, gaps) = (vec![], vec![]);
-    ToolQualityShape { observed_predicted_missing: [1, 0, 1], reasons, border_residual_px: None, gaps, colour }
+    ToolQualityShape {
+        observed_predicted_missing: [1, 0, 1],
+        reasons,
+        border_residual_px: None,
+        passing_depth_mm: None,
+        gaps,
+        colour,
+    }
 }
 
 #[test]

@@ -257,7 +257,9 @@ fn independent_errors_make_the_speed_that_one_of_them_tells() {
 }
 
 #[test]
-fn tremor_across_the_line_of_sight_is_no_noise() {
+fn tremor_is_no_noise() {
+    /// What passes in a measured depth, mm.
+    const PASSING: f64 = 0.3;
     #[derive(Debug)]
     struct Measured(Vec<Sample>);
     impl Paths for Measured {
@@ -265,18 +267,25 @@ fn tremor_across_the_line_of_sight_is_no_noise() {
             self.0.clone()
         }
     }
-    let floor_mm_s = |tremor_mm: f64| {
+    let floor_mm_s = |across_mm: f64, along_mm: f64| {
         let mut dice = Dice::new(6, "errors and tremor");
         let mut measured = path(|_| true);
         for sample in &mut measured.samples {
-            sample.tip_mm += dice.gauss3().component_mul(&Vector3::new(tremor_mm, tremor_mm, 0.3));
+            sample.tip_mm += dice.gauss3().component_mul(&Vector3::new(across_mm, across_mm, along_mm));
         }
         let (smoothed, others) = (path(|_| true), Measured(measured.samples));
-        let evidence = Evidence { others: Some(&others), ..Evidence::of_path(&smoothed) };
+        let tool = ToolQuality { passing_depth_mm: Some(PASSING), ..ToolQuality::default() };
+        let tracker = Quality { tools: vec![tool], ..Quality::default() };
+        let evidence = Evidence { others: Some(&others), tracker: Some(&tracker), ..Evidence::of_path(&smoothed) };
         noise_floor::from_measurements(&evidence, 0).unwrap().smoothed_mm_s
     };
-    let (calm, trembling) = (floor_mm_s(0.03), floor_mm_s(0.4));
-    assert!(trembling < 1.6 * calm, "{trembling} mm/s with tremor, {calm} without");
+    let calm = floor_mm_s(0.03, 0.9 * PASSING);
+    for (across, along) in [(0.4, 0.9 * PASSING), (0.03, 5.0 * PASSING)] {
+        let trembling = floor_mm_s(across, along);
+        assert!(trembling < 1.6 * calm, "{trembling} mm/s with tremor, {calm} without");
+    }
+    let calmer = floor_mm_s(0.03, 0.3 * PASSING);
+    assert!(calmer < 0.5 * calm, "what changes less than it might is less noise: {calmer} of {calm} mm/s");
 }
 
 #[test]

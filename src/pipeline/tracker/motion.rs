@@ -11,6 +11,7 @@ use crate::pipeline::filter::kalman::State;
 use crate::pipeline::filter::smoother::{self, Position};
 use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::quality::quantile;
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::trajectory::{Kind, Sample, SampleState};
 
@@ -53,6 +54,16 @@ impl Motion {
         let mut path = Vec::with_capacity(self.runs.iter().map(|run| run.frames.len()).sum());
         self.add_to(&mut path, kind);
         path
+    }
+
+    /// The median standard deviation of the part of a measured depth's error that does not last, mm.
+    pub fn passing_depth_mm(&self) -> Option<f64> {
+        let measured = self.runs.iter().flat_map(|run| run.filter.believed().zip(run.frames.iter()));
+        let passing = measured.filter_map(|(position, frame)| {
+            let (stated, lasting) = (position?.1, frame.pose.as_ref()?.lasting);
+            Some((stated[(2, 2)] - lasting[(2, 2)]).max(0.0).sqrt())
+        });
+        quantile(passing.collect(), 0.5)
     }
 
     /// Each frame's own measurement.

@@ -97,6 +97,9 @@ pub struct ToolQuality {
     pub reasons: BTreeMap<Reason, u64>,
     /// RMS distance of border points from the fitted outline, pixels; `None` when never measured.
     pub border_residual_px: Option<f64>,
+    /// How much of a measured depth can change from frame to frame by errors of measuring: the median standard deviation
+    /// of what is not stated to last, mm; `None` when never measured.
+    pub passing_depth_mm: Option<f64>,
     /// Where it has no position, in order.
     pub gaps: Vec<Gap>,
     /// How far its colour stands apart from what else was marked.

@@ -43,7 +43,8 @@ pub fn rework(
     let (motion, quality) = rework.end();
     let rim = Rim::new(camera, spec.band_length_mm);
     let gaps = gaps::find(&motion.path(Kind::Smoothed), instants, &reasons, &rim);
-    (motion, ToolQuality { tool: spec.name.clone(), border_residual_px, gaps, ..quality })
+    let passing_depth_mm = motion.passing_depth_mm();
+    (motion, ToolQuality { tool: spec.name.clone(), border_residual_px, passing_depth_mm, gaps, ..quality })
 }
 
 /// The pose as the whole session has it; `None` where its axis passes so far beside the fulcrum that its edges were taken for
