@@ -20,6 +20,7 @@ mod starts;
 mod tool;
 mod trace;
 
+pub use motion::STATED_SHARE;
 pub use report::{Absence, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality, ToolReport, Tracking};
 pub use settings::{MotionSettings, PoseMethod, SettingsProblem, Side, ToolSpec, TrackerSettings, View};
 pub use trace::{Fit, FrameTrace, Look, ToolTrace};

@@ -9,7 +9,7 @@
 //! **Without a rest.** The stated covariances would not do: most of what they hold lasts from frame to frame, and makes
 //! no speed. The part that changes is found in the measurements themselves: their third differences, in which a hand's
 //! motion hardly shows (a jerk of 4000 mm/s³ makes 0.26 mm at 25 frames a second), over the slowest quarter of the
-//! session. One such error is then sent through the very filter and smoother, with the gains that the stated covariances
+//! session. One such error is then sent through the very filter and smoother, with the gains that believed covariances
 //! give: the squares of the velocities that it makes, summed, are the variance that all of them make together. Errors of
 //! neighbouring frames are alike ([`ALIKE`]), which differences hide and no filter averages away: the figure makes up for
 //! both. How alike depends on the codec and on the motion, and so the figure holds within a factor of 2.5: true errors of
@@ -21,6 +21,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use super::{Evidence, quantile};
 use crate::pipeline::filter::kalman::State;
 use crate::pipeline::filter::smoother::Run;
+use crate::pipeline::tracker::STATED_SHARE;
 use crate::pipeline::trajectory::{Kind, Sample, SampleState};
 
 /// How long a tip must stay in its place to be at rest, s: half a second at both ends does not count, where the smoother
@@ -133,12 +134,12 @@ pub(super) fn from_measurements(evidence: &Evidence<'_>, tool: usize) -> Option<
     let step_s = quantile(steps.map(|pair| pair[1].time_s - pair[0].time_s).collect(), 0.5)?;
     let sigma = |of: fn(&Sample) -> Option<f64>| quantile(raw.iter().filter_map(of).collect(), 0.5);
     let (lateral, depth) = (sigma(|s| s.sigma_xy_mm)?, sigma(|s| s.sigma_z_mm)?);
-    let stated = Vector3::new(lateral, lateral, depth);
+    let believed = Vector3::new(lateral, lateral, depth) / STATED_SHARE;
     let passing_depth_mm = evidence.tracker.and_then(|tracker| tracker.tools.get(tool)?.passing_depth_mm);
     let noise = without_tremor(changes(&raw, step_s)?, passing_depth_mm, lateral / depth);
     /// What slow filters leave of alike errors, against independent ones.
     const LEFT: f64 = (1.0 + ALIKE) / (1.0 - ALIKE);
-    let speeds = speeds(noise, stated, step_s, evidence.motion.noise_density());
+    let speeds = speeds(noise, believed, step_s, evidence.motion.noise_density());
     let (smoothed_mm_s, causal_mm_s) = (speeds.0 * LEFT.sqrt(), speeds.1 * LEFT.sqrt());
     Some(NoiseFloor { smoothed_mm_s, causal_mm_s: Some(causal_mm_s), basis: Basis::Measurements })
 }
@@ -182,13 +183,13 @@ fn without_tremor(changes_mm: Vector3<f64>, passing_depth_mm: Option<f64>, later
 }
 
 /// The RMS speeds that independent errors of standard deviation `noise_mm` make of a rest, in the smoothed and in the causal
-/// path, mm/s, where the filter believes in errors of `stated_mm`.
-pub(super) fn speeds(noise_mm: Vector3<f64>, stated_mm: Vector3<f64>, step_s: f64, noise_density: f64) -> (f64, f64) {
+/// path, mm/s, where the filter believes in errors of `believed_mm`.
+pub(super) fn speeds(noise_mm: Vector3<f64>, believed_mm: Vector3<f64>, step_s: f64, noise_density: f64) -> (f64, f64) {
     /// Longer than any filter here remembers, to either side of the error.
     const SIDE_S: f64 = 3.0;
     const MOST_STEPS: f64 = 500.0;
     let side = (SIDE_S / step_s).clamp(8.0, MOST_STEPS) as usize;
-    let covariance = Matrix3::from_diagonal(&stated_mm.component_mul(&stated_mm));
+    let covariance = Matrix3::from_diagonal(&believed_mm.component_mul(&believed_mm));
     let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
     let mut run = Run::new(noise_density);
     run.push(0.0, &state, None);

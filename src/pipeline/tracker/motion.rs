@@ -15,6 +15,12 @@ use crate::pipeline::quality::quantile;
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::trajectory::{Kind, Sample, SampleState};
 
+/// The standard deviations that are stated, as a share of those that filter and adjustment reckon with. They do well to
+/// reckon with more than edges usually err by, for some err by far more; stated, it would make all errors seem larger than
+/// they are. Over 32 tools of 19 scenes of three renderers, errors lay within the stated 95 % in 99.1 % of frames without
+/// this, and in 97 to 98 % (raw, causal, smoothed) with it.
+pub const STATED_SHARE: f64 = 0.7;
+
 /// A frame's number and time.
 pub type Instant = (u64, f64);
 
@@ -94,6 +100,7 @@ impl Motion {
     }
 
     fn raw_sample(&self, (tip, covariance): &Position, pose: &PastPose, instant: Instant) -> Sample {
+        let [sigma_xy_mm, sigma_z_mm] = stated_mm(covariance);
         Sample {
             frame: instant.0,
             time_s: instant.1,
@@ -102,8 +109,8 @@ impl Motion {
             velocity_mm_s: None,
             axis: Some(pose.axis),
             tip_px: self.camera.project(CameraPoint(*tip)).map(|p| p.0),
-            sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
-            sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
+            sigma_xy_mm: Some(sigma_xy_mm),
+            sigma_z_mm: Some(sigma_z_mm),
             state: SampleState::Observed,
         }
     }
@@ -194,6 +201,7 @@ pub fn state_sample(
 ) -> Sample {
     let tip = state.tip();
     let covariance = state.tip_covariance() + pose.map_or_else(Matrix3::zeros, |p| p.lasting);
+    let [sigma_xy_mm, sigma_z_mm] = stated_mm(&covariance);
     let by_fulcrum = fulcrum.and_then(|f| (tip - f.at).try_normalize(1e-9));
     Sample {
         frame: instant.0,
@@ -203,8 +211,13 @@ pub fn state_sample(
         velocity_mm_s: Some(state.velocity()),
         axis: by_fulcrum.or(pose.map(|p| p.axis)),
         tip_px: camera.project(CameraPoint(tip)).map(|p| p.0),
-        sigma_xy_mm: Some((0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt()),
-        sigma_z_mm: Some(covariance[(2, 2)].sqrt()),
+        sigma_xy_mm: Some(sigma_xy_mm),
+        sigma_z_mm: Some(sigma_z_mm),
         state: seen,
     }
+}
+
+/// Stated standard deviations across and along the line of sight, mm.
+fn stated_mm(covariance: &Matrix3<f64>) -> [f64; 2] {
+    [0.5 * (covariance[(0, 0)] + covariance[(1, 1)]), covariance[(2, 2)]].map(|variance| STATED_SHARE * variance.sqrt())
 }
