@@ -13,7 +13,7 @@
 //!
 //! | layer | modules | must not name |
 //! |---|---|---|
-//! | 0 base | [`time`] [`ids`] [`shutdown`] | anything of ours |
+//! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] | anything of ours |
 //! | 1 pure | [`pipeline`] [`simulation`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, serde |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
@@ -31,6 +31,7 @@
 //! 8. Time comes from [`time::Clock`] or from the frame. Tests never sleep.
 //! 9. No full-frame copy, colour conversion or remap on the hot path: points are undistorted, pixels are looked up.
 
+pub mod heap;
 pub mod ids;
 pub mod shutdown;
 pub mod time;

@@ -179,6 +179,7 @@ mod tests {
             reasons: vec![],
             border_residual_px: Some(0.2),
             passing_depth_mm: Some(0.3),
+            effective_diameter: Some(([5.02, 0.03], true)),
             gaps: vec![],
             colour: [None, None],
         };

@@ -194,6 +194,7 @@ impl Receipt {
                     && tool.reasons.is_sorted_by(|a, b| a.0 < b.0)
                     && tool.reasons.iter().all(|&(_, n)| n <= frames)
                     && [tool.border_residual_px, tool.passing_depth_mm].into_iter().flatten().all(sensible)
+                    && tool.effective_diameter.is_none_or(|(numbers, _)| numbers.into_iter().all(sensible))
                     && tool.gaps.iter().all(|gap| gap.0 <= gap.1 && gap.1 < frames)
                     && tool.gaps.is_sorted_by(|a, b| a.1 < b.0)
                     && tool.colour.iter().flatten().all(|margin| {

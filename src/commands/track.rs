@@ -22,6 +22,7 @@ use crate::domain::files::annotations::{self, AnnotationsFile, LabelledRectangle
 use crate::domain::files::camera::CameraFile;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::files::trajectory::write_csv;
+use crate::heap;
 use crate::media::{Limits, MediaError, Picture, ReadAhead, VideoFile};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::quality::{self, Evidence};
@@ -78,6 +79,7 @@ enum Pose {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<(), Failure> {
+    heap::share_one().context("keeping to one heap")?;
     let mut clock = StageClock::start();
     let mut pictures = DebugPictures::open(&args.debug)?;
     let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
@@ -86,6 +88,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let marks = Marks::new(&marked, &args.annotations, &args.video);
     let Followed { tracking, frames_expected, frames_interlaced, .. } =
         track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
+    heap::give_back(); // the paths need the memory now
     let kind = match (args.raw, args.causal) {
         (true, _) => Kind::Raw,
         (_, true) => Kind::Filtered,

@@ -10,6 +10,7 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
 
 use super::{MediaError, Picture, VideoFile};
+use crate::heap;
 
 /// Pictures that wait to be looked at. They take the edge off frames that are slow to decode or to look at; each takes
 /// 3 MB at 1080p.
@@ -132,16 +133,7 @@ impl ReadAhead {
         {
             resume_unwind(panic);
         }
-        give_back_free_memory();
-    }
-}
-
-/// The C library keeps what the decoder freed, which at 1080p is as much as an hour of two tools' motion needs.
-fn give_back_free_memory() {
-    #[cfg(target_env = "gnu")]
-    // SAFETY: a plain call with a plain number; the C library locks its heaps itself.
-    unsafe {
-        libc::malloc_trim(0);
+        heap::give_back();
     }
 }
 

@@ -21,7 +21,10 @@ mod tool;
 mod trace;
 
 pub use motion::STATED_SHARE;
-pub use report::{Absence, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality, ToolReport, Tracking};
+pub use report::{
+    Absence, DiameterBasis, EffectiveDiameter, FrameReport, Gap, LightSample, Observation, Quality, ToolQuality,
+    ToolReport, Tracking,
+};
 pub use settings::{MotionSettings, PoseMethod, SettingsProblem, Side, ToolSpec, TrackerSettings, View};
 pub use trace::{Fit, FrameTrace, Look, ToolTrace};
 

@@ -11,6 +11,7 @@ use rustix::thread::set_no_new_privs;
 use super::budget::LandlockPolicy;
 use super::footprint;
 use super::syscalls;
+use crate::heap;
 
 /// Newest Landlock interface whose rights were read and understood; older kernels enforce the part they know.
 const LANDLOCK: ABI = ABI::V6;
@@ -97,7 +98,7 @@ impl Confinement {
     }
 
     fn limit_resources(&self) -> Result<(), ConfinementError> {
-        one_heap()?;
+        heap::share_one().map_err(system("keeping to one heap"))?;
         let own = footprint::bytes("self", "VmSize").map_err(system("reading the process's own size"))?;
         limit(Resource::As, own + self.memory_bytes, own + self.memory_bytes)?;
         limit(Resource::Cpu, self.cpu_s, self.cpu_s + 5)?; // first SIGXCPU, which names the reason
@@ -127,14 +128,6 @@ impl Confinement {
         }
         Ok(enforced)
     }
-}
-
-/// The C library would reserve 64 MiB of address space for each thread, and the limit counts address space.
-fn one_heap() -> Result<(), ConfinementError> {
-    // SAFETY: a plain call with plain numbers, made while this process has one thread.
-    let accepted = unsafe { libc::mallopt(libc::M_ARENA_MAX, 1) } == 1;
-    let refused = || system("keeping to one heap")(io::Error::other("the C library refuses"));
-    if accepted { Ok(()) } else { Err(refused()) }
 }
 
 fn limit(resource: Resource, soft: u64, hard: u64) -> Result<(), ConfinementError> {

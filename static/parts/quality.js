@@ -50,7 +50,7 @@ function Tool({ tool }) {
 
 /** What is known of a tool besides its shares; shares of nothing are left out, as are gaps of one that was always seen. */
 function figures(tool, all) {
-  const noise = tool.noise_floor;
+  const { noise_floor: noise, effective_diameter: diameter } = tool;
   return {
     left_view_share: tool.left_view_share > 0 && percent(tool.left_view_share),
     lost_share: tool.lost_share > 0 && percent(tool.lost_share),
@@ -58,5 +58,6 @@ function figures(tool, all) {
     noise_floor: noise && words.noise(number(noise.smoothed_mm_s), noise.causal_mm_s && number(noise.causal_mm_s)),
     error_median_mm: Number.isFinite(tool.error_median_mm) &&
       words.error(number(tool.error_median_mm), number(tool.error_p95_mm)),
+    effective_diameter: diameter && words.diameter(diameter.mm.toFixed(2), diameter.sigma_mm.toFixed(2), diameter.basis),
   };
 }

@@ -252,9 +252,12 @@ export default {
       longest_gap_s: 'Longest gap',
       noise_floor: 'Noise floor',
       error_median_mm: 'Error stated',
+      effective_diameter: 'Tape seems',
     },
     noise: (smoothed, causal) => `${smoothed} mm/s${causal ? `, live ${causal} mm/s` : ''}`,
     error: (median, most) => `σ ${median} mm, on 95 % of the frames at most ${most} mm`,
+    diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm wide, ${
+      basis === 'session' ? 'as this session’s own poses agree' : 'its own width: too few poses to tell'}`,
     why: 'Why it was not observed',
     shares: (o, p, m) => `${o} observed, ${p} predicted, ${m} not seen`,
     reasons: {

@@ -33,6 +33,7 @@ const ROOMS: &[Room] = &[
     Room { name: "time", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
     Room { name: "ids", layer: 0, banned: &["axum", "ffmpeg_next"] },
     Room { name: "shutdown", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next"] },
+    Room { name: "heap", layer: 0, banned: &["axum", "sqlx", "ffmpeg_next", "tokio"] },
     Room { name: "pipeline", layer: 1, banned: PURE },
     Room { name: "simulation", layer: 1, banned: PURE },
     Room { name: "domain", layer: 2, banned: DOMAIN },

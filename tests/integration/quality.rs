@@ -5,7 +5,7 @@ use trocar::pipeline::frame::{Frame, Plane};
 use trocar::pipeline::quality::{Basis, Cause, Evidence, Figures, Severity, Verdict, judge, measure};
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use trocar::pipeline::space::CameraPoint;
-use trocar::pipeline::tracker::{MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
+use trocar::pipeline::tracker::{DiameterBasis, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
 use trocar::pipeline::trajectory::Kind;
 use trocar::simulation::random::Dice;
 use trocar::simulation::render::{Rendered, Renderer};
@@ -111,6 +111,9 @@ fn a_clean_clip_is_valid_and_both_ways_to_its_noise_floor_agree() {
     let rest = Rest::of(90);
     let tracking = rest.track();
     assert_eq!(judged(&tracking), Verdict::Valid);
+    let seems = figures(&tracking).tools[0].effective_diameter.unwrap();
+    assert_eq!(seems.basis, DiameterBasis::Usual, "a tool that does not turn tells nothing of its borders");
+    assert_eq!(seems.mm, rest.world.tools[0].design.diameter_mm);
     let measured = figures(&tracking).tools[0].noise_floor.unwrap();
     let mut smoothed = tracking.trajectory(Kind::Smoothed);
     let speeds = smoothed.samples[13..77].iter().map(|s| s.velocity_mm_s.unwrap().norm_squared());

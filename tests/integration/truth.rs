@@ -7,7 +7,7 @@ use trocar::pipeline::camera::Camera;
 use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
 use trocar::pipeline::frame::Frame;
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
-use trocar::pipeline::tracker::{ToolSpec, Tracker, TrackerSettings, Tracking, View as TrackerView};
+use trocar::pipeline::tracker::{DiameterBasis, ToolSpec, Tracker, TrackerSettings, Tracking, View as TrackerView};
 use trocar::pipeline::trajectory::Kind;
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{Scenario, Setup, Skill, View, World, marks, truth};
@@ -145,6 +145,20 @@ fn a_spoiled_calibration_makes_the_measured_error_worse() {
     for (what, error) in spoiled {
         eprintln!("{what}: {error:.2} mm instead of {good:.2}");
         assert!(error > 1.5 * good, "{what}: {error} mm, but {good} mm with the true camera");
+    }
+}
+
+#[test]
+fn a_session_tells_how_wide_its_tape_seems() {
+    let recording = Recording::of(Scenario::Pegs);
+    let tracking = recording.track(recording.world.rig.camera);
+    let seems: Vec<_> = tracking.quality.tools.iter().map(|tool| tool.effective_diameter.unwrap()).collect();
+    eprintln!("{seems:?}");
+    assert!(seems.iter().any(|tool| tool.basis == DiameterBasis::Session), "one of them turned enough: {seems:?}");
+    for (seems, spec) in seems.iter().zip(tools(&recording.world)) {
+        assert!((seems.mm - spec.diameter_mm).abs() < 3.0 * seems.sigma_mm, "{seems:?} of {} mm", spec.diameter_mm);
+        let is_own = seems.mm == spec.diameter_mm;
+        assert_eq!(is_own, seems.basis == DiameterBasis::Usual, "{seems:?}: the basis is another");
     }
 }
 

@@ -5,6 +5,7 @@ use super::preview::Preview;
 use super::reporter::Reporter;
 use super::{Halt, explain};
 use crate::analysis::protocol::{Answer, KindShape, PathRow, QualityShape, SeenRow, TrackWork};
+use crate::heap;
 use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::tracker::{MOST_REHEARSED, Quality, Tracker, TrackerSettings, Tracking};
@@ -31,8 +32,10 @@ pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) ->
         reporter.frame(frame.time_s, report.tools.iter().map(|tool| SeenRow::new(frame.index, tool)))?;
     }
     reporter.frames_end()?;
-    drop(pictures); // the paths need the memory now
-    tell(&tracker.finish(), frames_interlaced, reporter)?;
+    drop(pictures);
+    let tracking = tracker.finish();
+    heap::give_back(); // the paths need the memory now
+    tell(&tracking, frames_interlaced, reporter)?;
     Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
 }
 

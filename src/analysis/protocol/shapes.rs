@@ -9,7 +9,9 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::palette::{Apart, Margin};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, Rectangle};
-use crate::pipeline::tracker::{Absence, Gap, LightSample, Quality, Side, ToolQuality, ToolSpec, View};
+use crate::pipeline::tracker::{
+    Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, Quality, Side, ToolQuality, ToolSpec, View,
+};
 
 /// [`Camera`]: `width height` and `fx fy cx cy k1 k2 p1 p2 k3`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -236,6 +238,8 @@ pub struct ToolQualityShape {
     pub border_residual_px: Option<f64>,
     /// What passes in a measured depth, mm.
     pub passing_depth_mm: Option<f64>,
+    /// The diameter that its tape seems to have and its standard deviation, mm, and whether the session tells.
+    pub effective_diameter: Option<([f64; 2], bool)>,
     /// First and last frame of each gap, and why it was lost; `None`: it had left the view.
     pub gaps: Vec<(u64, u64, Option<ReasonShape>)>,
     /// How far its colour is from the other tools' and from what is no tool.
@@ -272,6 +276,7 @@ impl QualityShape {
             reasons: t.reasons.iter().map(|(&reason, &n)| (reason.into(), n)).collect(),
             border_residual_px: t.border_residual_px,
             passing_depth_mm: t.passing_depth_mm,
+            effective_diameter: t.effective_diameter.map(|d| ([d.mm, d.sigma_mm], d.basis == DiameterBasis::Session)),
             gaps: t.gaps.iter().map(gap_shape).collect(),
             colour: [&t.colour.from_tools, &t.colour.from_background].map(|m| m.as_ref().map(Into::into)),
         };
@@ -311,6 +316,10 @@ impl QualityShape {
                 reasons: shape.reasons.iter().map(|&(reason, n)| (reason.into(), n)).collect(),
                 border_residual_px: shape.border_residual_px,
                 passing_depth_mm: shape.passing_depth_mm,
+                effective_diameter: shape.effective_diameter.map(|([mm, sigma_mm], of_session)| {
+                    let basis = if of_session { DiameterBasis::Session } else { DiameterBasis::Usual };
+                    EffectiveDiameter { mm, sigma_mm, basis }
+                }),
                 gaps: shape.gaps.iter().map(gap).collect(),
                 colour: Apart { from_tools, from_background },
             }

@@ -125,6 +125,7 @@ fn tool() -> ToolQualityShape {
         reasons,
         border_residual_px: None,
         passing_depth_mm: None,
+        effective_diameter: None,
         gaps,
         colour,
     }

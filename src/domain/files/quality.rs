@@ -8,7 +8,7 @@ use utoipa::ToSchema;
 
 use crate::pipeline::quality::{Concern, Figures, NoiseFloor, SessionFigures, ToolFigures, Verdict};
 use crate::pipeline::reason::Reason;
-use crate::pipeline::tracker::{Quality, ToolQuality};
+use crate::pipeline::tracker::{EffectiveDiameter, Quality, ToolQuality};
 
 /// How a session was seen. Shares are 0 to 1; `null` where it is not known.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
@@ -104,6 +104,8 @@ pub struct ToolDocument {
     pub longest_gap_s: Option<f64>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
+    /// The diameter that its tape seems to have, by which width becomes depth.
+    pub effective_diameter: Option<DiameterDocument>,
     /// Share of measurements that contradict its motion.
     pub rejected_share: Option<f64>,
     /// Speed that it would seem to have at rest.
@@ -116,6 +118,17 @@ pub struct ToolDocument {
     pub colour_to_background_steps: Option<f64>,
     /// The same for another tool's tape.
     pub colour_to_tools_steps: Option<f64>,
+}
+
+/// The diameter that a tape seems to have: blur, light and compression move its borders.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct DiameterDocument {
+    /// Diameter, mm.
+    pub mm: f64,
+    /// Its standard deviation, mm.
+    pub sigma_mm: f64,
+    /// `session`: the session's own poses tell; `usual`: they were too few or too alike, and its own diameter is believed.
+    pub basis: &'static str,
 }
 
 /// Speed that a resting tool would seem to have.
@@ -182,6 +195,12 @@ impl From<NoiseFloor> for NoiseDocument {
     }
 }
 
+impl From<EffectiveDiameter> for DiameterDocument {
+    fn from(EffectiveDiameter { mm, sigma_mm, basis }: EffectiveDiameter) -> Self {
+        Self { mm, sigma_mm, basis: basis.name() }
+    }
+}
+
 fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
     ToolDocument {
         tool: figures.tool.clone(),
@@ -198,6 +217,7 @@ fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
         lost_frames: by_name(&figures.lost_frames),
         longest_gap_s: figures.longest_gap_s,
         border_residual_px: figures.border_residual_px,
+        effective_diameter: figures.effective_diameter.map(DiameterDocument::from),
         rejected_share: figures.rejected_share,
         noise_floor: figures.noise_floor.map(NoiseDocument::from),
         error_median_mm: figures.error_bar.map(|bar| bar.median_mm),

@@ -12,7 +12,7 @@ use super::motion_model;
 /// Instants from one kept state to the next: a run of an hour keeps as many states as a block has.
 const BLOCK: usize = 300;
 
-/// A measured position, mm, and its covariance, mm².
+/// A measured position, mm, and its covariance, mm², the same on both sides of its diagonal.
 pub type Position = (Point3<f64>, Matrix3<f64>);
 
 /// One unbroken run of the filter.
@@ -32,7 +32,27 @@ struct Block {
 #[derive(Clone, Copy, Debug)]
 struct Instant {
     time_s: f64,
-    believed: Option<Position>,
+    believed: Option<Believed>,
+}
+
+/// A [`Position`], one half of the covariance left out.
+#[derive(Clone, Copy, Debug)]
+struct Believed {
+    tip: Point3<f64>,
+    /// Row by row up to the diagonal.
+    covariance: [f64; 6],
+}
+
+impl From<Position> for Believed {
+    fn from((tip, c): Position) -> Self {
+        Self { tip, covariance: [c[(0, 0)], c[(1, 0)], c[(1, 1)], c[(2, 0)], c[(2, 1)], c[(2, 2)]] }
+    }
+}
+
+impl From<Believed> for Position {
+    fn from(Believed { tip, covariance: [xx, yx, yy, zx, zy, zz] }: Believed) -> Self {
+        (tip, Matrix3::new(xx, yx, zx, yx, yy, zy, zx, zy, zz))
+    }
 }
 
 impl Run {
@@ -43,7 +63,7 @@ impl Run {
 
     /// Takes the next instant: the filter's state there, and the measurement that it believed, if there was one.
     pub fn push(&mut self, time_s: f64, state: &State, believed: Option<Position>) {
-        let instant = Instant { time_s, believed };
+        let instant = Instant { time_s, believed: believed.map(Believed::from) };
         match self.blocks.last_mut().filter(|block| block.instants.len() < BLOCK) {
             Some(block) => block.instants.push(instant),
             None => self.blocks.push(Block { first: *state, instants: vec![instant] }),
@@ -51,8 +71,8 @@ impl Run {
     }
 
     /// The measurements that it believed; `None` where there was none.
-    pub fn believed(&self) -> impl Iterator<Item = Option<&Position>> {
-        self.blocks.iter().flat_map(|block| &block.instants).map(|instant| instant.believed.as_ref())
+    pub fn believed(&self) -> impl Iterator<Item = Option<Position>> {
+        self.blocks.iter().flat_map(|block| &block.instants).map(|instant| instant.believed.map(Position::from))
     }
 
     /// What the filter knew at each instant.
@@ -82,7 +102,8 @@ impl Block {
         let mut states = vec![self.first];
         for pair in self.instants.windows(2) {
             let predicted = states[states.len() - 1].predicted(pair[1].time_s - pair[0].time_s, noise_density);
-            states.push(pair[1].believed.map_or(predicted, |(tip, covariance)| predicted.updated(tip, covariance)));
+            let believed = pair[1].believed.map(Position::from);
+            states.push(believed.map_or(predicted, |(tip, covariance)| predicted.updated(tip, covariance)));
         }
         states
     }

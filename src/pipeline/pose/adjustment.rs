@@ -141,6 +141,11 @@ impl Adjustment {
         (matrix, right)
     }
 
+    /// How far outwards both borders lie, pixels, and its standard deviation.
+    pub fn border_offset_px(&self) -> (f64, f64) {
+        (self.offsets[0], self.covariance[(3, 3)].sqrt())
+    }
+
     fn go(&mut self, step: &SharedVector) {
         self.fulcrum.at += step.fixed_rows::<3>(0);
         self.fulcrum.covariance = self.covariance.fixed_view::<3, 3>(0, 0).into_owned();

@@ -41,9 +41,10 @@ pub struct TubeEstimate {
 }
 
 impl TubeEstimate {
-    /// Covariance of the tip, mm².
+    /// Covariance of the tip, mm², the same on both sides of its diagonal.
     pub fn tip_covariance(&self) -> Matrix3<f64> {
-        self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+        let tip = self.covariance.fixed_view::<3, 3>(0, 0);
+        (tip + tip.transpose()) * 0.5
     }
 
     /// The pose as its edges alone have it, without the fulcrum that it may have been kept to.

@@ -6,7 +6,7 @@ use super::noise_floor::{self, NoiseFloor};
 use super::{Evidence, Shown, quantile};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::palette::Apart;
-use crate::pipeline::tracker::{Absence, ToolQuality};
+use crate::pipeline::tracker::{Absence, EffectiveDiameter, ToolQuality};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
 /// How one tool was seen. Shares are 0 to 1; `None` where the evidence does not tell.
@@ -34,6 +34,8 @@ pub struct ToolFigures {
     pub longest_gap_s: Option<f64>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
+    /// The diameter that its tape seems to have.
+    pub effective_diameter: Option<EffectiveDiameter>,
     /// Measurements that contradict the tool's motion, as a share of all measurements.
     pub rejected_share: Option<f64>,
     /// What a resting tool would seem to move.
@@ -76,6 +78,7 @@ pub(super) fn measure(evidence: &Evidence<'_>, index: usize, shown: Option<Shown
         lost_frames: gaps.map(|gaps| gaps.lost).unwrap_or_default(),
         longest_gap_s: shown.map(|shown| longest_gap_s(&seen, shown)),
         border_residual_px: tracker.and_then(|tool| tool.border_residual_px),
+        effective_diameter: tracker.and_then(|tool| tool.effective_diameter),
         rejected_share: tracker.and_then(|tool| {
             let rejected = tool.reasons.get(&Reason::GateRejected).copied().unwrap_or(0);
             share(rejected, rejected + observed)

@@ -100,10 +100,43 @@ pub struct ToolQuality {
     /// How much of a measured depth can change from frame to frame by errors of measuring: the median standard deviation
     /// of what is not stated to last, mm; `None` when never measured.
     pub passing_depth_mm: Option<f64>,
+    /// The diameter that its tape seems to have; `None` when never measured.
+    pub effective_diameter: Option<EffectiveDiameter>,
     /// Where it has no position, in order.
     pub gaps: Vec<Gap>,
     /// How far its colour stands apart from what else was marked.
     pub colour: Apart,
+}
+
+/// The diameter that a tape seems to have in a recording: its own, and twice what lens, light and compression move its
+/// borders outwards, at the depth where it was half of the time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EffectiveDiameter {
+    /// Diameter, mm.
+    pub mm: f64,
+    /// Its standard deviation, mm.
+    pub sigma_mm: f64,
+    /// What it is known from.
+    pub basis: DiameterBasis,
+}
+
+/// What an effective diameter is known from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DiameterBasis {
+    /// The session's poses agree on it: they share a fulcrum and the band's length.
+    Session,
+    /// They were too few, or turned too little: the tube's own diameter, as sure as borders usually are.
+    Usual,
+}
+
+impl DiameterBasis {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            DiameterBasis::Session => "session",
+            DiameterBasis::Usual => "usual",
+        }
+    }
 }
 
 /// How a whole recording fared.

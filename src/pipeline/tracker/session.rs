@@ -7,12 +7,13 @@ use super::blocks::Blocks;
 use super::gaps::{self, Rim};
 use super::motion::{Instant, Motion, Run};
 use super::record::Record;
-use super::report::ToolQuality;
+use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
 use super::tool;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::identity::{Thread, ThreadSettings};
 use crate::pipeline::pose::adjustment::{self, Adjustment};
+use crate::pipeline::pose::evidence::SHARED_OFFSETS_PX;
 use crate::pipeline::pose::fulcrum;
 use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
@@ -43,8 +44,25 @@ pub fn rework(
     let (motion, quality) = rework.end();
     let rim = Rim::new(camera, spec.band_length_mm);
     let gaps = gaps::find(&motion.path(Kind::Smoothed), instants, &reasons, &rim);
-    let passing_depth_mm = motion.passing_depth_mm();
-    (motion, ToolQuality { tool: spec.name.clone(), border_residual_px, passing_depth_mm, gaps, ..quality })
+    let quality = ToolQuality {
+        tool: spec.name.clone(),
+        border_residual_px,
+        passing_depth_mm: motion.passing_depth_mm(),
+        effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec.diameter_mm),
+        gaps,
+        ..quality
+    };
+    (motion, quality)
+}
+
+fn effective_diameter(motion: &Motion, adjustment: Option<&Adjustment>, own_mm: f64) -> Option<EffectiveDiameter> {
+    let mm_per_px = motion.median_depth_mm()? / motion.camera.fx;
+    let (px, sigma_px, basis) = match adjustment.map(Adjustment::border_offset_px) {
+        Some((px, sigma_px)) => (px, sigma_px, DiameterBasis::Session),
+        None => (0.0, SHARED_OFFSETS_PX[0], DiameterBasis::Usual),
+    };
+    let twice = 2.0 * mm_per_px;
+    Some(EffectiveDiameter { mm: own_mm + twice * px, sigma_mm: twice * sigma_px, basis })
 }
 
 /// The pose as the whole session has it; `None` where its axis passes so far beside the fulcrum that its edges were taken for
