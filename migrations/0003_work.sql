@@ -8,7 +8,7 @@ CREATE TABLE session (
     box_id         TEXT NOT NULL REFERENCES training_box (id) ON DELETE RESTRICT, -- where
     filename       TEXT NOT NULL CHECK (length(filename) BETWEEN 1 AND 255), -- the recording's name as it was sent
     media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- the recording's type, as video/mp4
-    video          TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,  -- the recording
+    video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
     recorded_at_ms INTEGER NOT NULL,                                         -- when it was recorded, epoch ms
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when it was whole here, epoch ms
     UNIQUE (trainee_id, task_id, box_id, video)
@@ -130,7 +130,7 @@ CREATE UNIQUE INDEX feature_once ON feature (result_id, name, coalesce(tool, '')
 
 -- Every reference to a blob: what is not here may be forgotten.
 CREATE VIEW blob_reference (hash) AS
-    SELECT video FROM session
+    SELECT video FROM session WHERE video IS NOT NULL
     UNION ALL SELECT blob FROM job_file
     UNION ALL SELECT trajectory FROM result
     UNION ALL SELECT diagnostics FROM result

@@ -71,6 +71,8 @@ ids! {
     SessionId;
     /// What one version of the program made of a session.
     ResultId;
+    /// A recording that arrives frame by frame; its sender makes the id.
+    FeedId;
     /// A resumable upload.
     UploadId;
     /// A piece of work in the queue.

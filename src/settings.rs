@@ -21,6 +21,7 @@ use toml::{Table, Value};
 use crate::analysis::AnalysisSettings;
 use crate::http::settings::HttpSettings;
 use crate::intake::UploadSettings;
+use crate::live::LiveSettings;
 use crate::queue::QueueSettings;
 use crate::store::StoreSettings;
 
@@ -44,6 +45,8 @@ pub struct Settings {
     pub analysis: AnalysisSettings,
     /// Recordings that arrive.
     pub uploads: UploadSettings,
+    /// Recordings that arrive frame by frame.
+    pub live: LiveSettings,
     /// Clearing up behind the work.
     pub upkeep: UpkeepSettings,
 }
@@ -68,6 +71,7 @@ impl Default for Settings {
             http: HttpSettings::default(),
             analysis: AnalysisSettings::default(),
             uploads: UploadSettings::default(),
+            live: LiveSettings::default(),
             upkeep: UpkeepSettings::default(),
         }
     }

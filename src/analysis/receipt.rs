@@ -4,6 +4,7 @@
 //! are checked here; what is accepted can be stored and shown.
 
 use super::protocol::{self, Answer, CalibrationShape, KindShape, PaletteShape, PathRow, QualityShape, SeenRow, Work};
+use crate::domain::feed::MOST_FRAMES;
 use crate::domain::palette::PaletteReport;
 use crate::domain::problem::Problem;
 use crate::media::Limits;
@@ -49,6 +50,8 @@ pub struct Heard {
     pub palette_report: Option<PaletteReport>,
     /// A calibration.
     pub calibration: Option<CalibrationShape>,
+    /// Frames in a recording that was put together, and how many were left out.
+    pub assembled: Option<[u64; 2]>,
     /// Why the work cannot be done.
     pub(super) problem: Option<Problem>,
     /// It said that it was done.
@@ -69,6 +72,7 @@ enum Kind {
     Track,
     Palette,
     Calibrate,
+    Assemble,
 }
 
 /// How far a child has come, 0..1, if that can be known.
@@ -82,6 +86,7 @@ impl Receipt {
             Work::Track(track) => (Kind::Track, track.tools.len()),
             Work::Palette(_) => (Kind::Palette, 0),
             Work::Calibrate(_) => (Kind::Calibrate, 0),
+            Work::Assemble(_) => (Kind::Assemble, 0),
         };
         Self { work, tools, limits, heard: Heard::default() }
     }
@@ -117,6 +122,13 @@ impl Receipt {
             Answer::Calibration(calibration) => {
                 self.only(&[Kind::Calibrate])?;
                 once(&mut self.heard.calibration, calibration, "calibration")?;
+            }
+            Answer::Assembled { frames, left_out } => {
+                self.only(&[Kind::Assemble])?;
+                if frames == 0 || frames.max(left_out) > MOST_FRAMES {
+                    return Err("a recording of an impossible number of frames".into());
+                }
+                once(&mut self.heard.assembled, [frames, left_out], "recording")?;
             }
             Answer::Problem(problem) => self.heard.problem = Some(presentable(problem)?),
             Answer::Done => self.heard.done = true,

@@ -272,7 +272,7 @@ fn run(
 fn tool_names(work: &Work) -> Vec<String> {
     match work {
         Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
-        Work::Probe | Work::Palette(_) | Work::Calibrate(_) => Vec::new(),
+        Work::Probe | Work::Palette(_) | Work::Calibrate(_) | Work::Assemble(_) => Vec::new(),
     }
 }
 

@@ -28,6 +28,7 @@ use crate::http::auth::throttle::Throttle;
 use crate::http::state::{App, Parts};
 use crate::http::{router, server};
 use crate::intake::Intake;
+use crate::live::{self, Feeds, OpenFeeds};
 use crate::queue::Queue;
 use crate::sandbox;
 use crate::settings::{Flags, Settings, UpkeepSettings};
@@ -189,6 +190,18 @@ pub async fn start(settings: Settings, clock: SharedClock, password: &Password) 
     let shutdown = Shutdown::new();
     let rooms = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
     let intake = Intake::new(rooms.0, rooms.1, clock.clone(), shutdown.clone(), settings.uploads.clone());
+    let feeds = Feeds::new(live::Parts {
+        store: store.clone(),
+        vault: vault.clone(),
+        queue: queue.clone(),
+        events: events.clone(),
+        clock: clock.clone(),
+        shutdown: shutdown.clone(),
+        settings: settings.live.clone(),
+        analysis: settings.analysis.clone(),
+        program: Workshop::this_program(),
+        open: OpenFeeds::default(),
+    });
     let parts = Parts {
         throttle: Throttle::new(settings.http.attempts_per_min, clock.clone()),
         streams: Arc::new(Semaphore::new(settings.http.max_event_streams)),
@@ -198,6 +211,8 @@ pub async fn start(settings: Settings, clock: SharedClock, password: &Password) 
         store,
         vault,
         intake,
+        feeds,
+        feed_places: Arc::new(Semaphore::new(settings.live.max_feeds)),
         queue,
         events,
         clock,
@@ -227,6 +242,8 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
 fn keep_up(app: &App, settings: &UpkeepSettings) {
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
+    let feeds = app.feeds.clone();
+    app.shutdown.spawn(async move { feeds.keep().await });
     let (app, every) = (app.clone(), Duration::from_secs(settings.collect_s.max(1)));
     let stop = app.shutdown.clone();
     stop.clone().spawn(async move { upkeep::keep(&app.store, &app.vault, every, app.clock.clone(), &stop).await });

@@ -13,6 +13,7 @@
 //! | [`palette`] | a version of a box's colour samples |
 //! | [`blob`] | files by their content |
 //! | [`job`] | kinds and states of work, and what it is about |
+//! | [`feed`] | frames that arrive while they are recorded: records, words, numbers |
 //! | [`session`] | states of a recording, versions and features of its result |
 //! | [`problem`] | why something did not work, for people |
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, truth |
@@ -20,6 +21,7 @@
 pub mod blob;
 pub mod boxes;
 pub mod calibration;
+pub mod feed;
 pub mod files;
 pub mod job;
 pub mod palette;

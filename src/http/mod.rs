@@ -20,6 +20,7 @@ pub mod dashboard;
 pub mod docs;
 pub mod error;
 pub mod events;
+mod feed;
 pub mod file;
 pub mod groups;
 pub mod health;

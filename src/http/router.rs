@@ -11,7 +11,9 @@ use utoipa_axum::routes;
 use super::auth::{origin, sign_in};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
-use super::{boxes, dashboard, docs, events, groups, health, jobs, observe, people, protect, sessions, tasks, tokens};
+use super::{
+    boxes, dashboard, docs, events, feed, groups, health, jobs, observe, people, protect, sessions, tasks, tokens,
+};
 use super::{error, openapi, trainees, uploads};
 
 /// The interface under `/api/v1`.
@@ -33,6 +35,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(boxes::camera, boxes::put_camera))
         .routes(routes!(boxes::calibrations, boxes::calibrate))
         .routes(routes!(boxes::palette, boxes::put_palette))
+        .routes(routes!(feed::feed))
         .routes(routes!(trainees::list, trainees::create))
         .routes(routes!(trainees::get, trainees::change, trainees::erase))
         .routes(routes!(trainees::progress))

@@ -5,6 +5,7 @@
 
 use std::convert::Infallible;
 use std::net::SocketAddr;
+use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,12 +15,13 @@ use axum::body::Body;
 use axum::extract::{ConnectInfo, Request};
 use axum::response::Response;
 use hyper::body::Incoming;
-use hyper::server::conn::http1;
+use hyper::server::conn::http1::{self, UpgradeableConnection};
+use hyper::service::HttpService;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::graceful::GracefulShutdown;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
+use tokio_util::task::TaskTracker;
 use tower::ServiceExt;
 
 use super::settings::HttpSettings;
@@ -33,25 +35,55 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Serves until `stop`, then lets the open requests end.
 pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSettings, stop: &Shutdown) {
     let places = Arc::new(Semaphore::new(settings.max_connections));
-    let open = GracefulShutdown::new();
+    let open = TaskTracker::new();
     while let Some((stream, peer, place)) = next_connection(&listener, &places, stop).await {
         let stream = StallGuard::new(stream, settings.write_timeout());
         let answer = answer_with(routes.clone(), peer);
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(settings.head_timeout())
-            .serve_connection(TokioIo::new(stream), service_fn(answer));
-        let connection = open.watch(connection);
-        tokio::spawn(async move {
-            if let Err(error) = connection.await {
+            .serve_connection(TokioIo::new(stream), service_fn(answer))
+            .with_upgrades();
+        let ending = stop.begun();
+        open.spawn(async move {
+            if let Err(error) = until_end(connection, ending).await {
                 tracing::debug!(%peer, %error, "connection ended early");
             }
             drop(place);
         });
     }
     drop(listener);
-    if tokio::time::timeout(LAST_REQUESTS, open.shutdown()).await.is_err() {
+    open.close();
+    if tokio::time::timeout(LAST_REQUESTS, open.wait()).await.is_err() {
         tracing::warn!("some requests did not end in time and are cut");
+    }
+}
+
+/// Answers a connection's requests; once the service ends, only the one that is open.
+async fn until_end(
+    connection: impl Future<Output = hyper::Result<()>> + Graceful,
+    ending: impl Future<Output = ()>,
+) -> hyper::Result<()> {
+    let mut connection = pin!(connection);
+    tokio::select! {
+        ended = connection.as_mut() => return ended,
+        () = ending => connection.as_mut().last_request(),
+    }
+    connection.await
+}
+
+/// A connection that can be told to take no further request.
+trait Graceful {
+    fn last_request(self: Pin<&mut Self>);
+}
+
+impl<I, S> Graceful for UpgradeableConnection<I, S>
+where
+    S: HttpService<Incoming, ResBody = Body, Error: Into<Box<dyn std::error::Error + Send + Sync>>>,
+    I: hyper::rt::Read + hyper::rt::Write + Unpin + Send + 'static,
+{
+    fn last_request(self: Pin<&mut Self>) {
+        self.graceful_shutdown();
     }
 }
 

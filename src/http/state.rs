@@ -10,6 +10,7 @@ use super::auth::throttle::Throttle;
 use super::settings::HttpSettings;
 use crate::events::Events;
 use crate::intake::Intake;
+use crate::live::Feeds;
 use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::store::Store;
@@ -40,6 +41,10 @@ pub struct Parts {
     pub settings: HttpSettings,
     /// Attempts to sign in.
     pub throttle: Throttle,
+    /// Recordings arriving frame by frame.
+    pub feeds: Feeds,
+    /// Places for their connections.
+    pub feed_places: Arc<Semaphore>,
     /// Places for event streams.
     pub streams: Arc<Semaphore>,
     /// Numbers for the people who run the service.

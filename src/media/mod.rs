@@ -13,6 +13,7 @@ mod encode;
 mod fields;
 mod file;
 mod limits;
+mod mux;
 pub mod photo;
 mod picture;
 mod picture_maker;
@@ -23,6 +24,7 @@ pub use ahead::ReadAhead;
 pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use file::{RecordingInfo, VideoFile};
 pub use limits::Limits;
+pub use mux::{CodedFrame, MuxError, Muxer, Stream};
 pub use picture::Picture;
 
 /// Why a recording cannot be read, or not further.

@@ -28,6 +28,8 @@ pub struct Budget {
     pub record_bytes: usize,
     /// All records together, bytes.
     pub output_bytes: u64,
+    /// Length that its output file may grow to, bytes; 0 where it has none.
+    pub file_bytes: u64,
     /// What to do without Landlock.
     pub landlock: LandlockPolicy,
 }
@@ -41,6 +43,7 @@ impl Default for Budget {
             silence: Duration::from_secs(60),
             record_bytes: 4 << 20,
             output_bytes: 512 << 20,
+            file_bytes: 0,
             landlock: LandlockPolicy::default(),
         }
     }

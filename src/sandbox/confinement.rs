@@ -25,6 +25,8 @@ pub(super) struct Confinement {
     pub(super) memory_bytes: u64,
     /// Processor time, s.
     pub(super) cpu_s: u64,
+    /// Length that a file may grow to, bytes; 0 where it has none to write.
+    pub(super) file_bytes: u64,
     /// What to do without Landlock.
     pub(super) landlock: LandlockPolicy,
 }
@@ -102,7 +104,8 @@ impl Confinement {
         let own = footprint::bytes("self", "VmSize").map_err(system("reading the process's own size"))?;
         limit(Resource::As, own + self.memory_bytes, own + self.memory_bytes)?;
         limit(Resource::Cpu, self.cpu_s, self.cpu_s + 5)?; // first SIGXCPU, which names the reason
-        for resource in [Resource::Core, Resource::Fsize, Resource::Memlock, Resource::Msgqueue] {
+        limit(Resource::Fsize, self.file_bytes, self.file_bytes)?;
+        for resource in [Resource::Core, Resource::Memlock, Resource::Msgqueue] {
             limit(resource, 0, 0)?;
         }
         Ok(())

@@ -300,6 +300,7 @@ impl Outgoing {
             parent: std::process::id(),
             memory_bytes: budget.memory_bytes,
             cpu_s: budget.cpu.as_secs().max(1),
+            file_bytes: budget.file_bytes,
             landlock: budget.landlock,
         };
         let mut bytes = Preamble { confinement, request_bytes: request.len() as u64 }.to_bytes();

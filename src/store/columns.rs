@@ -7,6 +7,7 @@ use sqlx::{Decode, Encode, Sqlite, Type};
 
 use crate::domain::blob::BlobHash;
 use crate::domain::calibration::CalibrationSource;
+use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::role::Role;
@@ -15,8 +16,8 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SessionId, TaskId, TokenId,
-    TraineeId, UploadId,
+    BoxId, CalibrationId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SessionId, TaskId,
+    TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.
@@ -50,9 +51,9 @@ macro_rules! as_shown {
 }
 
 as_shown! {
-    PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId JobId LeaseToken
+    PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken
     Name Login Code FileName Paragraphs BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec
 }
 
 as_text! {

@@ -16,6 +16,7 @@
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
+//! | [`Store::feeds`] | `open` `end` `forget` `get` `unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `progress` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |
@@ -30,6 +31,7 @@ mod codes;
 mod columns;
 mod cookies;
 mod error;
+mod feeds;
 mod groups;
 mod jobs;
 mod open;
@@ -58,6 +60,7 @@ pub use boxes::{Boxes, TrainingBox};
 pub use calibrations::{Calibration, Calibrations};
 pub use cookies::{Cookie, Cookies};
 pub use error::{StoreError, StoreResult};
+pub use feeds::{Feed, Feeds, NewFeed};
 pub use groups::{Group, Groups, Members};
 pub use jobs::{Job, Jobs, Lease, QueueCounts, Swept};
 pub use page::{Page, PageRequest};
@@ -239,6 +242,8 @@ rooms! {
     palettes: Palettes;
     /// Recordings that are arriving.
     uploads: Uploads;
+    /// Recordings that are arriving frame by frame.
+    feeds: Feeds;
     /// Recordings that are here, and what came of them.
     sessions: Sessions;
     /// Work that waits, runs or has ended.

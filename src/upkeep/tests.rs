@@ -119,7 +119,7 @@ async fn an_upload_keeps_its_acknowledged_bytes_and_a_whole_one_becomes_its_sess
     assert_eq!(bench.centre.store.uploads().get(&service, longer).await.unwrap().received, 2);
     let session = bench.centre.store.uploads().get(&service, whole).await.unwrap().session_id.unwrap();
     let session = bench.centre.store.sessions().get(&service, session).await.unwrap();
-    assert_eq!(bench.vault.read(session.video, 100).await.unwrap(), b"video");
+    assert_eq!(bench.vault.read(session.video.unwrap(), 100).await.unwrap(), b"video");
     assert_eq!(bench.vault.upload_files().await.unwrap(), [longer]);
 }
 
@@ -137,7 +137,8 @@ async fn a_lying_disk_sets_an_upload_back_to_what_is_there_and_the_check_says_so
 async fn a_missing_and_a_damaged_file_are_losses() {
     let bench = Bench::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
-    let (gone, damaged) = (bench.session(ana, "gone").await.video, bench.session(ana, "damaged").await.video);
+    let (gone, damaged) =
+        (bench.session(ana, "gone").await.video.unwrap(), bench.session(ana, "damaged").await.video.unwrap());
     fs::remove_file(bench.path_of(gone)).unwrap();
     fs::write(bench.path_of(damaged), b"dbmaged").unwrap();
     let mut findings = bench.findings().await;
@@ -154,10 +155,10 @@ async fn a_recording_that_two_sessions_share_goes_with_the_second() {
     let (first, second) = (bench.session(ana, "same video").await, bench.session(ben, "same video").await);
     store.sessions().erase(&service, first.id).await.unwrap();
     clear_up(store, &bench.vault).await.unwrap();
-    assert!(bench.vault.open_blob(first.video).await.is_ok());
+    assert!(bench.vault.open_blob(first.video.unwrap()).await.is_ok());
     store.sessions().erase(&service, second.id).await.unwrap();
     clear_up(store, &bench.vault).await.unwrap();
-    assert!(bench.vault.open_blob(first.video).await.is_err());
+    assert!(bench.vault.open_blob(first.video.unwrap()).await.is_err());
     assert_eq!(bench.findings().await, []);
 }
 
@@ -232,7 +233,7 @@ async fn a_backup_is_a_data_folder_with_everything_but_what_is_still_arriving() 
         copy.sessions().result(&service, session.id).await.unwrap(),
         store.sessions().result(&service, session.id).await.unwrap()
     );
-    assert_eq!(files.read(session.video, 100).await.unwrap(), b"video");
+    assert_eq!(files.read(session.video.unwrap(), 100).await.unwrap(), b"video");
     assert_eq!(copy.uploads().unfinished().await.unwrap(), []);
     let again = back_up((store, &bench.vault), &to, "trocar.sqlite", clock).await;
     assert!(matches!(again, Err(UpkeepError::Used(_))), "{again:?}");
@@ -265,7 +266,7 @@ async fn a_backup_during_work_is_sound() {
 async fn a_backup_of_a_centre_that_has_lost_a_file_names_it() {
     let bench = Bench::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
-    let lost = bench.session(ana, "lost video").await.video;
+    let lost = bench.session(ana, "lost video").await.video.unwrap();
     bench.session(ana, "video").await;
     fs::remove_file(bench.path_of(lost)).unwrap();
     let folder = tempfile::tempdir().unwrap();

@@ -160,7 +160,7 @@ impl Vault {
         .await
     }
 
-    fn blob_path(&self, hash: BlobHash) -> PathBuf {
+    pub(super) fn blob_path(&self, hash: BlobHash) -> PathBuf {
         self.inner.data.join("blobs").join(format!("{:02x}", hash.0[0])).join(hash.to_string())
     }
 }
@@ -228,7 +228,7 @@ impl Drop for Part {
 
 /// Gives a synced file its name among the blobs. A blob of this name may be there already; its folder is synced all the
 /// same, since whoever put it may not have come to that yet.
-fn give_name(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>) -> VaultResult<()> {
+pub(super) fn give_name(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>) -> VaultResult<()> {
     match link() {
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
         linked => linked.map_err(failed("naming", name))?,
@@ -239,7 +239,7 @@ fn give_name(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>)
     Ok(())
 }
 
-fn hash_of(mut file: File, path: &std::path::Path) -> VaultResult<Blob> {
+pub(super) fn hash_of(mut file: File, path: &std::path::Path) -> VaultResult<Blob> {
     let mut hash = Sha256::new();
     let mut buffer = vec![0; BLOCK];
     let mut bytes = 0;

@@ -23,7 +23,7 @@ pub(super) async fn on_a_blocking_thread<T: Send + 'static>(
 /// to make and sync one.
 pub(super) fn make_folders(data: &Path) -> VaultResult<()> {
     make_folder(data)?;
-    for folder in ["incoming", "uploads", "blobs"] {
+    for folder in ["incoming", "uploads", "feeds", "blobs"] {
         make_folder(&data.join(folder))?;
     }
     let blobs = data.join("blobs");
@@ -43,6 +43,13 @@ fn make_folder(path: &Path) -> VaultResult<()> {
 pub(super) fn create(path: &Path) -> VaultResult<File> {
     let mut options = OpenOptions::new();
     options.write(true).create_new(true).mode(0o600);
+    options.open(path).map_err(failed("making", path))
+}
+
+/// The same, to be read as well.
+pub(super) fn create_to_read(path: &Path) -> VaultResult<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create_new(true).mode(0o600);
     options.open(path).map_err(failed("making", path))
 }
 

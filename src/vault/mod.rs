@@ -4,6 +4,7 @@
 //! DATA/lock             held by the one service that uses the folder
 //! DATA/incoming/…       blobs being written; whatever is here at a start is rubbish
 //! DATA/uploads/ID       uploads being received: appended, synced, then noted in the database
+//! DATA/feeds/ID         logs of feeds: appended, synced, then acknowledged
 //! DATA/blobs/ab/abcd…   blobs, named by their SHA-256; never changed
 //! ```
 //!
@@ -18,12 +19,16 @@
 //! | [`Vault::delete_if`], [`Vault::blobs`], [`Vault::is_intact`] | collect, list, verify |
 //! | [`Vault::create_upload`], [`Vault::open_upload`], [`UploadFile`] | receive a recording in pieces |
 //! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make a whole upload a blob; forget one |
+//! | [`Vault::open_feed`], [`FeedLog`], [`Vault::read_feed`], [`Vault::delete_feed`] | receive a recording frame by frame |
+//! | [`Vault::make_file`], [`Made`] | a file that a child writes, made a blob |
 //! | [`Vault::lock`], [`Vault::clear_incoming`] | start-up |
 
 mod blobs;
 mod disk;
 mod error;
+mod feeds;
 mod gathered;
+mod made;
 mod pins;
 mod uploads;
 
@@ -33,6 +38,8 @@ use std::sync::Arc;
 
 pub use blobs::{Incoming, Removal};
 pub use error::{VaultError, VaultResult};
+pub use feeds::FeedLog;
+pub use made::Made;
 pub use pins::Kept;
 pub use uploads::UploadFile;
 

@@ -44,6 +44,7 @@ const ROOMS: &[Room] = &[
     Room { name: "queue", layer: 4, banned: SERVICE },
     Room { name: "analysis", layer: 4, banned: SERVICE },
     Room { name: "intake", layer: 4, banned: SERVICE },
+    Room { name: "live", layer: 4, banned: SERVICE },
     Room { name: "events", layer: 4, banned: SERVICE },
     Room { name: "upkeep", layer: 4, banned: SERVICE },
     Room { name: "events", layer: 4, banned: SERVICE },

@@ -3,7 +3,7 @@
 use crate::analysis::calibration::ViewsError;
 use crate::analysis::protocol::MarkShape;
 use crate::domain::problem::Problem;
-use crate::media::MediaError;
+use crate::media::{MediaError, MuxError};
 use crate::pipeline::camera::{BoardProblem, CalibrationProblem};
 use crate::pipeline::tracker::{Quality, SettingsProblem, ToolQuality};
 
@@ -28,6 +28,12 @@ impl Explain for MediaError {
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
         };
         Problem::new(slug, title, self.to_string())
+    }
+}
+
+impl Explain for MuxError {
+    fn explain(&self) -> Problem {
+        Problem::new("cannot-assemble", "The frames cannot be put together", self.to_string())
     }
 }
 

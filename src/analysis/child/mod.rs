@@ -1,5 +1,6 @@
 //! What runs inside the confinement: decode, track, report. No file is opened, no clock is asked, nothing is stored.
 
+mod assemble;
 mod calibrate;
 mod explain;
 mod palette;
@@ -85,6 +86,7 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
             palette::from_pictures(&marks, &tools, pictures, reporter)
         }
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
+        Work::Assemble(work) => assemble::run(work, inputs, reporter),
     }
 }
 

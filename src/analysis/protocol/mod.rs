@@ -6,6 +6,7 @@
 //! track      Confined  Recording  Frames*  Path*  Quality  Preview              Done
 //! palette    Confined  Recording? Alive*   Palette  PaletteReport               Done
 //! calibrate  Confined  Recording? Alive*   Calibration                          Done
+//! assemble   Confined  Alive*              Assembled                            Done
 //! any        …                                                    Problem
 //! ```
 //! The pipeline's types know no serialisation; their images here are in [`shapes`] and [`rows`].
@@ -21,6 +22,7 @@ pub use shapes::{
     ToolQualityShape, ToolShape, ViewShape,
 };
 
+use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::palette::PaletteReport;
 use crate::domain::problem::Problem;
 use crate::pipeline::trajectory::Kind;
@@ -45,6 +47,19 @@ pub enum Work {
     Palette(PaletteWork),
     /// Calibrate from one video, or from photos.
     Calibrate(CalibrateWork),
+    /// Put a feed's frames together: its log in, a recording out, which is the last of the inputs and open for writing.
+    Assemble(AssembleWork),
+}
+
+/// What putting frames together needs besides the log.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct AssembleWork {
+    /// How frames are coded.
+    pub codec: FrameCodec,
+    /// Picture width and height, pixels.
+    pub size: (u32, u32),
+    /// The clock of the frames.
+    pub time_base: TimeBase,
 }
 
 /// What tracking needs besides the recording.
@@ -130,6 +145,13 @@ pub enum Answer {
     PaletteReport(PaletteReport),
     /// A calibration.
     Calibration(CalibrationShape),
+    /// A recording was put together.
+    Assembled {
+        /// Frames in it.
+        frames: u64,
+        /// Frames that came but cannot be decoded or shown.
+        left_out: u64,
+    },
     /// Why the work cannot be done; the last word.
     Problem(Problem),
     /// The work is done; the last word.

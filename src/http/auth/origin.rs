@@ -9,7 +9,7 @@ use axum::http::{HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use crate::http::error::Refusal;
+use crate::http::error::{Answer, Refusal};
 
 /// Middleware: refuses changes that another site's page asks for.
 pub async fn check_origin(request: Request, next: Next) -> Response {
@@ -20,6 +20,14 @@ pub async fn check_origin(request: Request, next: Next) -> Response {
     Refusal::ForeignOrigin
         .with("Send changes from the service's own pages, or from a program with a token and without an Origin header.")
         .into_response()
+}
+
+/// Refuses a WebSocket that another site's page opens: it would bear the visitor's cookie, and its method is GET.
+pub fn refuse_foreign(headers: &HeaderMap) -> Answer<()> {
+    if is_ours(headers) {
+        return Ok(());
+    }
+    Err(Refusal::ForeignOrigin.with("Open it from the service's own pages, or from a program with a token."))
 }
 
 fn is_ours(headers: &HeaderMap) -> bool {

@@ -22,7 +22,8 @@ use crate::store::SessionResult;
 pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, headers: HeaderMap) -> Answer<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let disposition = disposition("inline", session.filename.as_str());
-    app.stored(session.video, session.media_type, disposition).await?.answer(&method, &headers).await
+    let video = session.video.ok_or_else(Problem::not_found)?;
+    app.stored(video, session.media_type, disposition).await?.answer(&method, &headers).await
 }
 
 /// A picture of the recording

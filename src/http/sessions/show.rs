@@ -50,7 +50,8 @@ pub struct Session {
 /// A recording.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Video {
-    bytes: u64,
+    /// Its length; `null` while it arrives.
+    bytes: Option<u64>,
     media_type: String,
     /// Width as displayed, pixels; known once it was decoded, like the following.
     width: Option<u32>,
@@ -85,7 +86,7 @@ impl Session {
         let status = session.status();
         let facts = result.as_ref().map(|result| result.video);
         let video = Video {
-            bytes: session.video_bytes,
+            bytes: session.video_blob().map(|blob| blob.bytes),
             media_type: session.media_type.clone(),
             width: facts.map(|facts| facts.width),
             height: facts.map(|facts| facts.height),

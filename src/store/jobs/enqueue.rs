@@ -51,7 +51,8 @@ pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -
     Ok(update.bind(id).bind(now_ms).execute(tx).await?.rows_affected() > 0)
 }
 
-/// Queues the tracking of a session with its box's latest camera and colours; `None` if the box lacks one of them.
+/// Queues the tracking of a session with its box's latest camera and colours; `None` if the box lacks one of them, or the recording
+/// is still arriving.
 pub(in crate::store) async fn enqueue_track(
     tx: &mut SqliteConnection,
     session: SessionId,
@@ -71,7 +72,7 @@ pub(in crate::store) async fn enqueue_track(
                 (SELECT id FROM palette WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS palette
          FROM session JOIN blob ON blob.hash = session.video WHERE session.id = $1",
     );
-    let row: Row = row.bind(session).fetch_one(&mut *tx).await?;
+    let Some(row): Option<Row> = row.bind(session).fetch_optional(&mut *tx).await? else { return Ok(None) };
     let (Some(calibration), Some(palette)) = (row.calibration, row.palette) else { return Ok(None) };
     let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
     let input = JobInput::Track(TrackInput { session, video, calibration, palette });

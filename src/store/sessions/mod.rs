@@ -55,11 +55,9 @@ pub struct Session {
     pub filename: FileName,
     /// The recording's media type.
     pub media_type: String,
-    /// The recording.
-    pub video: BlobHash,
-    /// Its length, bytes.
-    #[sqlx(try_from = "i64")]
-    pub video_bytes: u64,
+    /// The recording; `None` while it arrives.
+    pub video: Option<BlobHash>,
+    video_bytes: Option<i64>,
     /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
     /// When it was whole here, epoch ms.
@@ -98,16 +96,18 @@ pub struct SessionFilter {
 impl Session {
     /// How it stands, for people.
     pub fn status(&self) -> SessionStatus {
-        self.job_state.into()
+        if self.video.is_none() { SessionStatus::Receiving } else { self.job_state.into() }
     }
 
-    /// The recording as a file in the vault.
-    pub fn video_blob(&self) -> Blob {
-        Blob { hash: self.video, bytes: self.video_bytes }
+    /// The recording as a file in the vault; `None` while it arrives.
+    pub fn video_blob(&self) -> Option<Blob> {
+        let (hash, bytes) = self.video.zip(self.video_bytes)?;
+        Some(Blob { hash, bytes: bytes.unsigned_abs() })
     }
 
     /// Why it does not go on: the job's problem, or what its box lacks.
     pub fn problem(&self) -> Option<Problem> {
+        self.video?; // while it arrives, the box can still be made ready
         let lacking = match (self.job_id, self.box_has_camera, self.box_has_palette) {
             (None, false, false) => "calibrated camera and no marked colours",
             (None, false, true) => "calibrated camera",
@@ -143,7 +143,7 @@ macro_rules! select_sessions {
          JOIN trainee ON trainee.id = session.trainee_id
          JOIN task ON task.id = session.task_id
          JOIN training_box ON training_box.id = session.box_id
-         JOIN blob ON blob.hash = session.video
+         LEFT JOIN blob ON blob.hash = session.video
          LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = session.id
                                     ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)"
     };
@@ -160,9 +160,10 @@ impl Sessions<'_> {
             " AND ($3 IS NULL OR $3 IN (trainee.id, trainee.code))
               AND ($4 IS NULL OR $4 IN (task.id, task.code))
               AND ($5 IS NULL OR $5 IN (training_box.id, training_box.code))
-              AND ($6 IS NULL OR $6 = CASE job.state WHEN 'running' THEN 'tracking' WHEN 'done' THEN 'done'
-                                                     WHEN 'failed' THEN 'failed' WHEN 'quarantined' THEN 'failed'
-                                                     ELSE 'queued' END)
+              AND ($6 IS NULL OR $6 = CASE WHEN session.video IS NULL THEN 'receiving'
+                                      WHEN job.state = 'running' THEN 'tracking' WHEN job.state = 'done' THEN 'done'
+                                      WHEN job.state IN ('failed', 'quarantined') THEN 'failed'
+                                      ELSE 'queued' END)
               AND ($7 IS NULL OR session.id < $7)
               ORDER BY session.id DESC LIMIT $8"
         ));

@@ -35,7 +35,7 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
 
     let session = store.sessions().get(&service, id).await.unwrap();
     assert_eq!((session.status(), session.queue_position), (SessionStatus::Queued, Some(1)));
-    assert_eq!((session.video_bytes, session.recorded_at_ms), (5, NOW_MS - 60_000));
+    assert_eq!((session.video_blob().unwrap().bytes, session.recorded_at_ms), (5, NOW_MS - 60_000));
     let lease = centre.claim().await.unwrap();
     store.jobs().heartbeat(&lease, 0.5, LEASE).await.unwrap();
     let session = store.sessions().get(&service, id).await.unwrap();

@@ -1,0 +1,188 @@
+//! A feed's log into a recording: frames in their order, times as they were told, nothing decoded.
+//!
+//! What could not be decoded is left out: frames of H.264 before the first key frame, and after a hole until the next;
+//! frames whose time is not after the one before.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+
+use super::reporter::Reporter;
+use super::{Halt, explain};
+use crate::analysis::protocol::{Answer, AssembleWork};
+use crate::domain::feed::FrameCodec;
+use crate::domain::feed::record::{Body, HEAD, MOST_BYTES, NotARecord, Record};
+use crate::domain::problem::Problem;
+use crate::media::{CodedFrame, Muxer, Stream};
+
+/// Frames between two words to the parent.
+const WORD_EVERY: usize = 250;
+
+/// A frame in the log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Place {
+    number: u64,
+    time: i64,
+    is_key: bool,
+    /// Where its bytes begin, and how many there are.
+    offset: u64,
+    bytes: usize,
+}
+
+pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Reporter) -> Result<(), Halt> {
+    let (Some(output), Some(log)) = (inputs.pop(), inputs.pop()) else {
+        return Err(Halt::Explained(explain::no_input()));
+    };
+    let all = frames_of(&log)?;
+    let came = all.len() as u64;
+    let frames = playable(all, work.codec);
+    let Some(first) = frames.first() else { return Err(Halt::Explained(nothing_playable(came))) };
+    let mut bytes = Vec::new();
+    read(&log, first, &mut bytes)?;
+    let stream = Stream { codec: work.codec, size: work.size, time_base: work.time_base, first: &bytes };
+    let mut muxer = Muxer::create(output, stream)?;
+    for (done, (frame, (dts, duration))) in frames.iter().zip(decoding_times(&frames)).enumerate() {
+        if done % WORD_EVERY == 0 {
+            reporter.say(&Answer::Alive { done: done as u64, of: Some(frames.len() as u64) })?;
+        }
+        read(&log, frame, &mut bytes)?;
+        muxer.write(CodedFrame { pts: frame.time, dts, duration, is_key: frame.is_key, bytes: &bytes })?;
+    }
+    muxer.finish()?;
+    let kept = frames.len() as u64;
+    Ok(reporter.say(&Answer::Assembled { frames: kept, left_out: came - kept })?)
+}
+
+/// All frames of the log in the order of their numbers, each once.
+fn frames_of(log: &File) -> Result<Vec<Place>, Halt> {
+    let mut reader = BufReader::new(log);
+    reader.seek(SeekFrom::Start(0)).map_err(unreadable)?;
+    let (mut frames, mut offset) = (Vec::new(), 0);
+    let (mut buffer, mut held) = (vec![0; 2 * MOST_BYTES], 0);
+    loop {
+        let read = reader.read(&mut buffer[held..]).map_err(unreadable)?;
+        held += read;
+        let mut rest = &buffer[..held];
+        let end = loop {
+            match Record::read_first(rest) {
+                Ok((record, behind)) => {
+                    if let Body::Frame { time, is_key, payload } = record.body {
+                        let (number, bytes) = (record.number, payload.len());
+                        frames.push(Place { number, time, is_key, offset: offset + HEAD as u64, bytes });
+                    }
+                    offset += (rest.len() - behind.len()) as u64;
+                    rest = behind;
+                }
+                Err(error) => break error,
+            }
+        };
+        if read == 0 || !matches!(end, NotARecord::Cut(_)) {
+            break; // a tail that was never acknowledged
+        }
+        let kept = rest.len();
+        buffer.copy_within(held - kept..held, 0);
+        held = kept;
+    }
+    frames.sort_by_key(|frame: &Place| frame.number); // stable: of two with one number, the first that came
+    frames.dedup_by_key(|frame| frame.number);
+    Ok(frames)
+}
+
+/// The frames that can be decoded and shown.
+fn playable(all: Vec<Place>, codec: FrameCodec) -> Vec<Place> {
+    let mut times = BTreeSet::new();
+    let mut wanted: Option<u64> = None; // the number that goes on with what was decoded
+    let mut decodable: Vec<Place> = Vec::with_capacity(all.len());
+    for frame in all {
+        let goes_on = codec == FrameCodec::Jpeg || frame.is_key || wanted == Some(frame.number);
+        if goes_on && times.insert(frame.time) {
+            wanted = Some(frame.number + 1);
+            decodable.push(frame);
+        } else {
+            wanted = None;
+        }
+    }
+    if codec == FrameCodec::Jpeg {
+        // Coded in the order in which they are shown: a time before the last one is a clock that jumped.
+        let mut last = i64::MIN;
+        decodable.retain(|frame| {
+            let is_later = frame.time > last;
+            last = last.max(frame.time);
+            is_later
+        });
+    }
+    decodable
+}
+
+/// When each frame is decoded, and how long it is shown, ticks: times in order, early enough for each to be shown.
+fn decoding_times(frames: &[Place]) -> Vec<(i64, i64)> {
+    let mut shown: Vec<i64> = frames.iter().map(|frame| frame.time).collect();
+    shown.sort_unstable();
+    let delay = shown.iter().zip(frames).map(|(shown, frame)| shown - frame.time).max().unwrap_or(0);
+    let usual = shown.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(1);
+    let until_next = |time: i64| {
+        let next = shown.partition_point(|shown| *shown <= time);
+        shown.get(next).map_or(usual, |next| next - time)
+    };
+    shown.iter().zip(frames).map(|(shown, frame)| (shown - delay, until_next(frame.time))).collect()
+}
+
+fn read(mut log: &File, frame: &Place, into: &mut Vec<u8>) -> Result<(), Halt> {
+    into.resize(frame.bytes, 0);
+    log.seek(SeekFrom::Start(frame.offset)).and_then(|_| log.read_exact(into)).map_err(unreadable)
+}
+
+fn unreadable(error: std::io::Error) -> Halt {
+    let detail = format!("the frames that arrived cannot be read again: {error}");
+    Halt::Explained(Problem::new("feed-unreadable", "The frames cannot be read", detail))
+}
+
+fn nothing_playable(came: u64) -> Problem {
+    let detail = format!(
+        "{came} frames came, but none that can be decoded: H.264 must begin with a key frame and repeat its parameter \
+         sets with every one"
+    );
+    Problem::new("no-frames", "No frame can be decoded", detail)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn place(number: u64, time: i64, is_key: bool) -> Place {
+        Place { number, time, is_key, offset: 0, bytes: 1 }
+    }
+
+    fn numbers(frames: Vec<Place>) -> Vec<u64> {
+        frames.iter().map(|frame| frame.number).collect()
+    }
+
+    #[test]
+    fn h264_begins_with_a_key_frame_and_goes_on_with_one_after_a_hole() {
+        let came = |n: u64| place(n, 40 * n as i64, n % 10 == 3);
+        let all: Vec<Place> = (0..40).filter(|n| *n != 16).map(came).collect();
+        let kept: Vec<u64> = (3..16).chain(23..40).collect();
+        assert_eq!(numbers(playable(all.clone(), FrameCodec::H264)), kept);
+        assert_eq!(playable(all, FrameCodec::Jpeg).len(), 39, "every JPEG can be decoded");
+    }
+
+    #[test]
+    fn a_clock_that_jumps_back_or_stands_still_costs_the_frames_that_it_hit() {
+        let all = [0, 40, 80, 80, 30, 120].iter().enumerate().map(|(n, time)| place(n as u64, *time, true)).collect();
+        assert_eq!(numbers(playable(all, FrameCodec::Jpeg)), [0, 1, 2, 5]);
+    }
+
+    #[test]
+    fn every_frame_is_decoded_before_it_is_shown_and_after_the_one_before() {
+        // I P B B P B B, in the order of decoding.
+        let frames: Vec<Place> = [0, 120, 40, 80, 240, 160, 200]
+            .iter()
+            .enumerate()
+            .map(|(n, time)| place(n as u64, *time, n == 0))
+            .collect();
+        let times = decoding_times(&frames);
+        assert!(times.windows(2).all(|pair| pair[0].0 < pair[1].0), "{times:?}");
+        assert!(times.iter().zip(&frames).all(|((dts, _), frame)| *dts <= frame.time), "{times:?}");
+        assert!(times.iter().all(|(_, duration)| *duration == 40), "{times:?}");
+    }
+}

@@ -1,0 +1,329 @@
+//! Frames and gaps as bytes: on the wire one binary message each, in log and spool one after the other.
+//!
+//! ```text
+//!  0  u8   kind: 1 frame, 2 gap
+//!  1  u8   flags: 1 = key frame
+//!  2  u16  0
+//!  4  u32  epoch
+//!  8  u64  number: counts the recording's frames from 0, in the order of decoding
+//! 16  i64  time of a frame, ticks of the sender's time base; of a gap 0
+//! 24  u32  length of what follows the head
+//! 28  u32  CRC-32 (as in PNG and zlib) of bytes 0..28 and of what follows the head
+//! 32       a frame: its bytes; a gap: u64 last number, u8 why
+//! ```
+//! Numbers are in network order.
+
+use super::{MOST_FRAMES, MOST_PAYLOAD};
+use crate::domain::named;
+
+/// Bytes before the payload.
+pub const HEAD: usize = 32;
+/// Largest record, bytes.
+pub const MOST_BYTES: usize = HEAD + MOST_PAYLOAD;
+
+const FRAME: u8 = 1;
+const GAP: u8 = 2;
+const KEY: u8 = 1;
+/// Where the checksum lies.
+const CHECK: usize = 28;
+const GAP_BYTES: usize = 9;
+
+named! {
+    /// Why some frames will never come.
+    GapReason: "gap" {
+        /// The camera gave none.
+        Camera = "camera",
+        /// The sender's spool was full, and its oldest part went.
+        SpoolFull = "spool-full",
+        /// The sender lost power or was killed before they were in its spool.
+        SenderStopped = "sender-stopped",
+        /// The sender never sent them, and never said why: written by the server at the recording's end.
+        NeverCame = "never-came",
+    }
+}
+
+impl GapReason {
+    fn code(self) -> u8 {
+        match self {
+            GapReason::Camera => 1,
+            GapReason::SpoolFull => 2,
+            GapReason::SenderStopped => 3,
+            GapReason::NeverCame => 4,
+        }
+    }
+
+    fn of_code(code: u8) -> Option<Self> {
+        Self::ALL.iter().copied().find(|reason| reason.code() == code)
+    }
+}
+
+/// One record, its payload where it came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Record<'a> {
+    /// The connection that sent it, in the order of connections.
+    pub epoch: u32,
+    /// The frame's number, or the gap's first.
+    pub number: u64,
+    /// What it is.
+    pub body: Body<'a>,
+}
+
+/// What a record is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body<'a> {
+    /// A frame.
+    Frame {
+        /// When it was captured, ticks of the sender's time base.
+        time: i64,
+        /// Can it be decoded without the ones before?
+        is_key: bool,
+        /// Its bytes.
+        payload: &'a [u8],
+    },
+    /// Frames that will never come.
+    Gap {
+        /// The last of them.
+        last: u64,
+        /// Why.
+        reason: GapReason,
+    },
+}
+
+/// Why bytes are no record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotARecord {
+    /// They end before the record does.
+    #[error("the record is cut after {0} bytes")]
+    Cut(usize),
+    /// More bytes than the record has.
+    #[error("{0} bytes follow the record")]
+    Trailing(usize),
+    /// A kind, flag or reserved bit that nobody knows.
+    #[error("byte {0} of the head holds a value that is not in use")]
+    Unknown(usize),
+    /// A payload that is empty or too long.
+    #[error("a payload of {0} bytes; expected 1 to {MOST_PAYLOAD}")]
+    Length(usize),
+    /// A number beyond any recording.
+    #[error("frame number {0}; a recording has at most {MOST_FRAMES} frames")]
+    Number(u64),
+    /// A gap that ends before it begins.
+    #[error("a gap from {0} to {1}")]
+    Backwards(u64, u64),
+    /// The bytes are not those that were sent.
+    #[error("the checksum does not match: the bytes were damaged on the way or on a disk")]
+    Damaged,
+}
+
+impl<'a> Record<'a> {
+    /// Appends the record's bytes.
+    pub fn write(&self, into: &mut Vec<u8>) {
+        let start = into.len();
+        let gap = match self.body {
+            Body::Frame { .. } => [0; GAP_BYTES],
+            Body::Gap { last, reason } => {
+                let mut bytes = [reason.code(); GAP_BYTES];
+                bytes[..8].copy_from_slice(&last.to_be_bytes());
+                bytes
+            }
+        };
+        let (kind, flags, time, payload) = match self.body {
+            Body::Frame { time, is_key, payload } => (FRAME, if is_key { KEY } else { 0 }, time, payload),
+            Body::Gap { .. } => (GAP, 0, 0, &gap[..]),
+        };
+        into.extend([kind, flags, 0, 0]);
+        into.extend(self.epoch.to_be_bytes());
+        into.extend(self.number.to_be_bytes());
+        into.extend(time.to_be_bytes());
+        into.extend((payload.len() as u32).to_be_bytes()); // at most MOST_PAYLOAD
+        let check = checksum(&into[start..], payload);
+        into.extend(check.to_be_bytes());
+        into.extend(payload);
+    }
+
+    /// The record that a message holds, no more and no less.
+    ///
+    /// # Errors
+    /// The message is no record.
+    pub fn read(message: &'a [u8]) -> Result<Self, NotARecord> {
+        let (record, rest) = Self::read_first(message)?;
+        if rest.is_empty() { Ok(record) } else { Err(NotARecord::Trailing(rest.len())) }
+    }
+
+    /// The first of several records, and the bytes behind it.
+    ///
+    /// # Errors
+    /// There is no whole record; [`NotARecord::Cut`] if there may be one once more bytes have come.
+    pub fn read_first(bytes: &'a [u8]) -> Result<(Self, &'a [u8]), NotARecord> {
+        let cut = NotARecord::Cut(bytes.len());
+        let (head, rest) = bytes.split_at_checked(HEAD).ok_or(cut)?;
+        let length = payload_length(head)?;
+        let (payload, rest) = rest.split_at_checked(length).ok_or(cut)?;
+        if checksum(&head[..CHECK], payload) != u32::from_be_bytes(part(head, CHECK)) {
+            return Err(NotARecord::Damaged);
+        }
+        let (epoch, number) = (u32::from_be_bytes(part(head, 4)), u64::from_be_bytes(part(head, 8)));
+        let body = match head[0] {
+            FRAME => Body::Frame { time: i64::from_be_bytes(part(head, 16)), is_key: head[1] == KEY, payload },
+            _ => gap(number, payload)?,
+        };
+        if number >= MOST_FRAMES {
+            return Err(NotARecord::Number(number));
+        }
+        Ok((Self { epoch, number, body }, rest))
+    }
+
+    /// The last number that it speaks of.
+    pub fn last(&self) -> u64 {
+        match self.body {
+            Body::Frame { .. } => self.number,
+            Body::Gap { last, .. } => last,
+        }
+    }
+}
+
+/// Length of the payload that a head announces, if the head can be one at all.
+fn payload_length(head: &[u8]) -> Result<usize, NotARecord> {
+    let expected: u8 = match head[0] {
+        FRAME => KEY,
+        GAP => 0,
+        _ => return Err(NotARecord::Unknown(0)),
+    };
+    if head[1] > expected {
+        return Err(NotARecord::Unknown(1));
+    }
+    if let Some(place) = [2, 3].into_iter().find(|place| head[*place] != 0) {
+        return Err(NotARecord::Unknown(place));
+    }
+    let length = u32::from_be_bytes(part(head, 24)) as usize;
+    let fits = if head[0] == GAP { length == GAP_BYTES } else { (1..=MOST_PAYLOAD).contains(&length) };
+    if fits { Ok(length) } else { Err(NotARecord::Length(length)) }
+}
+
+fn gap(first: u64, payload: &[u8]) -> Result<Body<'static>, NotARecord> {
+    let last = u64::from_be_bytes(part(payload, 0));
+    let reason = GapReason::of_code(payload[8]).ok_or(NotARecord::Unknown(HEAD + 8))?;
+    if last < first {
+        return Err(NotARecord::Backwards(first, last));
+    }
+    if last >= MOST_FRAMES {
+        return Err(NotARecord::Number(last));
+    }
+    Ok(Body::Gap { last, reason })
+}
+
+fn checksum(head: &[u8], payload: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(head);
+    hasher.update(payload);
+    hasher.finalize()
+}
+
+/// So many bytes from a place on, which the caller knows to be there.
+fn part<const N: usize>(bytes: &[u8], from: usize) -> [u8; N] {
+    std::array::from_fn(|i| bytes[from + i])
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn bytes(record: &Record<'_>) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        record.write(&mut bytes);
+        bytes
+    }
+
+    fn frame(epoch: u32, number: u64, time: i64, is_key: bool, payload: &[u8]) -> Record<'_> {
+        Record { epoch, number, body: Body::Frame { time, is_key, payload } }
+    }
+
+    proptest! {
+        #[test]
+        fn a_frame_comes_back(
+            epoch: u32, number in 0..MOST_FRAMES, time: i64, is_key: bool,
+            payload in prop::collection::vec(any::<u8>(), 1..300),
+        ) {
+            let record = frame(epoch, number, time, is_key, &payload);
+            let written = bytes(&record);
+            prop_assert_eq!(Record::read(&written), Ok(record));
+        }
+
+        #[test]
+        fn a_gap_comes_back(epoch: u32, first in 0..MOST_FRAMES, more in 0u64..1000, reason in 0usize..4) {
+            let last = (first + more).min(MOST_FRAMES - 1);
+            let record = Record { epoch, number: first, body: Body::Gap { last, reason: GapReason::ALL[reason] } };
+            let written = bytes(&record);
+            prop_assert_eq!(Record::read(&written), Ok(record));
+        }
+
+        #[test]
+        fn one_damaged_byte_is_noticed(place in 0usize..60, by in 1u8..=255) {
+            let mut damaged = bytes(&frame(3, 7, 40_000, true, &[5; 28]));
+            damaged[place] ^= by;
+            prop_assert!(Record::read(&damaged).is_err());
+        }
+
+        #[test]
+        fn any_bytes_are_a_record_or_an_error(any in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = Record::read_first(&any);
+        }
+    }
+
+    #[test]
+    fn records_follow_one_another_and_the_last_may_be_cut() {
+        let payload = [9; 20];
+        let (first, second) = (frame(1, 0, 0, true, &payload), frame(1, 1, 3600, false, &payload));
+        let both = [bytes(&first), bytes(&second)].concat();
+        let (read, rest) = Record::read_first(&both).unwrap();
+        assert_eq!((read, Record::read(rest)), (first, Ok(second)));
+        for cut in 0..rest.len() {
+            assert_eq!(Record::read_first(&rest[..cut]), Err(NotARecord::Cut(cut)));
+        }
+    }
+
+    #[test]
+    fn what_no_sender_may_say_is_refused_by_name() {
+        let refused = |change: &dyn Fn(&mut Vec<u8>)| {
+            let mut bytes = bytes(&frame(1, 5, 0, false, &[1, 2, 3]));
+            change(&mut bytes);
+            let check = checksum(&bytes[..CHECK], &bytes[HEAD..]);
+            bytes[CHECK..HEAD].copy_from_slice(&check.to_be_bytes());
+            Record::read(&bytes).unwrap_err()
+        };
+        assert_eq!(refused(&|b| b[0] = 3), NotARecord::Unknown(0));
+        assert_eq!(refused(&|b| b[1] = 2), NotARecord::Unknown(1));
+        assert_eq!(refused(&|b| b[3] = 1), NotARecord::Unknown(3));
+        assert_eq!(refused(&|b| b[9] = 1), NotARecord::Number((1 << 48) + 5));
+        assert_eq!(refused(&|b| b[24] = 1), NotARecord::Length((1 << 24) + 3));
+        assert_eq!(refused(&|b| b.push(4)), NotARecord::Damaged);
+    }
+
+    #[test]
+    fn the_documents_test_vectors_are_these_records() {
+        let document = include_str!("../../../docs/feed.md");
+        let vector = |begins: &str| {
+            let row = document.lines().find(|line| line.starts_with(&format!("| {begins}"))).unwrap();
+            let hex = row.rsplit('`').nth(1).unwrap();
+            (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect::<Vec<u8>>()
+        };
+        let jpeg = [0xff, 0xd8, 0xff, 0xd9];
+        assert_eq!(vector("a key frame:"), bytes(&frame(2, 7, 25_200, true, &jpeg)));
+        assert_eq!(vector("a frame that is none:"), bytes(&frame(1, 0, 0, false, &[0])));
+        let gap = Record { epoch: 2, number: 8, body: Body::Gap { last: 11, reason: GapReason::SpoolFull } };
+        assert_eq!(vector("a gap:"), bytes(&gap));
+    }
+
+    #[test]
+    fn the_document_names_every_close_code() {
+        use super::super::farewell::Code;
+        let document = include_str!("../../../docs/feed.md");
+        for code in Code::ALL {
+            let row = document.lines().find(|line| line.starts_with(&format!("| {} |", code.number()))).unwrap();
+            let comes_again = row.rsplit('|').nth(1).unwrap().trim().starts_with("yes");
+            assert_eq!(comes_again, code.come_again(), "{code:?}");
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! A box's feed over WebSocket, as `docs/feed.md` has it: words in text messages, records in binary ones.
+//!
+//! One task for each connection, and nothing waits in it: a record is read, appended, forgotten. While the disk is slow
+//! nothing is read, and the sender is held up by its own socket.
+
+use std::borrow::Cow;
+use std::time::Duration;
+
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{Path, State};
+use axum::http::HeaderMap;
+use axum::response::Response;
+use tokio::time::{Instant, sleep_until, timeout};
+
+use super::auth::origin;
+use super::auth::signed_in::SignedIn;
+use super::error::{Answer, busy};
+use super::state::App;
+use crate::domain::feed::farewell::{Code, Farewell};
+use crate::domain::feed::record::MOST_BYTES;
+use crate::domain::feed::words::{FromSender, FromServer};
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::live::{Connected, Connection};
+
+/// Longest word, bytes.
+const MOST_WORD: usize = 8192;
+/// What one read of the socket takes at most; a thousand connections of the default would take 134 MB.
+const READ_BYTES: usize = 4096;
+/// How long a sender may take to hear the last words.
+const LAST_WORDS: Duration = Duration::from_secs(5);
+/// How long a hello may take to come.
+const HELLO: Duration = Duration::from_secs(10);
+
+/// Send a box's frames as they are recorded
+///
+/// A WebSocket; `docs/feed.md` describes what is said on it. For the box's agent, and for people who may send recordings.
+#[utoipa::path(get, path = "/boxes/{id}/feed", tag = "boxes",
+    params(("id" = String, Path, description = "id or code")),
+    responses((status = 101, description = "The connection is a WebSocket from here on")))]
+pub async fn feed(
+    State(app): State<App>,
+    by: SignedIn,
+    Path(in_box): Path<String>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Answer<Response> {
+    origin::refuse_foreign(&headers)?;
+    let in_box = Key::from(&in_box);
+    app.store.boxes().get(&by.scope, &in_box).await?;
+    let full = |_| busy("Too many boxes send at once. Try again when one of them has ended.");
+    let place = app.feed_places.clone().try_acquire_owned().map_err(full)?;
+    let upgrade = upgrade
+        .max_message_size(MOST_BYTES)
+        .max_frame_size(MOST_BYTES)
+        .read_buffer_size(READ_BYTES)
+        .write_buffer_size(0)
+        .max_write_buffer_size(1 << 17);
+    Ok(upgrade.on_upgrade(move |socket| async move {
+        // Counted among what the service ends before it is gone.
+        let talk = app.shutdown.spawn(talk(app.clone(), by.scope, in_box, socket));
+        let _ = talk.await; // a panic is logged where it happened
+        drop(place);
+    }))
+}
+
+/// The whole conversation, and the reason at its end.
+async fn talk(app: App, scope: Scope, in_box: Key, mut socket: WebSocket) {
+    let farewell = match converse(&app, &scope, &in_box, &mut socket).await {
+        Ok(()) => Farewell::new(Code::Done, "the recording is whole"),
+        Err(End::Gone) => return tracing::debug!(in_box = in_box.as_str(), "a feed's connection was cut"),
+        Err(End::Told(farewell)) => farewell,
+    };
+    if farewell.code == Code::Done {
+        tracing::info!(in_box = in_box.as_str(), "a feed has ended");
+    } else {
+        tracing::warn!(in_box = in_box.as_str(), code = farewell.code.number(), why = farewell.why, "a feed is closed");
+    }
+    let frame = CloseFrame { code: farewell.code.number(), reason: Cow::from(farewell.short()).into_owned().into() };
+    let _ = timeout(LAST_WORDS, socket.send(Message::Close(Some(frame)))).await; // whoever does not listen misses it
+}
+
+/// Why a conversation ended before the recording was whole.
+enum End {
+    /// The sender has gone.
+    Gone,
+    /// The sender is told.
+    Told(Farewell),
+}
+
+impl From<Farewell> for End {
+    fn from(farewell: Farewell) -> Self {
+        End::Told(farewell)
+    }
+}
+
+async fn converse(app: &App, scope: &Scope, in_box: &Key, socket: &mut WebSocket) -> Result<(), End> {
+    let ending = app.shutdown.begun();
+    tokio::pin!(ending);
+    let hello = tokio::select! {
+        word = timeout(HELLO, next(socket)) => match word {
+            Ok(word) => word?,
+            Err(_) => return Err(Farewell::new(Code::Silent, "no hello came").into()),
+        },
+        () = &mut ending => return Err(service_ends()),
+    };
+    let Heard::Word(FromSender::Hello(hello)) = hello else {
+        return Err(Farewell::new(Code::NotUnderstood, "the first word of a connection is hello").into());
+    };
+    let mut feed = match app.feeds.connect(scope, in_box, hello).await? {
+        Connected::Open(feed) => feed,
+        Connected::Ended(session) => return say(socket, &FromServer::Ended { session }).await,
+    };
+    say(socket, &feed.welcome().await?).await?;
+    let settings = app.feeds.settings();
+    let mut ack_at = None;
+    let mut silent_at = Instant::now() + settings.silent();
+    loop {
+        let heard = tokio::select! {
+            biased;
+            () = &mut ending => return Err(service_ends()),
+            farewell = feed.superseded() => return Err(farewell.into()),
+            () = sleep_until(ack_at.unwrap_or(silent_at)), if ack_at.is_some() => {
+                ack_at = None;
+                say(socket, &feed.sync().await?).await?;
+                continue;
+            }
+            heard = next(socket) => heard?,
+            () = sleep_until(silent_at) => {
+                return Err(Farewell::new(Code::Silent, "nothing was heard for too long").into());
+            }
+        };
+        silent_at = Instant::now() + settings.silent();
+        feed.heard();
+        match heard {
+            Heard::Record(record) => {
+                feed.take(&record).await?;
+                if ack_at.is_none() && feed.is_unsynced() {
+                    ack_at = Some(Instant::now() + settings.ack());
+                }
+            }
+            Heard::Word(FromSender::End { frames }) => {
+                if let FromServer::Ended { session } = end(&mut feed, socket, frames).await? {
+                    return say(socket, &FromServer::Ended { session }).await;
+                }
+            }
+            Heard::Word(FromSender::Hello(_)) => {
+                return Err(Farewell::new(Code::NotUnderstood, "hello is said once").into());
+            }
+            Heard::Sign => {}
+        }
+    }
+}
+
+/// Ends the recording, or says what is missing.
+async fn end(feed: &mut Connection, socket: &mut WebSocket, frames: u64) -> Result<FromServer, End> {
+    let answer = feed.end(frames).await?;
+    if let FromServer::Missing { .. } = answer {
+        say(socket, &answer).await?;
+    }
+    Ok(answer)
+}
+
+fn service_ends() -> End {
+    Farewell::new(Code::Ending, "the service ends: come again in some seconds").into()
+}
+
+/// What a sender sent.
+enum Heard {
+    Word(FromSender),
+    Record(axum::body::Bytes),
+    /// A ping or pong: it is there.
+    Sign,
+}
+
+async fn next(socket: &mut WebSocket) -> Result<Heard, End> {
+    match socket.recv().await {
+        None | Some(Ok(Message::Close(_))) => Err(End::Gone),
+        Some(Err(error)) => Err(cut_or_wrong(&error)),
+        Some(Ok(Message::Ping(_) | Message::Pong(_))) => Ok(Heard::Sign),
+        Some(Ok(Message::Binary(bytes))) => Ok(Heard::Record(bytes)),
+        Some(Ok(Message::Text(text))) if text.len() > MOST_WORD => {
+            Err(Farewell::new(Code::TooMuch, format!("a word of {} bytes; at most {MOST_WORD}", text.len())).into())
+        }
+        Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
+            Ok(word) => Ok(Heard::Word(word)),
+            Err(error) => {
+                Err(Farewell::new(Code::NotUnderstood, format!("a word that is not understood: {error}")).into())
+            }
+        },
+    }
+}
+
+/// A message that is too long is the sender's mistake; anything else is a cut.
+fn cut_or_wrong(error: &axum::Error) -> End {
+    let text = error.to_string();
+    if text.contains("too long") || text.contains("too big") || text.contains("Space limit") {
+        return Farewell::new(Code::TooMuch, format!("a message is longer than {MOST_BYTES} bytes")).into();
+    }
+    End::Gone
+}
+
+async fn say(socket: &mut WebSocket, word: &FromServer) -> Result<(), End> {
+    let text = serde_json::to_string(word).unwrap_or_default(); // plain data
+    match timeout(LAST_WORDS, socket.send(Message::Text(text.into()))).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) => Err(End::Gone),
+        Err(_) => Err(Farewell::new(Code::Silent, "the sender does not listen").into()),
+    }
+}

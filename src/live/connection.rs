@@ -1,0 +1,170 @@
+//! One connection's end of a feed: the right to send, for as long as no later one has it.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use tokio::sync::watch;
+
+use super::{Feed, Feeds, State, failed, is_end};
+use crate::domain::feed::farewell::{Code, Farewell};
+use crate::domain::feed::record::{Body, NotARecord, Record};
+use crate::domain::feed::words::FromServer;
+
+/// The connection that may send a recording.
+pub struct Connection {
+    feeds: Feeds,
+    feed: Arc<Feed>,
+    epoch: u32,
+    now: watch::Receiver<u32>,
+    is_unsynced: bool,
+}
+
+impl Connection {
+    /// Takes the right to send from any earlier connection.
+    pub(super) async fn begin(feeds: Feeds, feed: Arc<Feed>, epoch: u32) -> Result<Self, Farewell> {
+        feed.connections.fetch_add(1, Ordering::AcqRel);
+        feed.epoch.send_if_modified(|now| {
+            let is_later = epoch > *now;
+            *now = (*now).max(epoch);
+            is_later
+        });
+        let now = feed.epoch.subscribe();
+        Ok(Self { feeds, feed, epoch, now, is_unsynced: true })
+    }
+
+    /// The first word: what is durable already.
+    pub async fn welcome(&mut self) -> Result<FromServer, Farewell> {
+        let durable = self.make_durable().await?;
+        Ok(FromServer::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
+    }
+
+    /// Takes a record; it is durable after the next [`Connection::sync`].
+    pub async fn take(&mut self, message: &[u8]) -> Result<(), Farewell> {
+        let record = Record::read(message).map_err(not_a_record)?;
+        self.check(&record)?;
+        let feed = self.feed.clone();
+        let mut state = feed.state.lock().await;
+        self.may_send()?;
+        if state.ended.is_some() {
+            return Err(Farewell::new(Code::Done, "the recording has ended"));
+        }
+        if matches!(record.body, Body::Frame { .. }) && state.numbers.contains(record.number) {
+            return Ok(()); // sent again, because its acknowledgement was lost
+        }
+        let mut numbers = state.numbers.clone();
+        numbers.add(record.number, record.last()).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
+        let appended = state.log.append(message).await;
+        self.or_close(appended).await?;
+        state.numbers = numbers;
+        state.is_unsynced = true;
+        self.is_unsynced = true;
+        Ok(())
+    }
+
+    /// Is there anything that has not been acknowledged?
+    pub fn is_unsynced(&self) -> bool {
+        self.is_unsynced
+    }
+
+    /// Makes what came durable, and acknowledges it.
+    pub async fn sync(&mut self) -> Result<FromServer, Farewell> {
+        Ok(FromServer::Ack { durable: self.make_durable().await? })
+    }
+
+    /// The recording has so many frames: `Missing` what has not come, or else `Ended` once it is a session.
+    pub async fn end(&mut self, frames: u64) -> Result<FromServer, Farewell> {
+        self.make_durable().await?;
+        {
+            let state = self.feed.state.lock().await;
+            if frames < state.numbers.end() || !is_end(frames) {
+                let why =
+                    format!("the recording is said to have {frames} frames, but number {} came", state.numbers.end());
+                return Err(Farewell::new(Code::DoesNotBelong, why));
+            }
+            let missing = state.numbers.missing_below(frames);
+            if !missing.is_empty() {
+                return Ok(FromServer::Missing { frames: missing });
+            }
+        }
+        // On a task of its own: a sender that goes now must not undo it.
+        let (feeds, feed) = (self.feeds.clone(), self.feed.clone());
+        let ended = self.feeds.0.shutdown.spawn(async move { feeds.finish(&feed).await });
+        let session = ended.await.map_err(|panic| Farewell::new(Code::Failed, panic.to_string()))??;
+        Ok(FromServer::Ended { session })
+    }
+
+    /// Resolves once a later connection has taken over.
+    pub async fn superseded(&mut self) -> Farewell {
+        let mine = self.epoch;
+        let _ = self.now.wait_for(|now| *now != mine).await; // the feed, and with it the sender, lives as long as this
+        match self.may_send() {
+            Err(farewell) => farewell,
+            Ok(()) => Farewell::new(Code::Failed, "the recording is gone"),
+        }
+    }
+
+    /// Something was heard.
+    pub fn heard(&self) {
+        self.feed.heard_ms.store(self.feeds.0.clock.now_ms(), Ordering::Release);
+    }
+
+    async fn make_durable(&mut self) -> Result<Vec<[u64; 2]>, Farewell> {
+        let feed = self.feed.clone();
+        let mut state = feed.state.lock().await;
+        self.may_send()?;
+        if state.is_unsynced {
+            let State { log, .. } = &mut *state;
+            let synced = log.sync().await;
+            self.or_close(synced).await?;
+            state.is_unsynced = false;
+        }
+        self.is_unsynced = false;
+        Ok(state.numbers.ranges().to_vec())
+    }
+
+    /// A log that could not be written is closed; the next hello reads it through.
+    async fn or_close(&self, done: crate::vault::VaultResult<()>) -> Result<(), Farewell> {
+        let Err(error) = done else { return Ok(()) };
+        self.feeds.0.open.0.lock().await.remove(&self.feed.row.id);
+        Err(failed(error))
+    }
+
+    fn may_send(&self) -> Result<(), Farewell> {
+        if self.feed.is_gone.load(Ordering::Acquire) {
+            return Err(Farewell::new(Code::Unknown, "the session was erased: a new recording needs a new id"));
+        }
+        if *self.feed.epoch.borrow() == self.epoch {
+            return Ok(());
+        }
+        Err(Farewell::new(Code::Superseded, "another connection sends this recording now"))
+    }
+
+    fn check(&self, record: &Record<'_>) -> Result<(), Farewell> {
+        let wrong = |why: String| Err(Farewell::new(Code::DoesNotBelong, why));
+        if record.epoch != self.epoch {
+            return wrong(format!("a record of epoch {}; this connection's is {}", record.epoch, self.epoch));
+        }
+        if let Body::Frame { time, .. } = record.body
+            && !(0..=self.feed.most_ticks()).contains(&time)
+        {
+            let seconds = self.feed.time_base.seconds(time);
+            return wrong(format!(
+                "frame {} at {seconds:.1} s; times count from the recording's beginning and end with its fourth hour",
+                record.number
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.heard();
+        self.feed.connections.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+fn not_a_record(error: NotARecord) -> Farewell {
+    let code = if matches!(error, NotARecord::Length(_)) { Code::TooMuch } else { Code::NotUnderstood };
+    Farewell::new(code, error.to_string())
+}

@@ -1,0 +1,331 @@
+//! Feeds: recordings that arrive frame by frame, durable as they come, and sessions like any other at their end.
+//!
+//! ```text
+//! connection ──hello──▶ Feeds::connect ──▶ Connection: an epoch, what is durable already
+//!     ──record──▶ take ──▶ log (vault)          ──▶ sync ──▶ ack
+//!     ──end─────▶ end ──▶ child: log → recording ──▶ blob, session, job ──▶ ended
+//! ```
+//! A recording has one connection that may send: the last that said hello. It bears the highest *epoch*, which the
+//! database gives out; what bears another is refused, wherever it was held up. What is acknowledged is in the log and
+//! synced; the log is read through when it is opened again.
+//!
+//! A recording that nobody ends is ended by [`Feeds::keep`], and what never came is noted as a gap.
+
+mod connection;
+mod recording;
+mod settings;
+
+pub use connection::Connection;
+pub use settings::LiveSettings;
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
+use std::time::Duration;
+
+use tokio::sync::{Mutex, watch};
+
+use crate::analysis::AnalysisSettings;
+use crate::domain::feed::farewell::{Code, Farewell};
+use crate::domain::feed::numbers::Numbers;
+use crate::domain::feed::words::Hello;
+use crate::domain::feed::{MOST_FRAMES, PROTOCOL, TimeBase};
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::session::SessionStatus;
+use crate::domain::text::Key;
+use crate::events::{Event, Events};
+use crate::ids::{FeedId, SessionId, TraineeId};
+use crate::queue::Queue;
+use crate::sandbox::Program;
+use crate::shutdown::Shutdown;
+use crate::store::{self, NewFeed, Store, StoreError};
+use crate::time::{SharedClock, from_rfc3339, millis};
+use crate::vault::{FeedLog, Vault, VaultError};
+
+/// How often abandoned recordings are looked for.
+const LOOK_EVERY: Duration = Duration::from_secs(20);
+
+/// Pictures larger than this are not decoded later on ([`crate::media::Limits`]).
+const MOST_PIXELS: u64 = 4096 * 2304;
+
+/// Longest name of a sender's program, characters.
+const SENDER: usize = 120;
+
+/// Where feeds arrive. Clones are the same place.
+#[derive(Clone)]
+pub struct Feeds(Arc<Parts>);
+
+/// What [`Feeds`] works with.
+pub struct Parts {
+    /// Rows.
+    pub store: Store,
+    /// Files.
+    pub vault: Vault,
+    /// Told of sessions that are whole.
+    pub queue: Queue,
+    /// Told of sessions that begin and end.
+    pub events: Events,
+    /// What time it is.
+    pub clock: SharedClock,
+    /// The end of the service.
+    pub shutdown: Shutdown,
+    /// Limits of feeds.
+    pub settings: LiveSettings,
+    /// Limits of the child that puts a recording together.
+    pub analysis: AnalysisSettings,
+    /// That child.
+    pub program: Program,
+    /// Recordings that are known to this service and not ended.
+    pub open: OpenFeeds,
+}
+
+/// Recordings that are known to a service and not ended.
+#[derive(Default)]
+pub struct OpenFeeds(Mutex<HashMap<FeedId, Arc<Feed>>>);
+
+/// A recording that arrives.
+struct Feed {
+    row: store::Feed,
+    time_base: TimeBase,
+    /// The epoch that may send.
+    epoch: watch::Sender<u32>,
+    connections: AtomicU32,
+    /// When anything was last heard of it, epoch ms.
+    heard_ms: AtomicI64,
+    state: Mutex<State>,
+    /// Attempts to put it together that failed by no fault of its own.
+    failures: AtomicU32,
+    is_gone: AtomicBool,
+}
+
+struct State {
+    log: FeedLog,
+    /// Frames and gaps in the log.
+    numbers: Numbers,
+    /// Has anything been appended since the last sync?
+    is_unsynced: bool,
+    /// The session, once the recording is whole.
+    ended: Option<SessionId>,
+}
+
+/// What a hello leads to.
+pub enum Connected {
+    /// Frames may come.
+    Open(Connection),
+    /// The recording has ended before: there is nothing to send.
+    Ended(SessionId),
+}
+
+impl Feeds {
+    /// Makes the place.
+    pub fn new(parts: Parts) -> Self {
+        Self(Arc::new(parts))
+    }
+
+    /// Limits of feeds.
+    pub fn settings(&self) -> &LiveSettings {
+        &self.0.settings
+    }
+
+    /// Begins a recording in a box, or goes on with it. An earlier connection of the same recording may not send any more.
+    ///
+    /// # Errors
+    /// A reason that the sender is told.
+    pub async fn connect(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<Connected, Farewell> {
+        let new = self.recognise(scope, in_box, hello).await?;
+        let id = new.id;
+        // Held from the epoch to the entry, so that of two hellos the one with the higher epoch is entered last.
+        let mut open = self.0.open.0.lock().await;
+        if let Some(other) = open.values().find(|feed| feed.row.box_id == new.in_box && feed.row.id != id)
+            && other.connections.load(Ordering::Acquire) > 0
+        {
+            return Err(Farewell::new(
+                Code::Busy,
+                format!("the box is sending another recording ({}): end that one, or stop its sender", other.row.id),
+            ));
+        }
+        let row = self.0.store.feeds().open(scope, new).await.map_err(refused)?;
+        if row.ended_at_ms.is_some() {
+            return Ok(Connected::Ended(row.session_id));
+        }
+        if row.epoch == 1 {
+            self.tell(row.session_id, row.trainee_id, SessionStatus::Receiving);
+        }
+        let epoch = row.epoch;
+        let feed = match open.get(&id) {
+            Some(feed) => feed.clone(),
+            None => {
+                let feed = self.enter(row).await?;
+                open.insert(id, feed.clone());
+                feed
+            }
+        };
+        drop(open);
+        Connection::begin(self.clone(), feed, epoch).await.map(Connected::Open)
+    }
+
+    /// Ends what was abandoned and clears up, again and again until the service ends.
+    pub async fn keep(&self) {
+        let begun_ms = self.0.clock.now_ms();
+        while !self.0.shutdown.is_begun() {
+            if let Err(error) = self.look_after(begun_ms).await {
+                tracing::warn!(%error, "looking after feeds");
+            }
+            tokio::select! {
+                () = self.0.shutdown.begun() => {}
+                () = self.0.clock.sleep(LOOK_EVERY) => {}
+            }
+        }
+    }
+
+    async fn look_after(&self, begun_ms: i64) -> Result<(), LiveError> {
+        let unfinished = self.0.store.feeds().unfinished().await?;
+        let long_ago = self.0.clock.now_ms() - millis(self.0.settings.abandoned());
+        for row in &unfinished {
+            let known = self.0.open.0.lock().await.get(&row.id).cloned();
+            let is_abandoned = known.as_ref().map_or(begun_ms < long_ago, |feed| feed.is_abandoned(long_ago));
+            if is_abandoned && !self.0.shutdown.is_begun() {
+                self.end_abandoned(row.clone()).await?;
+            }
+        }
+        for id in self.0.vault.feed_logs().await? {
+            // Asked again while nobody can enter it: a row may have come since.
+            let mut open = self.0.open.0.lock().await;
+            let is_needed = match self.0.store.feeds().get(&Scope::service(), id).await {
+                Ok(row) => row.ended_at_ms.is_none(),
+                Err(StoreError::NotFound { .. }) => false,
+                Err(error) => return Err(error.into()),
+            };
+            if !is_needed {
+                if let Some(erased) = open.remove(&id) {
+                    erased.is_gone.store(true, Ordering::Release);
+                    erased.epoch.send_replace(u32::MAX); // whoever still sends it is told
+                }
+                self.0.vault.delete_feed(id).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens a recording's log.
+    async fn enter(&self, row: store::Feed) -> Result<Arc<Feed>, Farewell> {
+        let time_base = row.time_base().map_err(|error| Farewell::new(Code::Failed, error.to_string()))?;
+        let (log, numbers) = self.0.vault.open_feed(row.id).await.map_err(failed)?;
+        Ok(Arc::new(Feed {
+            epoch: watch::Sender::new(row.epoch),
+            time_base,
+            connections: AtomicU32::new(0),
+            heard_ms: AtomicI64::new(self.0.clock.now_ms()),
+            state: Mutex::new(State { log, numbers, is_unsynced: false, ended: None }),
+            failures: AtomicU32::new(0),
+            is_gone: AtomicBool::new(false),
+            row,
+        }))
+    }
+
+    /// Finds what a hello names.
+    async fn recognise(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<NewFeed, Farewell> {
+        let wrong = |why: String| Err(Farewell::new(Code::NotUnderstood, why));
+        if hello.protocol != PROTOCOL {
+            return wrong(format!("protocol {}; this server speaks {PROTOCOL}", hello.protocol));
+        }
+        let (width, height) = (hello.width, hello.height);
+        if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MOST_PIXELS {
+            return wrong(format!("a picture of {width}×{height} pixels; at most {MOST_PIXELS} in all"));
+        }
+        let Some(began_at_ms) = from_rfc3339(&hello.began_at) else {
+            return wrong("began_at: expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned());
+        };
+        // A box's agent sends whoever sits in front of it; people send only whom they see.
+        let whom = if scope.role() == Role::Agent { &Scope::service() } else { scope };
+        let store = &self.0.store;
+        let unknown = |what: &'static str| move |error| unknown(what, error);
+        let in_box = store.boxes().get(scope, in_box).await.map_err(unknown("box"))?.id;
+        let trainee = store.trainees().get(whom, &Key::from(&hello.trainee)).await.map_err(unknown("trainee"))?.id;
+        let task = store.tasks().get(whom, &Key::from(&hello.task)).await.map_err(unknown("task"))?.id;
+        Ok(NewFeed {
+            id: hello.recording,
+            trainee,
+            task,
+            in_box,
+            codec: hello.codec,
+            size: (width, height),
+            time_base: hello.time_base,
+            began_at_ms,
+            sender: hello.sender.chars().filter(|c| !c.is_control()).take(SENDER).collect(),
+        })
+    }
+
+    fn tell(&self, id: SessionId, trainee: TraineeId, status: SessionStatus) {
+        self.0.events.tell(Event::Session { id, trainee, status, progress: 0.0 });
+    }
+}
+
+impl Feed {
+    fn is_abandoned(&self, long_ago_ms: i64) -> bool {
+        self.connections.load(Ordering::Acquire) == 0 && self.heard_ms.load(Ordering::Acquire) < long_ago_ms
+    }
+
+    /// Ticks of the longest recording: no frame has a later time.
+    fn most_ticks(&self) -> i64 {
+        const LONGEST_S: f64 = 4.0 * 3600.0;
+        let (num, den) = self.time_base.fraction();
+        (LONGEST_S * f64::from(den) / f64::from(num)) as i64
+    }
+}
+
+/// Why something could not be done with a feed, by no fault of its sender.
+#[derive(Debug, thiserror::Error)]
+enum LiveError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Vault(#[from] VaultError),
+    #[error("{}", .0.why)]
+    Told(Farewell),
+}
+
+impl From<Farewell> for LiveError {
+    fn from(farewell: Farewell) -> Self {
+        LiveError::Told(farewell)
+    }
+}
+
+impl From<LiveError> for Farewell {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Store(error) => refused(error),
+            LiveError::Vault(error) => failed(error),
+            LiveError::Told(farewell) => farewell,
+        }
+    }
+}
+
+fn refused(error: StoreError) -> Farewell {
+    let code = match &error {
+        StoreError::NotFound { .. } | StoreError::Refused { .. } | StoreError::Forbidden { .. } => Code::Unknown,
+        _ => Code::Failed,
+    };
+    Farewell::new(code, error.to_string())
+}
+
+fn unknown(what: &'static str, error: StoreError) -> Farewell {
+    match error {
+        StoreError::NotFound { .. } => Farewell::new(Code::Unknown, format!("there is no such {what}")),
+        other => refused(other),
+    }
+}
+
+fn failed(error: VaultError) -> Farewell {
+    let why = match &error {
+        VaultError::DiskFull => "the server's disk is full: it works again once there is space".to_owned(),
+        other => other.to_string(),
+    };
+    Farewell::new(Code::Failed, why)
+}
+
+/// Is this a number that a recording can end with?
+fn is_end(frames: u64) -> bool {
+    frames <= MOST_FRAMES
+}

@@ -1,0 +1,43 @@
+//! Limits of feeds.
+
+use std::time::Duration;
+
+use serde::Deserialize;
+
+/// Limits of feeds.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LiveSettings {
+    /// Connections that may feed at a time, of all boxes. Usually 32.
+    pub max_feeds: usize,
+    /// Milliseconds from a frame's arrival until it is made durable and acknowledged. Usually 100: less means more syncs.
+    pub ack_ms: u64,
+    /// Seconds without a word after which a connection is given up. Usually 20.
+    pub silent_s: u64,
+    /// Seconds without a connection after which a recording that nobody ended is ended with what came. Usually 3600: an
+    /// agent that lost its server for half an hour still finds its recording open.
+    pub abandoned_s: u64,
+}
+
+impl Default for LiveSettings {
+    fn default() -> Self {
+        Self { max_feeds: 32, ack_ms: 100, silent_s: 20, abandoned_s: 3600 }
+    }
+}
+
+impl LiveSettings {
+    /// From a frame's arrival to its acknowledgement.
+    pub fn ack(&self) -> Duration {
+        Duration::from_millis(self.ack_ms.max(1))
+    }
+
+    /// How long a connection may be silent.
+    pub fn silent(&self) -> Duration {
+        Duration::from_secs(self.silent_s.max(1))
+    }
+
+    /// How long a recording may be without a connection.
+    pub fn abandoned(&self) -> Duration {
+        Duration::from_secs(self.abandoned_s)
+    }
+}

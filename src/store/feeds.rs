@@ -1,0 +1,212 @@
+//! Recordings that arrive frame by frame. The frames lie in a log of the vault; a row says whose they are, and which
+//! connection may send them.
+
+use sqlx::sqlite::SqliteConnection;
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found};
+use super::jobs::enqueue_track;
+use super::visibility::{AskedBy, sees_box};
+use super::{Scope, Store, blobs};
+use crate::domain::blob::Blob;
+use crate::domain::feed::{FrameCodec, TimeBase};
+use crate::domain::text::Invalid;
+use crate::ids::{BoxId, FeedId, SessionId, TaskId, TraineeId};
+
+/// The name of a recording that came live.
+const FILENAME: &str = "live.mp4";
+
+/// The feeds.
+pub struct Feeds<'s>(pub(super) &'s Store);
+
+/// A recording that arrives frame by frame, or has arrived.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Feed {
+    /// Its id, and its log's name in the vault.
+    pub id: FeedId,
+    /// The session that it is.
+    pub session_id: SessionId,
+    /// Who trains.
+    pub trainee_id: TraineeId,
+    /// What they do.
+    pub task_id: TaskId,
+    /// Where.
+    pub box_id: BoxId,
+    /// How frames are coded.
+    pub codec: FrameCodec,
+    /// Picture width, pixels.
+    #[sqlx(try_from = "i64")]
+    pub width: u32,
+    /// Picture height, pixels.
+    #[sqlx(try_from = "i64")]
+    pub height: u32,
+    #[sqlx(try_from = "i64")]
+    tick_num: u32,
+    #[sqlx(try_from = "i64")]
+    tick_den: u32,
+    /// Connections so far: only the last may send.
+    #[sqlx(try_from = "i64")]
+    pub epoch: u32,
+    /// When its recording was stored, epoch ms.
+    pub ended_at_ms: Option<i64>,
+}
+
+/// What a sender says of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewFeed {
+    /// Its id, made by the sender.
+    pub id: FeedId,
+    /// Who trains.
+    pub trainee: TraineeId,
+    /// What they do.
+    pub task: TaskId,
+    /// Where.
+    pub in_box: BoxId,
+    /// How frames are coded.
+    pub codec: FrameCodec,
+    /// Picture width and height, pixels.
+    pub size: (u32, u32),
+    /// The clock of its frames.
+    pub time_base: TimeBase,
+    /// When it began, epoch ms.
+    pub began_at_ms: i64,
+    /// The sender's program, for people; at most 120 characters.
+    pub sender: String,
+}
+
+macro_rules! select_feeds {
+    () => {
+        "SELECT feed.id, feed.session_id, session.trainee_id, session.task_id, feed.box_id, feed.codec, feed.width,
+                feed.height, feed.tick_num, feed.tick_den, feed.epoch, feed.ended_at_ms
+         FROM feed JOIN session ON session.id = feed.session_id"
+    };
+}
+
+impl Feed {
+    /// The clock in which its frames count.
+    pub fn time_base(&self) -> Result<TimeBase, Invalid> {
+        [self.tick_num, self.tick_den].try_into()
+    }
+
+    /// Is it the recording that a sender speaks of?
+    fn is(&self, new: &NewFeed) -> bool {
+        let (num, den) = new.time_base.fraction();
+        self.box_id == new.in_box
+            && (self.trainee_id, self.task_id) == (new.trainee, new.task)
+            && self.codec == new.codec
+            && (self.width, self.height) == new.size
+            && (self.tick_num, self.tick_den) == (num, den)
+    }
+}
+
+impl Feeds<'_> {
+    /// Begins a recording, or goes on with it: from now on only the returned epoch may send. One that has ended keeps its
+    /// epoch.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] where the recording is known, but by other words.
+    pub async fn open(&self, scope: &Scope, new: NewFeed) -> StoreResult<Feed> {
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let sql = "SELECT 1 FROM training_box WHERE id = $3 AND ($1 <> 'agent' OR $2 = training_box.id)";
+                let sees: Option<i64> =
+                    sqlx::query_scalar(sql).asked_by(&scope).bind(new.in_box).fetch_optional(&mut *tx).await?;
+                sees.ok_or(not_found("box"))?;
+                let Some(known) = find(tx, new.id).await? else { return insert(tx, &scope, new, now_ms).await };
+                if !known.is(&new) {
+                    return Err(StoreError::refused(
+                        "this recording was begun with another box, trainee, task, codec, size or clock: \
+                         a new recording needs a new id",
+                    ));
+                }
+                if known.ended_at_ms.is_some() {
+                    return Ok(known);
+                }
+                let sql = "UPDATE feed SET epoch = epoch + 1 WHERE id = $1";
+                sqlx::query(sql).bind(new.id).execute(&mut *tx).await?;
+                find(tx, new.id).await?.ok_or(not_found("feed"))
+            })
+            .await
+    }
+
+    /// Stores the recording that a feed has become, and queues its tracking, in one transaction. Again changes nothing.
+    /// The same recording of the same trainee, task and box is one session: the feed becomes that one.
+    pub async fn end(&self, id: FeedId, video: Blob) -> StoreResult<SessionId> {
+        let (now_ms, attempts) = (self.0.now_ms(), self.0.max_attempts());
+        self.0
+            .write(async move |tx| {
+                let feed = find(tx, id).await?.ok_or(not_found("feed"))?;
+                if feed.ended_at_ms.is_some() {
+                    return Ok(feed.session_id);
+                }
+                blobs::record(tx, video, now_ms).await?;
+                let sql =
+                    "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
+                let same = sqlx::query_scalar(sql).bind(feed.trainee_id).bind(feed.task_id).bind(feed.box_id);
+                let same: Option<SessionId> = same.bind(video.hash).fetch_optional(&mut *tx).await?;
+                let sql = "UPDATE feed SET ended_at_ms = $2, session_id = $3 WHERE id = $1";
+                let session = same.unwrap_or(feed.session_id);
+                sqlx::query(sql).bind(id).bind(now_ms).bind(session).execute(&mut *tx).await?;
+                if same.is_some() {
+                    let sql = "DELETE FROM session WHERE id = $1";
+                    sqlx::query(sql).bind(feed.session_id).execute(&mut *tx).await?;
+                    return Ok(session);
+                }
+                let sql = "UPDATE session SET video = $2, created_at_ms = $3 WHERE id = $1";
+                sqlx::query(sql).bind(session).bind(video.hash).bind(now_ms).execute(&mut *tx).await?;
+                enqueue_track(tx, session, now_ms, attempts).await?;
+                Ok(session)
+            })
+            .await
+    }
+
+    /// Forgets a recording of which nothing came, with its session.
+    pub async fn forget(&self, id: FeedId) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                let sql =
+                    "DELETE FROM session WHERE video IS NULL AND id = (SELECT session_id FROM feed WHERE id = $1)";
+                sqlx::query(sql).bind(id).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// One feed.
+    pub async fn get(&self, scope: &Scope, id: FeedId) -> StoreResult<Feed> {
+        let row = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.id = $3 AND ", sees_box!("feed.box_id")));
+        row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("feed"))
+    }
+
+    /// Those that have not ended.
+    pub async fn unfinished(&self) -> StoreResult<Vec<Feed>> {
+        let rows = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.ended_at_ms IS NULL ORDER BY feed.id"));
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+}
+
+async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<Feed>> {
+    let row = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.id = $1"));
+    Ok(row.bind(id).fetch_optional(tx).await?)
+}
+
+async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<Feed> {
+    let session = SessionId::at(now_ms);
+    let insert = sqlx::query(
+        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, recorded_at_ms, created_at_ms)
+         VALUES ($1, $2, $3, $4, $5, 'video/mp4', $6, $7)",
+    );
+    let insert = insert.bind(session).bind(new.trainee).bind(new.task).bind(new.in_box).bind(FILENAME);
+    let insert = insert.bind(new.began_at_ms).bind(now_ms);
+    insert.execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
+    let insert = sqlx::query(
+        "INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10)",
+    );
+    let (num, den) = new.time_base.fraction();
+    let insert = insert.bind(new.id).bind(session).bind(new.in_box).bind(new.codec).bind(new.size.0).bind(new.size.1);
+    insert.bind(num).bind(den).bind(new.sender).bind(now_ms).execute(&mut *tx).await?;
+    note(tx, scope, now_ms, ("create", "session"), session).await?;
+    find(tx, new.id).await?.ok_or(not_found("feed"))
+}

@@ -1,0 +1,151 @@
+//! Logs of feeds: records one after the other in the order in which they came, a file each.
+//!
+//! The order that makes an acknowledged frame a durable one: append → [`FeedLog::sync`] → the answer. What lies behind the
+//! last sync was never acknowledged: opening a log reads it through and cuts off whatever is no whole record.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use super::Vault;
+use super::disk::{self, on_a_blocking_thread};
+use super::error::{VaultError, VaultResult, failed};
+use crate::domain::feed::numbers::Numbers;
+use crate::domain::feed::record::{MOST_BYTES, NotARecord, Record};
+use crate::ids::FeedId;
+
+/// Bytes that wait at most before they are written.
+const MOST_WAITING: usize = 1 << 18;
+
+/// A feed's log, open to be appended to.
+#[derive(Debug)]
+pub struct FeedLog {
+    open: Option<Box<Open>>,
+    waiting: Vec<u8>,
+}
+
+/// The file behind a [`FeedLog`], moved to a blocking thread for each write.
+#[derive(Debug)]
+struct Open {
+    path: PathBuf,
+    file: File,
+    written: u64,
+}
+
+impl Vault {
+    /// Opens a feed's log, made if it is missing, and tells which frames and gaps it holds. One opener at a time: the
+    /// service sees to that.
+    pub async fn open_feed(&self, id: FeedId) -> VaultResult<(FeedLog, Numbers)> {
+        let path = path(&self.inner.data, id);
+        on_a_blocking_thread(move || {
+            let mut file = match disk::open_to_write(&path) {
+                Err(VaultError::NotFound) => {
+                    let file = disk::create(&path)?;
+                    disk::sync(&file, &path);
+                    path.parent().into_iter().for_each(disk::sync_folder);
+                    file
+                }
+                found => found?,
+            };
+            let (written, numbers) = read_through(&disk::open(&path)?, &path)?;
+            file.set_len(written).map_err(failed("cutting", &path))?;
+            file.seek(SeekFrom::Start(written)).map_err(failed("cutting", &path))?;
+            let open = Some(Box::new(Open { path, file, written }));
+            Ok((FeedLog { open, waiting: Vec::new() }, numbers))
+        })
+        .await
+    }
+
+    /// A feed's log, to be read from its beginning, and its length.
+    pub async fn read_feed(&self, id: FeedId) -> VaultResult<(File, u64)> {
+        let path = path(&self.inner.data, id);
+        on_a_blocking_thread(move || {
+            let file = disk::open(&path)?;
+            let bytes = file.metadata().map_err(failed("measuring", &path))?.len();
+            Ok((file, bytes))
+        })
+        .await
+    }
+
+    /// Forgets a feed's log, after its row. One that is gone already is as good.
+    pub async fn delete_feed(&self, id: FeedId) -> VaultResult<()> {
+        let path = path(&self.inner.data, id);
+        on_a_blocking_thread(move || disk::remove(&path)).await
+    }
+
+    /// The feeds that have a log.
+    pub async fn feed_logs(&self) -> VaultResult<Vec<FeedId>> {
+        let folder = self.inner.data.join("feeds");
+        on_a_blocking_thread(move || {
+            let named = |path: &Path| path.file_name()?.to_str()?.parse().ok();
+            Ok(disk::list(&folder)?.iter().filter_map(|(path, _)| named(path)).collect())
+        })
+        .await
+    }
+}
+
+impl FeedLog {
+    /// Appends a record. It is durable only after [`FeedLog::sync`].
+    pub async fn append(&mut self, record: &[u8]) -> VaultResult<()> {
+        self.waiting.extend_from_slice(record);
+        if self.waiting.len() > MOST_WAITING { self.write(false).await } else { Ok(()) }
+    }
+
+    /// Makes everything appended durable. After an error everything since the last sync may be lost: open it again.
+    pub async fn sync(&mut self) -> VaultResult<()> {
+        self.write(true).await
+    }
+
+    async fn write(&mut self, sync: bool) -> VaultResult<()> {
+        let mut open = self.open.take().ok_or(VaultError::NotFound)?;
+        let mut bytes = std::mem::take(&mut self.waiting);
+        let (open, bytes) = on_a_blocking_thread(move || {
+            if let Err(error) = disk::write(&mut open.file, &bytes, &open.path) {
+                open.file.set_len(open.written).map_err(failed("cutting", &open.path))?;
+                return Err(error);
+            }
+            open.written += bytes.len() as u64;
+            if sync {
+                disk::sync(&open.file, &open.path);
+            }
+            bytes.clear();
+            Ok((open, bytes))
+        })
+        .await?;
+        (self.open, self.waiting) = (Some(open), bytes);
+        Ok(())
+    }
+}
+
+/// Bytes of whole records from the beginning on, and the numbers that they speak of.
+fn read_through(mut file: &File, path: &Path) -> VaultResult<(u64, Numbers)> {
+    let (mut numbers, mut whole) = (Numbers::default(), 0);
+    let (mut buffer, mut held) = (vec![0; 2 * MOST_BYTES], 0);
+    loop {
+        let read = file.read(&mut buffer[held..]).map_err(failed("reading", path))?;
+        held += read;
+        let mut rest = &buffer[..held];
+        let end = loop {
+            match Record::read_first(rest) {
+                Ok((record, behind)) => {
+                    if numbers.add(record.number, record.last()).is_err() {
+                        return Ok((whole, numbers));
+                    }
+                    whole += (rest.len() - behind.len()) as u64;
+                    rest = behind;
+                }
+                Err(error) => break error,
+            }
+        };
+        if read == 0 || !matches!(end, NotARecord::Cut(_)) {
+            return Ok((whole, numbers));
+        }
+        let kept = rest.len();
+        buffer.copy_within(held - kept..held, 0);
+        held = kept;
+    }
+}
+
+fn path(data: &Path, id: FeedId) -> PathBuf {
+    data.join("feeds").join(id.to_string())
+}

@@ -1,0 +1,59 @@
+//! Files that somebody else writes, a child for instance, and that become blobs afterwards.
+
+use std::fs::File;
+use std::path::PathBuf;
+
+use super::Vault;
+use super::blobs::{give_name, hash_of};
+use super::disk::{self, on_a_blocking_thread};
+use super::error::{VaultError, VaultResult, failed};
+use super::pins::Kept;
+
+/// An empty file to be written. Dropped before it is kept it leaves nothing, at the latest after the next start.
+#[derive(Debug)]
+pub struct Made {
+    vault: Vault,
+    path: PathBuf,
+    file: File,
+}
+
+impl Vault {
+    /// A file for somebody else to write.
+    pub async fn make_file(&self) -> VaultResult<Made> {
+        let path = self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()));
+        let vault = self.clone();
+        on_a_blocking_thread(move || Ok(Made { file: disk::create_to_read(&path)?, vault, path })).await
+    }
+}
+
+impl Made {
+    /// The file, open for reading and writing.
+    pub fn file(&self) -> VaultResult<File> {
+        self.file.try_clone().map_err(failed("opening", &self.path))
+    }
+
+    /// Makes what was written a blob: durable, with its name, when this returns.
+    pub async fn keep(self) -> VaultResult<Kept> {
+        let path = self.path.clone();
+        let blob = on_a_blocking_thread(move || hash_of(disk::open(&path)?, &path)).await?;
+        if blob.bytes == 0 {
+            return Err(VaultError::NotFound);
+        }
+        let pin = self.vault.inner.pins.keep(blob.hash).await;
+        let name = self.vault.blob_path(blob.hash);
+        on_a_blocking_thread(move || {
+            disk::sync(&self.file, &self.path);
+            give_name(&name, || std::fs::hard_link(&self.path, &name))?;
+            Ok(Kept::new(blob, pin))
+        })
+        .await
+    }
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        if disk::remove(&self.path).is_err() {
+            tracing::warn!(path = %self.path.display(), "a half-written file stays until the next start");
+        }
+    }
+}
