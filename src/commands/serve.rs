@@ -30,7 +30,7 @@ use crate::http::{router, server};
 use crate::intake::Intake;
 use crate::live::{self, Feeds, OpenFeeds};
 use crate::queue::Queue;
-use crate::sandbox;
+use crate::sandbox::{self, Program};
 use crate::settings::{Flags, Settings, UpkeepSettings};
 use crate::shutdown::Shutdown;
 use crate::store::{NewPerson, Store};
@@ -103,7 +103,7 @@ fn start_log(filter: &str, json: bool) -> Result<(), Failure> {
 async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     let password = Password::random();
     let scratch = settings.data.join("demonstration");
-    let running = start(settings, Arc::new(System), &password).await?;
+    let running = start(settings, Arc::new(System), &password, Workshop::this_program()).await?;
     running.shutdown.begin_on_signals().context("listening for signals")?;
     greet(running.address, running.is_first.then_some(&password));
     if demo {
@@ -171,8 +171,13 @@ impl Running {
 }
 
 /// Starts a service: recovered, listening, with its workers. `password` becomes the first administrator's if there is
-/// nobody yet.
-pub async fn start(settings: Settings, clock: SharedClock, password: &Password) -> anyhow::Result<Running> {
+/// nobody yet; `child` is the program that decodes: this one, but in tests.
+pub async fn start(
+    settings: Settings,
+    clock: SharedClock,
+    password: &Password,
+    child: Program,
+) -> anyhow::Result<Running> {
     check_kernel(settings.analysis.require_landlock)?;
     let vault = Vault::open(&settings.data).await.context("opening the data folder")?;
     let lock = vault.lock().await.with_context(|| format!("using {}", settings.data.display()))?;
@@ -199,7 +204,7 @@ pub async fn start(settings: Settings, clock: SharedClock, password: &Password) 
         shutdown: shutdown.clone(),
         settings: settings.live.clone(),
         analysis: settings.analysis.clone(),
-        program: Workshop::this_program(),
+        program: child.clone(),
         open: OpenFeeds::default(),
     });
     let parts = Parts {
@@ -219,7 +224,7 @@ pub async fn start(settings: Settings, clock: SharedClock, password: &Password) 
     };
     let app = App::new(parts);
     keep_up(&app, &settings.upkeep);
-    workshop(&app, settings.analysis).open(settings.workers, &shutdown);
+    workshop(&app, settings.analysis, child).open(settings.workers, &shutdown);
     let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
     let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
     Ok(Running { address, shutdown, is_first, app, served, _lock: lock })
@@ -250,13 +255,13 @@ fn keep_up(app: &App, settings: &UpkeepSettings) {
 }
 
 /// Where the workers work.
-fn workshop(app: &App, settings: AnalysisSettings) -> Workshop {
+fn workshop(app: &App, settings: AnalysisSettings, program: Program) -> Workshop {
     Workshop {
         store: app.store.clone(),
         vault: app.vault.clone(),
         queue: app.queue.clone(),
         clock: app.clock.clone(),
-        program: Workshop::this_program(),
+        program,
         settings,
     }
 }

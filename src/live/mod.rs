@@ -47,7 +47,9 @@ use crate::vault::{FeedLog, Vault, VaultError};
 const LOOK_EVERY: Duration = Duration::from_secs(20);
 
 /// Pictures larger than this are not decoded later on ([`crate::media::Limits`]).
-const MOST_PIXELS: u64 = 4096 * 2304;
+const MOST_PIXELS: u32 = 4096 * 2304;
+/// Longest side of a picture, pixels.
+const LONGEST_SIDE: u32 = 16_384;
 
 /// Longest name of a sender's program, characters.
 const SENDER: usize = 120;
@@ -231,7 +233,9 @@ impl Feeds {
             return wrong(format!("protocol {}; this server speaks {PROTOCOL}", hello.protocol));
         }
         let (width, height) = (hello.width, hello.height);
-        if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MOST_PIXELS {
+        let sides = 1..=LONGEST_SIDE;
+        let fits = sides.contains(&width) && sides.contains(&height) && width * height <= MOST_PIXELS;
+        if !fits {
             return wrong(format!("a picture of {width}×{height} pixels; at most {MOST_PIXELS} in all"));
         }
         let Some(began_at_ms) = from_rfc3339(&hello.began_at) else {

@@ -8,6 +8,7 @@ mod child;
 mod commands;
 mod dependencies;
 mod faults;
+mod feed;
 mod memory;
 mod palette;
 mod process;

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use trocar::commands::serve::{self, Running};
 use trocar::domain::secret::Password;
+use trocar::sandbox::Program;
 use trocar::settings::Settings;
 use trocar::time::{SharedClock, System};
 
@@ -46,7 +47,8 @@ impl Service {
         settings.listen = "127.0.0.1:0".parse().unwrap();
         change(&mut settings);
         let password = Password::new(ADMINISTRATOR.1).unwrap();
-        let running = serve::start(settings, clock, &password).await.expect("the service starts");
+        let child = Program::at(env!("CARGO_BIN_EXE_trocar"), &["child"]);
+        let running = serve::start(settings, clock, &password, child).await.expect("the service starts");
         Self { running, data }
     }
 
@@ -117,6 +119,11 @@ impl Client {
     /// The signed-in cookie's text.
     pub fn cookie(&self) -> String {
         self.headers[header::COOKIE].to_str().unwrap().to_owned()
+    }
+
+    /// The headers of each request.
+    pub fn headers(&self) -> &HeaderMap {
+        &self.headers
     }
 
     /// A request to build upon. `path` may be a whole address, as in `Location`.

@@ -1,6 +1,6 @@
 //! REST, roles and uploads, as a client sees them.
 
-mod centre;
+pub mod centre;
 mod documents;
 mod full_disk;
 mod hostile;

@@ -1,0 +1,278 @@
+//! Feeds over real connections to the real service: what is acknowledged stays, what is late or wrong is refused by name.
+
+mod sender;
+
+use std::time::Duration;
+
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+use trocar::media::{Limits, VideoFile};
+use trocar::time::Manual;
+
+use crate::api::centre::Centre;
+use crate::support::{Client, Service, read, soon};
+use sender::{FRAME_TICKS, Heard, SIZE, begin, hello, open};
+
+const RECORDING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
+const ANOTHER: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45";
+
+/// Numbers of the frames of a session's recording, by their times.
+async fn frames_of(client: &Client, session: &str) -> Vec<u64> {
+    let video = client.get(&format!("/api/v1/sessions/{session}/video")).await;
+    assert_eq!(video.status(), StatusCode::OK);
+    let path = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(path.path(), video.bytes().await.unwrap()).unwrap();
+    let mut video = VideoFile::open(path.reopen().unwrap(), Limits::default()).unwrap();
+    let mut numbers = Vec::new();
+    while let Some(picture) = video.next_picture().unwrap() {
+        let frame = picture.frame();
+        assert_eq!((frame.width(), frame.height()), (SIZE.0 as usize, SIZE.1 as usize));
+        let ticks = frame.time_s * 90_000.0;
+        assert!((ticks - ticks.round()).abs() < 1e-6, "times are what they were: {ticks}");
+        numbers.push(ticks.round() as u64 / FRAME_TICKS as u64);
+    }
+    numbers
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn frames_become_a_session_like_any_other() {
+    let centre = Centre::open().await;
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    assert_eq!((&welcome["epoch"], &welcome["durable"]), (&json!(1), &json!([])));
+    let session = welcome["session"].as_str().unwrap().to_owned();
+    sender.frames(0..50).await;
+    sender.acknowledged(json!([[0, 49]])).await;
+
+    let address = format!("/api/v1/sessions/{session}");
+    let arriving = centre.instructor.read(&address).await;
+    assert_eq!((&arriving["status"], &arriving["video"]["bytes"]), (&json!("receiving"), &Value::Null));
+    let listed = centre.instructor.read("/api/v1/sessions?status=receiving").await;
+    assert_eq!(listed["items"][0]["id"], session);
+    let video = centre.instructor.get(&format!("{address}/video")).await;
+    assert_eq!(video.status(), StatusCode::NOT_FOUND, "there is none yet");
+
+    assert_eq!(sender.end(50).await, session);
+    let whole = centre.instructor.read(&address).await;
+    assert_eq!((&whole["status"], &whole["recorded_at"]), (&json!("queued"), &json!("2026-11-21T20:14:00Z")));
+    assert_eq!(frames_of(&centre.instructor, &session).await, (0..50).collect::<Vec<_>>());
+
+    // Whoever missed the last word says hello again.
+    let mut again = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+    again.say(&hello(RECORDING)).await;
+    assert_eq!(again.hear().await, Heard::Word(json!({"type": "ended", "session": session})));
+    assert_eq!(again.closed().await, 1000);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cut_connection_goes_on_where_it_was_live_first_and_the_rest_behind() {
+    let centre = Centre::open().await;
+    let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frames(0..20).await;
+    sender.acknowledged(json!([[0, 19]])).await;
+    drop(sender);
+
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    assert_eq!((&welcome["epoch"], &welcome["durable"]), (&json!(2), &json!([[0, 19]])));
+    sender.frames(40..50).await; // live
+    sender.acknowledged(json!([[0, 19], [40, 49]])).await;
+    sender.frames(15..30).await; // behind it; some were durable already
+    sender.say(&json!({"type": "end", "frames": 50})).await;
+    assert_eq!(sender.answer().await, Heard::Word(json!({"type": "missing", "frames": [[30, 39]]})));
+    sender.gap(30, 39).await;
+    let session = sender.end(50).await;
+    assert_eq!(frames_of(&centre.instructor, &session).await, (0..30).chain(40..50).collect::<Vec<_>>());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_acknowledged_outlives_the_service() {
+    let centre = Centre::open().await;
+    let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frames(0..30).await;
+    sender.acknowledged(json!([[0, 29]])).await;
+    let agent = centre.agent.clone();
+    let data = centre.service.stop().await;
+    assert_eq!(sender.closed().await, 1012);
+
+    // A tail that was cut in the middle of a record is not taken for one.
+    let log = data.path().join("feeds").join(RECORDING);
+    let whole = std::fs::metadata(&log).unwrap().len();
+    std::fs::File::options().append(true).open(&log).unwrap().set_len(whole - 5).unwrap();
+
+    let service = Service::start_in(data, std::sync::Arc::new(trocar::time::System), |_| ()).await;
+    let (mut sender, welcome) = begin(&service, &agent, RECORDING).await;
+    assert_eq!((&welcome["epoch"], &welcome["durable"]), (&json!(2), &json!([[0, 28]])));
+    sender.frames(29..31).await;
+    let session = sender.end(31).await;
+    assert_eq!(frames_of(&service.administrator().await, &session).await, (0..31).collect::<Vec<_>>());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn only_the_latest_connection_of_a_recording_may_send() {
+    let centre = Centre::open().await;
+    let (mut old, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    old.frames(0..5).await;
+    old.acknowledged(json!([[0, 4]])).await;
+    let (mut new, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    old.frames(5..9).await; // held up on the way
+    assert_eq!(old.closed().await, 4410);
+    new.frames(9..10).await;
+    new.acknowledged(json!([[0, 4], [9, 9]])).await;
+
+    // What bears the old epoch is refused wherever it comes from.
+    new.frame(1, 5, 5 * FRAME_TICKS).await;
+    assert_eq!(new.closed().await, 4422);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_box_sends_one_recording_at_a_time() {
+    let centre = Centre::open().await;
+    let (first, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    let mut second = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+    second.say(&hello(ANOTHER)).await;
+    assert_eq!(second.closed().await, 4409);
+    drop(first);
+    for _ in 0..100 {
+        let mut second = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+        second.say(&hello(ANOTHER)).await;
+        if matches!(second.hear().await, Heard::Word(word) if word["type"] == "welcome") {
+            return;
+        }
+    }
+    panic!("the box is busy though nobody sends");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn strangers_and_foreign_pages_do_not_get_as_far_as_hello() {
+    let centre = Centre::open().await;
+    centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
+    let opened = async |client: &Client, in_box| open(&centre.service, client.headers(), in_box).await.err();
+    assert_eq!(opened(&centre.service.stranger(), "box-1").await, Some(401));
+    assert_eq!(opened(&centre.agent, "box-2").await, Some(404), "another box's agent");
+    assert_eq!(opened(&centre.agent, "box-9").await, Some(404));
+    let foreign = centre.trainee.clone().with("origin", "http://evil.example");
+    assert_eq!(opened(&foreign, "box-1").await, Some(403));
+    assert_eq!(opened(&centre.trainee, "box-1").await, None, "people may send their own");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainee_sends_nobody_elses_recording() {
+    let centre = Centre::open().await;
+    let mut sender = open(&centre.service, centre.other_trainee.headers(), "box-1").await.unwrap();
+    sender.say(&hello(RECORDING)).await; // of ada
+    assert_eq!(sender.closed().await, 4404);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_first_word_that_is_wrong_is_refused_by_name() {
+    let centre = Centre::open().await;
+    let changed = |key: &str, value: Value| {
+        let mut hello = hello(RECORDING);
+        hello[key] = value;
+        hello
+    };
+    let wrong = [
+        (json!({"type": "end", "frames": 1}), 4400),
+        (changed("protocol", json!(2)), 4400),
+        (changed("codec", json!("png")), 4400),
+        (changed("width", json!(60_000)), 4400),
+        (changed("time_base", json!([1, 25])), 4400),
+        (changed("began_at", json!("yesterday")), 4400),
+        (changed("recording", json!("mine")), 4400),
+        (changed("colour", json!("blue")), 4400),
+        (changed("trainee", json!("nobody")), 4404),
+        (changed("task", json!("nothing")), 4404),
+        (changed("sender", json!("x".repeat(9000))), 4413),
+    ];
+    for (word, code) in wrong {
+        let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+        sender.say(&word).await;
+        assert_eq!(sender.closed().await, code, "{word}");
+    }
+    let none = centre.administrator.read("/api/v1/sessions").await;
+    assert_eq!(none["items"], json!([]), "nothing was begun");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_record_that_is_wrong_closes_the_feed_and_costs_nothing_that_was_acknowledged() {
+    let centre = Centre::open().await;
+    let mut damaged = Vec::new();
+    let body = trocar::domain::feed::record::Body::Frame { time: 0, is_key: true, payload: &[1, 2, 3] };
+    trocar::domain::feed::record::Record { epoch: 1, number: 9, body }.write(&mut damaged);
+    damaged[33] ^= 1;
+    let wrong: [(Vec<u8>, u16); 4] =
+        [(damaged, 4400), (b"nonsense".to_vec(), 4400), (vec![0; 2 << 20], 4413), (Vec::new(), 4400)];
+    for (bytes, code) in wrong {
+        let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+        sender.frames(0..3).await;
+        sender.bytes(bytes).await;
+        assert_eq!(sender.closed().await, code);
+    }
+    let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frame(sender.epoch, 3, i64::MAX).await; // from the future
+    assert_eq!(sender.closed().await, 4422);
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    assert_eq!(welcome["durable"], json!([[0, 2]]));
+    sender.say(&json!({"type": "end", "frames": 2})).await; // fewer than came
+    assert_eq!(sender.closed().await, 4422);
+    let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    let session = sender.end(3).await;
+    assert_eq!(frames_of(&centre.instructor, &session).await, [0, 1, 2]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_without_a_frame_that_can_be_shown_leaves_no_session() {
+    let centre = Centre::open().await;
+    let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+    let mut h264 = hello(RECORDING);
+    h264["codec"] = json!("h264");
+    sender.say(&h264).await;
+    let Heard::Word(welcome) = sender.hear().await else { panic!("no welcome") };
+    sender.epoch = 1;
+    sender.frames(0..3).await; // not one parameter set among them
+    sender.say(&json!({"type": "end", "frames": 3})).await;
+    assert_eq!(sender.closed().await, 4422);
+    let session = welcome["session"].as_str().unwrap();
+    read(centre.instructor.get(&format!("/api/v1/sessions/{session}")).await, StatusCode::NOT_FOUND).await;
+    assert!(std::fs::read_dir(centre.service.data.path().join("feeds")).unwrap().next().is_none(), "no log is left");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn erasing_a_session_that_arrives_ends_its_feed() {
+    let centre = Centre::open().await;
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frames(0..5).await;
+    sender.acknowledged(json!([[0, 4]])).await;
+    let session = format!("/api/v1/sessions/{}", welcome["session"].as_str().unwrap());
+    assert_eq!(centre.instructor.delete(&session).await.status(), StatusCode::NO_CONTENT);
+    sender.say(&json!({"type": "end", "frames": 5})).await;
+    let code = sender.closed().await;
+    assert!([4404, 4500].contains(&code), "{code}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_that_nobody_ends_ends_with_what_came() {
+    let clock = Manual::at(1_795_000_000_000);
+    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frames((0..10).chain(15..20)).await;
+    sender.acknowledged(json!([[0, 9], [15, 19]])).await;
+    drop(sender);
+    let session = format!("/api/v1/sessions/{}", welcome["session"].as_str().unwrap());
+    let status = async |client: &Client| client.read(&session).await["status"].as_str().unwrap().to_owned();
+    clock.advance(Duration::from_secs(1700));
+    assert_eq!(status(&centre.administrator).await, "receiving", "an agent that lost its server may still come back");
+    soon("the end", async {
+        loop {
+            clock.advance(Duration::from_secs(1800));
+            let administrator = centre.service.administrator().await;
+            if status(&administrator).await == "queued" {
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    })
+    .await;
+    let id = session.rsplit('/').next().unwrap();
+    let administrator = centre.service.administrator().await;
+    assert_eq!(frames_of(&administrator, id).await, (0..10).chain(15..20).collect::<Vec<_>>());
+}
