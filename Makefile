@@ -82,6 +82,10 @@ foreign-clients: release test-packages ## 500 MB by tus-js-client and tus-py-cli
 kills: test-packages ## the service and its children killed 50 times each, during uploads and jobs
 	TROCAR_KILLS=50 cargo test --locked --test integration faults -- --nocapture
 
+.PHONY: feed-faults
+feed-faults: test-packages ## 500 recordings sent frame by frame, each through ten faults on the way
+	TROCAR_FEEDS=500 cargo test --locked --test integration no_acknowledged_frame -- --nocapture
+
 .PHONY: power-cuts
 power-cuts: test-packages ## 20 power cuts during uploads and jobs, on a file system of its own; needs root
 	@$(call install,e2fsprogs mount)

@@ -10,7 +10,7 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::{Instant, interval, sleep_until, timeout};
 
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
@@ -29,6 +29,8 @@ const MOST_WORD: usize = 8192;
 const READ_BYTES: usize = 4096;
 /// How long a sender may take to hear the last words.
 const LAST_WORDS: Duration = Duration::from_secs(5);
+/// How often it is looked whether the sign-in still counts.
+const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
 /// How long a hello may take to come.
 const HELLO: Duration = Duration::from_secs(10);
 
@@ -50,6 +52,7 @@ pub async fn feed(
     app.store.boxes().get(&by.scope, &in_box).await?;
     let full = |_| busy("Too many boxes send at once. Try again when one of them has ended.");
     let place = app.feed_places.clone().try_acquire_owned().map_err(full)?;
+    let by = By { scope: by.scope, headers };
     let upgrade = upgrade
         .max_message_size(MOST_BYTES)
         .max_frame_size(MOST_BYTES)
@@ -58,15 +61,21 @@ pub async fn feed(
         .max_write_buffer_size(1 << 17);
     Ok(upgrade.on_upgrade(move |socket| async move {
         // Counted among what the service ends before it is gone.
-        let talk = app.shutdown.spawn(talk(app.clone(), by.scope, in_box, socket));
+        let talk = app.shutdown.spawn(talk(app.clone(), by, in_box, socket));
         let _ = talk.await; // a panic is logged where it happened
         drop(place);
     }))
 }
 
+/// Who sends, and what shows it.
+struct By {
+    scope: Scope,
+    headers: HeaderMap,
+}
+
 /// The whole conversation, and the reason at its end.
-async fn talk(app: App, scope: Scope, in_box: Key, mut socket: WebSocket) {
-    let farewell = match converse(&app, &scope, &in_box, &mut socket).await {
+async fn talk(app: App, by: By, in_box: Key, mut socket: WebSocket) {
+    let farewell = match converse(&app, &by, &in_box, &mut socket).await {
         Ok(()) => Farewell::new(Code::Done, "the recording is whole"),
         Err(End::Gone) => return tracing::debug!(in_box = in_box.as_str(), "a feed's connection was cut"),
         Err(End::Told(farewell)) => farewell,
@@ -94,7 +103,8 @@ impl From<Farewell> for End {
     }
 }
 
-async fn converse(app: &App, scope: &Scope, in_box: &Key, socket: &mut WebSocket) -> Result<(), End> {
+async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> Result<(), End> {
+    let By { scope, headers } = by;
     let ending = app.shutdown.begun();
     tokio::pin!(ending);
     let hello = tokio::select! {
@@ -114,12 +124,19 @@ async fn converse(app: &App, scope: &Scope, in_box: &Key, socket: &mut WebSocket
     say(socket, &feed.welcome().await?).await?;
     let settings = app.feeds.settings();
     let mut ack_at = None;
+    let mut still_signed_in = interval(STILL_SIGNED_IN);
     let mut silent_at = Instant::now() + settings.silent();
     loop {
         let heard = tokio::select! {
             biased;
             () = &mut ending => return Err(service_ends()),
             farewell = feed.superseded() => return Err(farewell.into()),
+            _ = still_signed_in.tick() => {
+                if !SignedIn::still(app, headers).await {
+                    return Err(Farewell::new(Code::SignedOut, "the sign-in has ended: sign in again").into());
+                }
+                continue;
+            }
             () = sleep_until(ack_at.unwrap_or(silent_at)), if ack_at.is_some() => {
                 ack_at = None;
                 say(socket, &feed.sync().await?).await?;
@@ -134,7 +151,7 @@ async fn converse(app: &App, scope: &Scope, in_box: &Key, socket: &mut WebSocket
         feed.heard();
         match heard {
             Heard::Record(record) => {
-                feed.take(&record).await?;
+                feed.take(record).await?;
                 if ack_at.is_none() && feed.is_unsynced() {
                     ack_at = Some(Instant::now() + settings.ack());
                 }

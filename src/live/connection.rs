@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use bytes::Bytes;
 use tokio::sync::watch;
 
 use super::{Feed, Feeds, State, failed, is_end};
@@ -39,8 +40,8 @@ impl Connection {
     }
 
     /// Takes a record; it is durable after the next [`Connection::sync`].
-    pub async fn take(&mut self, message: &[u8]) -> Result<(), Farewell> {
-        let record = Record::read(message).map_err(not_a_record)?;
+    pub async fn take(&mut self, message: Bytes) -> Result<(), Farewell> {
+        let record = Record::read(&message).map_err(not_a_record)?;
         self.check(&record)?;
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
@@ -51,12 +52,11 @@ impl Connection {
         if matches!(record.body, Body::Frame { .. }) && state.numbers.contains(record.number) {
             return Ok(()); // sent again, because its acknowledgement was lost
         }
-        let mut numbers = state.numbers.clone();
-        numbers.add(record.number, record.last()).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
+        let (first, last) = (record.number, record.last());
+        state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
+        state.is_unsynced = true;
         let appended = state.log.append(message).await;
         self.or_close(appended).await?;
-        state.numbers = numbers;
-        state.is_unsynced = true;
         self.is_unsynced = true;
         Ok(())
     }
@@ -125,7 +125,10 @@ impl Connection {
     /// A log that could not be written is closed; the next hello reads it through.
     async fn or_close(&self, done: crate::vault::VaultResult<()>) -> Result<(), Farewell> {
         let Err(error) = done else { return Ok(()) };
-        self.feeds.0.open.0.lock().await.remove(&self.feed.row.id);
+        let mut open = self.feeds.0.open.0.lock().await;
+        if open.get(&self.feed.row.id).is_some_and(|entered| Arc::ptr_eq(entered, &self.feed)) {
+            open.remove(&self.feed.row.id);
+        }
         Err(failed(error))
     }
 

@@ -75,7 +75,7 @@ impl Feeds {
                 Record { epoch, number, body }.write(&mut gaps);
                 state.numbers.add(number, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
             }
-            state.log.append(&gaps).await?;
+            state.log.append(gaps.into()).await?;
             state.log.sync().await?;
         }
         tracing::info!(feed = %id, "nobody ended a recording: it ends with what came");

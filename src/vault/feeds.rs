@@ -7,6 +7,8 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use bytes::Bytes;
+
 use super::Vault;
 use super::disk::{self, on_a_blocking_thread};
 use super::error::{VaultError, VaultResult, failed};
@@ -15,7 +17,7 @@ use crate::domain::feed::record::{MOST_BYTES, NotARecord, Record};
 use crate::ids::FeedId;
 
 /// Bytes that wait at most before they are written.
-const MOST_WAITING: usize = 1 << 18;
+const MOST_WAITING: usize = 1 << 17;
 
 /// A feed's log, open to be appended to.
 #[derive(Debug)]
@@ -86,25 +88,30 @@ impl Vault {
 
 impl FeedLog {
     /// Appends a record. It is durable only after [`FeedLog::sync`].
-    pub async fn append(&mut self, record: &[u8]) -> VaultResult<()> {
-        self.waiting.extend_from_slice(record);
-        if self.waiting.len() > MOST_WAITING { self.write(false).await } else { Ok(()) }
+    pub async fn append(&mut self, record: Bytes) -> VaultResult<()> {
+        if self.waiting.len() + record.len() > MOST_WAITING {
+            return self.write(record, false).await; // as it is: a copy of the largest would take as much again
+        }
+        self.waiting.extend_from_slice(&record);
+        Ok(())
     }
 
     /// Makes everything appended durable. After an error everything since the last sync may be lost: open it again.
     pub async fn sync(&mut self) -> VaultResult<()> {
-        self.write(true).await
+        self.write(Bytes::new(), true).await
     }
 
-    async fn write(&mut self, sync: bool) -> VaultResult<()> {
+    /// Writes what waits, and a record behind it.
+    async fn write(&mut self, record: Bytes, sync: bool) -> VaultResult<()> {
         let mut open = self.open.take().ok_or(VaultError::NotFound)?;
         let mut bytes = std::mem::take(&mut self.waiting);
         let (open, bytes) = on_a_blocking_thread(move || {
-            if let Err(error) = disk::write(&mut open.file, &bytes, &open.path) {
+            let mut write = |bytes: &[u8]| disk::write(&mut open.file, bytes, &open.path);
+            if let Err(error) = write(&bytes).and_then(|()| write(&record)) {
                 open.file.set_len(open.written).map_err(failed("cutting", &open.path))?;
                 return Err(error);
             }
-            open.written += bytes.len() as u64;
+            open.written += (bytes.len() + record.len()) as u64;
             if sync {
                 disk::sync(&open.file, &open.path);
             }

@@ -42,8 +42,8 @@ export default function Session({ person, route }) {
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} />`}
-      <${Loaded} key=${`${session.id} ${session.status}`} session=${session}
-        start=${Number(route.query.get('t')) || 0} />
+      ${session.status !== 'receiving' && html`<${Loaded} key=${`${session.id} ${session.status}`} session=${session}
+        start=${Number(route.query.get('t')) || 0} />`}
     </div>`;
 }
 
@@ -62,7 +62,7 @@ const Waiting = ({ session, progress }) => html`
         ${session.status === 'queued' && Number.isFinite(session.queue_position)
           ? `${t.today.position(session.queue_position)}. ` : ''}${words.waitingBody}
       <//>
-      ${session.status !== 'queued' && html`<${ProgressBar} value=${progress} name=${session.filename} />`}
+      ${session.status === 'tracking' && html`<${ProgressBar} value=${progress} name=${session.filename} />`}
     </div>
   </section>`;
 

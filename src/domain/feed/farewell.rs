@@ -18,6 +18,8 @@ pub enum Code {
     Ending,
     /// A message that is not in the protocol, or not in its order.
     NotUnderstood,
+    /// The sign-in has ended, or the token was withdrawn.
+    SignedOut,
     /// A trainee or task that does not exist, or a recording that is not of this box.
     Unknown,
     /// The box sends another recording, or another sender sends this one: come again.
@@ -36,10 +38,11 @@ pub enum Code {
 
 impl Code {
     /// All of them.
-    pub const ALL: [Code; 10] = [
+    pub const ALL: [Code; 11] = [
         Code::Done,
         Code::Ending,
         Code::NotUnderstood,
+        Code::SignedOut,
         Code::Unknown,
         Code::Busy,
         Code::Superseded,
@@ -55,6 +58,7 @@ impl Code {
             Code::Done => 1000,
             Code::Ending => 1012, // "service restart" (IANA)
             Code::NotUnderstood => 4400,
+            Code::SignedOut => 4401,
             Code::Unknown => 4404,
             Code::Silent => 4408,
             Code::Busy => 4409,

@@ -73,7 +73,7 @@ impl TryFrom<[u32; 2]> for TimeBase {
         /// Coarser ticks could not tell frames apart, and finer ones overflow containers.
         const COARSEST_HZ: u32 = 1000;
         const FINEST_HZ: u32 = 1_000_000;
-        let hertz = if num == 0 { 0 } else { den / num };
+        let hertz = den.checked_div(num).unwrap_or(0);
         if !(COARSEST_HZ..=FINEST_HZ).contains(&hertz) || den > i32::MAX as u32 {
             return Err(Invalid::new("time_base", "expected [1, n] with 1000 to 1000000 ticks a second"));
         }

@@ -2,6 +2,7 @@
 //!
 //! | file | claims |
 //! |---|---|
+//! | `feeds.rs` | no acknowledged frame is lost or doubled, whatever happens between a box and the service |
 //! | `kills.rs` | nothing acknowledged is lost when service or children are killed |
 //! | `order.rs` | no acknowledgement leaves before its bytes and names were synced |
 //! | `power.rs` | nothing acknowledged is lost when the power is cut |
@@ -11,6 +12,7 @@
 //! A kill cannot show a missing sync, since the system's cache outlives the process: that is what `order` and `power` are for.
 
 mod centre;
+mod feeds;
 mod kills;
 mod order;
 mod power;

@@ -1,6 +1,6 @@
 //! Feeds over real connections to the real service: what is acknowledged stays, what is late or wrong is refused by name.
 
-mod sender;
+pub mod sender;
 
 use std::time::Duration;
 
@@ -20,8 +20,13 @@ const ANOTHER: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45";
 async fn frames_of(client: &Client, session: &str) -> Vec<u64> {
     let video = client.get(&format!("/api/v1/sessions/{session}/video")).await;
     assert_eq!(video.status(), StatusCode::OK);
+    numbers_in(&video.bytes().await.unwrap())
+}
+
+/// Numbers of the frames of a recording, by their times.
+pub fn numbers_in(video: &[u8]) -> Vec<u64> {
     let path = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(path.path(), video.bytes().await.unwrap()).unwrap();
+    std::fs::write(path.path(), video).unwrap();
     let mut video = VideoFile::open(path.reopen().unwrap(), Limits::default()).unwrap();
     let mut numbers = Vec::new();
     while let Some(picture) = video.next_picture().unwrap() {
@@ -152,6 +157,16 @@ async fn strangers_and_foreign_pages_do_not_get_as_far_as_hello() {
     let foreign = centre.trainee.clone().with("origin", "http://evil.example");
     assert_eq!(opened(&foreign, "box-1").await, Some(403));
     assert_eq!(opened(&centre.trainee, "box-1").await, None, "people may send their own");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_token_that_is_withdrawn_sends_no_more() {
+    let centre = Centre::open().await;
+    let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    let tokens = centre.administrator.read("/api/v1/tokens").await;
+    let id = tokens["items"][0]["id"].as_str().unwrap();
+    assert_eq!(centre.administrator.delete(&format!("/api/v1/tokens/{id}")).await.status(), StatusCode::NO_CONTENT);
+    assert_eq!(sender.closed().await, 4401);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -36,7 +36,12 @@ pub struct Sender {
 
 /// Opens the connection, or tells the status of the refusal.
 pub async fn open(service: &Service, headers: &HeaderMap, in_box: &str) -> Result<Sender, u16> {
-    let address = format!("ws://{}/api/v1/boxes/{in_box}/feed", service.address());
+    open_at(&service.address().to_string(), headers, in_box).await
+}
+
+/// The same at this host and port.
+pub async fn open_at(host: &str, headers: &HeaderMap, in_box: &str) -> Result<Sender, u16> {
+    let address = format!("ws://{host}/api/v1/boxes/{in_box}/feed");
     let mut request = address.into_client_request().unwrap();
     request.headers_mut().extend(headers.clone());
     match soon("the connection", connect_async(request)).await {
