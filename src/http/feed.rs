@@ -6,6 +6,7 @@
 use std::borrow::Cow;
 use std::time::Duration;
 
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, State};
 use axum::http::HeaderMap;
@@ -14,7 +15,7 @@ use tokio::time::{Instant, interval, sleep_until, timeout};
 
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
-use super::error::{Answer, busy};
+use super::error::{Answer, Refusal, busy};
 use super::state::App;
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::domain::feed::record::MOST_BYTES;
@@ -45,8 +46,11 @@ pub async fn feed(
     by: SignedIn,
     Path(in_box): Path<String>,
     headers: HeaderMap,
-    upgrade: WebSocketUpgrade,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Answer<Response> {
+    let upgrade = upgrade.map_err(|_| {
+        Refusal::BadRequest.with("This is a WebSocket: open it as one. docs/feed.md describes what is said on it.")
+    })?;
     origin::refuse_foreign(&headers)?;
     let in_box = Key::from(&in_box);
     app.store.boxes().get(&by.scope, &in_box).await?;

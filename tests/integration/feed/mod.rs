@@ -10,7 +10,7 @@ use trocar::media::{Limits, VideoFile};
 use trocar::time::Manual;
 
 use crate::api::centre::Centre;
-use crate::support::{Client, Service, read, soon};
+use crate::support::{Client, Service, problem, read, soon};
 use sender::{FRAME_TICKS, Heard, SIZE, begin, hello, open};
 
 const RECORDING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
@@ -157,6 +157,7 @@ async fn strangers_and_foreign_pages_do_not_get_as_far_as_hello() {
     let foreign = centre.trainee.clone().with("origin", "http://evil.example");
     assert_eq!(opened(&foreign, "box-1").await, Some(403));
     assert_eq!(opened(&centre.trainee, "box-1").await, None, "people may send their own");
+    problem(centre.agent.get("/api/v1/boxes/box-1/feed").await, 400, "bad-request").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
