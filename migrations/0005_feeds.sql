@@ -16,3 +16,11 @@ CREATE TABLE feed (
 CREATE INDEX feed_session ON feed (session_id);
 CREATE INDEX feed_box ON feed (box_id);
 CREATE INDEX feed_unfinished ON feed (id) WHERE ended_at_ms IS NULL;
+
+-- Feeds that were erased: their sender is told, and cannot bring them back.
+CREATE TABLE erased_feed (
+    id TEXT PRIMARY KEY CHECK (length(id) = 36)                              -- FeedId
+) STRICT, WITHOUT ROWID;
+CREATE TRIGGER feed_erased AFTER DELETE ON feed BEGIN
+    INSERT INTO erased_feed (id) VALUES (OLD.id) ON CONFLICT DO NOTHING;
+END;

@@ -14,6 +14,9 @@ pub struct Problem {
 }
 
 impl Problem {
+    /// Nothing in a recording can be decoded.
+    pub const NO_FRAMES: &'static str = "no-frames";
+
     /// A problem of this kind.
     pub fn new(slug: &str, title: &str, detail: impl Into<String>) -> Self {
         Self { slug: slug.to_owned(), title: title.to_owned(), detail: detail.into() }

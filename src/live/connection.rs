@@ -6,7 +6,8 @@ use std::sync::atomic::Ordering;
 use bytes::Bytes;
 use tokio::sync::watch;
 
-use super::{Feed, Feeds, State, failed, is_end};
+use super::recording::{Ending, Finished};
+use super::{Feed, Feeds, State, failed};
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::domain::feed::record::{Body, NotARecord, Record};
 use crate::domain::feed::words::FromServer;
@@ -22,7 +23,7 @@ pub struct Connection {
 
 impl Connection {
     /// Takes the right to send from any earlier connection.
-    pub(super) async fn begin(feeds: Feeds, feed: Arc<Feed>, epoch: u32) -> Result<Self, Farewell> {
+    pub(super) fn begin(feeds: Feeds, feed: Arc<Feed>, epoch: u32) -> Self {
         feed.connections.fetch_add(1, Ordering::AcqRel);
         feed.epoch.send_if_modified(|now| {
             let is_later = epoch > *now;
@@ -30,7 +31,7 @@ impl Connection {
             is_later
         });
         let now = feed.epoch.subscribe();
-        Ok(Self { feeds, feed, epoch, now, is_unsynced: true })
+        Self { feeds, feed, epoch, now, is_unsynced: true }
     }
 
     /// The first word: what is durable already.
@@ -49,10 +50,18 @@ impl Connection {
         if state.ended.is_some() {
             return Err(Farewell::new(Code::Done, "the recording has ended"));
         }
-        if matches!(record.body, Body::Frame { .. }) && state.numbers.contains(record.number) {
+        let (first, last) = (record.number, record.last());
+        let is_known = match record.body {
+            Body::Frame { .. } => state.numbers.contains(first),
+            Body::Gap { .. } => state.numbers.contains_all(first, last),
+        };
+        if is_known {
             return Ok(()); // sent again, because its acknowledgement was lost
         }
-        let (first, last) = (record.number, record.last());
+        let most = self.feeds.0.settings.max_bytes;
+        if state.log.bytes() + message.len() as u64 > most {
+            return Err(Farewell::new(Code::TooMuch, format!("a recording of more than {most} bytes")));
+        }
         state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
         state.is_unsynced = true;
         let appended = state.log.append(message).await;
@@ -74,23 +83,14 @@ impl Connection {
     /// The recording has so many frames: `Missing` what has not come, or else `Ended` once it is a session.
     pub async fn end(&mut self, frames: u64) -> Result<FromServer, Farewell> {
         self.make_durable().await?;
-        {
-            let state = self.feed.state.lock().await;
-            if frames < state.numbers.end() || !is_end(frames) {
-                let why =
-                    format!("the recording is said to have {frames} frames, but number {} came", state.numbers.end());
-                return Err(Farewell::new(Code::DoesNotBelong, why));
-            }
-            let missing = state.numbers.missing_below(frames);
-            if !missing.is_empty() {
-                return Ok(FromServer::Missing { frames: missing });
-            }
-        }
         // On a task of its own: a sender that goes now must not undo it.
-        let (feeds, feed) = (self.feeds.clone(), self.feed.clone());
-        let ended = self.feeds.0.shutdown.spawn(async move { feeds.finish(&feed).await });
-        let session = ended.await.map_err(|panic| Farewell::new(Code::Failed, panic.to_string()))??;
-        Ok(FromServer::Ended { session })
+        let (feeds, feed, ending) = (self.feeds.clone(), self.feed.clone(), Ending::Told { epoch: self.epoch, frames });
+        let ended = self.feeds.0.shutdown.spawn(async move { feeds.finish(&feed, ending).await });
+        match ended.await.map_err(|panic| Farewell::new(Code::Failed, panic.to_string()))?? {
+            Finished::Whole(session) => Ok(FromServer::Ended { session }),
+            Finished::Missing(frames) => Ok(FromServer::Missing { frames }),
+            Finished::GoesOn => Err(Farewell::new(Code::Superseded, "another connection sends this recording now")),
+        }
     }
 
     /// Resolves once a later connection has taken over.
@@ -112,6 +112,9 @@ impl Connection {
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
         self.may_send()?;
+        if state.ended.is_some() {
+            return Err(Farewell::new(Code::Done, "the recording has ended"));
+        }
         if state.is_unsynced {
             let State { log, .. } = &mut *state;
             let synced = log.sync().await;
@@ -125,10 +128,7 @@ impl Connection {
     /// A log that could not be written is closed; the next hello reads it through.
     async fn or_close(&self, done: crate::vault::VaultResult<()>) -> Result<(), Farewell> {
         let Err(error) = done else { return Ok(()) };
-        let mut open = self.feeds.0.open.0.lock().await;
-        if open.get(&self.feed.row.id).is_some_and(|entered| Arc::ptr_eq(entered, &self.feed)) {
-            open.remove(&self.feed.row.id);
-        }
+        self.feeds.close(&self.feed).await;
         Err(failed(error))
     }
 

@@ -98,6 +98,8 @@ struct Feed {
     state: Mutex<State>,
     /// Attempts to put it together that failed by no fault of its own.
     failures: AtomicU32,
+    /// Is it being put together at this moment?
+    is_finishing: AtomicBool,
     is_gone: AtomicBool,
 }
 
@@ -139,13 +141,21 @@ impl Feeds {
         let id = new.id;
         // Held from the epoch to the entry, so that of two hellos the one with the higher epoch is entered last.
         let mut open = self.0.open.0.lock().await;
-        if let Some(other) = open.values().find(|feed| feed.row.box_id == new.in_box && feed.row.id != id)
-            && other.connections.load(Ordering::Acquire) > 0
-        {
+        let sends = |feed: &&Arc<Feed>| feed.connections.load(Ordering::Acquire) > 0 && feed.row.box_id == new.in_box;
+        if let Some(other) = open.values().find(|feed| feed.row.id != id && sends(feed)) {
             return Err(Farewell::new(
                 Code::Busy,
                 format!("the box is sending another recording ({}): end that one, or stop its sender", other.row.id),
             ));
+        }
+        if open.get(&id).is_some_and(|feed| feed.is_finishing.load(Ordering::Acquire)) {
+            return Err(Farewell::new(Code::Busy, "the recording is being put together: come again"));
+        }
+        let of_box = |row: &store::Feed| row.box_id == new.in_box && row.id != id;
+        let unfinished = self.0.store.feeds().unfinished().await.map_err(refused)?;
+        if unfinished.into_iter().filter(of_box).count() >= self.0.settings.max_unfinished {
+            let why = "the box has too many unfinished recordings: end them, or wait until they end by themselves";
+            return Err(Farewell::new(Code::Busy, why));
         }
         let row = self.0.store.feeds().open(scope, new).await.map_err(refused)?;
         if row.ended_at_ms.is_some() {
@@ -163,15 +173,15 @@ impl Feeds {
                 feed
             }
         };
-        drop(open);
-        Connection::begin(self.clone(), feed, epoch).await.map(Connected::Open)
+        // Counted while nobody else can enter, so that the box is busy for whoever comes next.
+        Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)))
     }
 
     /// Ends what was abandoned and clears up, again and again until the service ends.
     pub async fn keep(&self) {
-        let begun_ms = self.0.clock.now_ms();
+        let mut unheard = HashMap::new();
         while !self.0.shutdown.is_begun() {
-            if let Err(error) = self.look_after(begun_ms).await {
+            if let Err(error) = self.look_after(&mut unheard).await {
                 tracing::warn!(%error, "looking after feeds");
             }
             tokio::select! {
@@ -181,16 +191,48 @@ impl Feeds {
         }
     }
 
-    async fn look_after(&self, begun_ms: i64) -> Result<(), LiveError> {
+    /// Removes the logs of what was erased, and ends what was abandoned. `unheard` remembers since when a recording that no
+    /// connection has named in this life of the service has been waiting, epoch ms.
+    async fn look_after(&self, unheard: &mut HashMap<FeedId, i64>) -> Result<(), LiveError> {
+        self.remove_erased().await?;
         let unfinished = self.0.store.feeds().unfinished().await?;
-        let long_ago = self.0.clock.now_ms() - millis(self.0.settings.abandoned());
-        for row in &unfinished {
-            let known = self.0.open.0.lock().await.get(&row.id).cloned();
-            let is_abandoned = known.as_ref().map_or(begun_ms < long_ago, |feed| feed.is_abandoned(long_ago));
-            if is_abandoned && !self.0.shutdown.is_begun() {
-                self.end_abandoned(row.clone()).await?;
+        let now_ms = self.0.clock.now_ms();
+        let since_ms = now_ms - millis(self.0.settings.abandoned());
+        unheard.retain(|id, _| unfinished.iter().any(|row| row.id == *id));
+        for row in unfinished {
+            if self.0.shutdown.is_begun() {
+                break;
+            }
+            let id = row.id;
+            let known = self.0.open.0.lock().await.get(&id).cloned();
+            let feed = match known {
+                Some(feed) => feed,
+                None if *unheard.entry(id).or_insert(now_ms) >= since_ms => continue,
+                None => self.enter_unheard(row, since_ms).await?,
+            };
+            if feed.is_abandoned(since_ms)
+                && let Err(error) = self.end_abandoned(&feed, since_ms).await
+            {
+                tracing::warn!(%error, feed = %id, "ending an abandoned recording");
             }
         }
+        Ok(())
+    }
+
+    /// Opens the log of a recording that was not heard of since some time before then, epoch ms.
+    async fn enter_unheard(&self, row: store::Feed, since_ms: i64) -> Result<Arc<Feed>, LiveError> {
+        let mut open = self.0.open.0.lock().await;
+        if let Some(feed) = open.get(&row.id) {
+            return Ok(feed.clone()); // a connection came meanwhile
+        }
+        let id = row.id;
+        let feed = self.enter(row).await?;
+        feed.heard_ms.store(since_ms - 1, Ordering::Release);
+        open.insert(id, feed.clone());
+        Ok(feed)
+    }
+
+    async fn remove_erased(&self) -> Result<(), LiveError> {
         for id in self.0.vault.feed_logs().await? {
             // Asked again while nobody can enter it: a row may have come since.
             let mut open = self.0.open.0.lock().await;
@@ -221,9 +263,18 @@ impl Feeds {
             heard_ms: AtomicI64::new(self.0.clock.now_ms()),
             state: Mutex::new(State { log, numbers, is_unsynced: false, ended: None }),
             failures: AtomicU32::new(0),
+            is_finishing: AtomicBool::new(false),
             is_gone: AtomicBool::new(false),
             row,
         }))
+    }
+
+    /// Forgets that a recording is open: whoever names it next reads its log through.
+    async fn close(&self, feed: &Arc<Feed>) {
+        let mut open = self.0.open.0.lock().await;
+        if open.get(&feed.row.id).is_some_and(|entered| Arc::ptr_eq(entered, feed)) {
+            open.remove(&feed.row.id);
+        }
     }
 
     /// Finds what a hello names.

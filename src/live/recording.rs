@@ -3,14 +3,14 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::{Code, Farewell, Feed, Feeds, LiveError};
+use super::{Code, Farewell, Feed, Feeds, LiveError, State, failed, is_end};
 use crate::analysis::protocol::{AssembleWork, Request, Work};
 use crate::analysis::{Attempt, Failure, attempt};
 use crate::domain::feed::record::{Body, GapReason, Record};
+use crate::domain::problem::Problem;
 use crate::domain::session::SessionStatus;
 use crate::ids::SessionId;
 use crate::sandbox::{Budget, Stop};
-use crate::store;
 use crate::vault::{Kept, VaultError};
 
 /// Attempts to put a recording together before it is left for somebody to look at.
@@ -18,78 +18,108 @@ const MOST_FAILURES: u32 = 3;
 /// What a recording may be longer than its log: tables of frames.
 const TABLES_BYTES: u64 = 64 << 20;
 
+/// Who ends a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// Its sender, of this epoch, says that it has so many frames.
+    Told { epoch: u32, frames: u64 },
+    /// Nobody sends it any more, and nothing was heard of it since then, epoch ms.
+    Abandoned { since_ms: i64 },
+}
+
+/// What became of a recording that was to be ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Finished {
+    /// It is whole, and this session.
+    Whole(SessionId),
+    /// These frames have not come.
+    Missing(Vec<[u64; 2]>),
+    /// Somebody sends it after all.
+    GoesOn,
+}
+
 impl Feeds {
-    /// Makes a recording of all that came, and a session of it. Again gives the same session.
-    pub(super) async fn finish(&self, feed: &Arc<Feed>) -> Result<SessionId, Farewell> {
+    /// Makes a recording of all that came, and a session of it. Again gives the same session. From the look at what has
+    /// come to the end of the log nobody can add to it.
+    pub(super) async fn finish(&self, feed: &Arc<Feed>, ending: Ending) -> Result<Finished, Farewell> {
         let mut state = feed.state.lock().await;
         if let Some(session) = state.ended {
-            return Ok(session);
+            return Ok(Finished::Whole(session));
         }
+        if feed.is_gone.load(Ordering::Acquire) {
+            return Err(Farewell::new(Code::Unknown, "the session was erased"));
+        }
+        if feed.failures.load(Ordering::Acquire) >= MOST_FAILURES {
+            let why = "the recording could not be put together, again and again: ask whoever runs the service";
+            return Err(Farewell::new(Code::DoesNotBelong, why));
+        }
+        let prepared = match ending {
+            Ending::Told { epoch, frames } => all_has_come(feed, &state, epoch, frames),
+            Ending::Abandoned { since_ms } if !feed.is_abandoned(since_ms) => Ok(Some(Finished::GoesOn)),
+            Ending::Abandoned { .. } => note_what_never_came(feed, &mut state).await.map(|()| None),
+        };
+        let prepared = match prepared {
+            Ok(None) => state.log.sync().await.map(|()| None).map_err(failed),
+            other => other,
+        };
+        match prepared {
+            Ok(None) => {}
+            Ok(Some(not_yet)) => return Ok(not_yet),
+            Err(farewell) => {
+                if farewell.code == Code::Failed {
+                    self.close(feed).await;
+                }
+                return Err(farewell);
+            }
+        }
+        feed.is_finishing.store(true, Ordering::Release);
+        let finished = self.store_recording(feed, &mut state).await;
+        feed.is_finishing.store(false, Ordering::Release);
+        finished.map(Finished::Whole)
+    }
+
+    async fn store_recording(&self, feed: &Arc<Feed>, state: &mut State) -> Result<SessionId, Farewell> {
         let kept = match self.assemble(feed).await {
             Ok(kept) => kept,
-            Err(Failure::Explained(problem)) => {
+            Err(Failure::Explained(problem)) if problem.slug == Problem::NO_FRAMES => {
                 tracing::warn!(feed = %feed.row.id, why = problem.detail, "nothing is kept of a feed");
                 self.forget(feed).await?;
                 return Err(Farewell::new(Code::DoesNotBelong, problem.detail));
             }
             Err(Failure::Stopped) => return Err(Farewell::new(Code::Ending, "the service ends; come again")),
-            Err(Failure::Crashed(why)) => {
+            Err(Failure::Explained(Problem { detail: why, .. }) | Failure::Crashed(why)) => {
                 let failures = feed.failures.fetch_add(1, Ordering::AcqRel) + 1;
                 tracing::error!(feed = %feed.row.id, failures, why, "a recording could not be put together");
-                return Err(Farewell::new(Code::Failed, format!("the recording could not be put together: it {why}")));
+                return Err(Farewell::new(Code::Failed, format!("the recording could not be put together: {why}")));
             }
         };
         let session = self.0.store.feeds().end(feed.row.id, kept.blob()).await.map_err(LiveError::from)?;
         drop(kept); // only now does a row protect the file
         state.ended = Some(session);
-        self.0.open.0.lock().await.remove(&feed.row.id);
+        self.close(feed).await;
         self.0.vault.delete_feed(feed.row.id).await.map_err(LiveError::from)?;
         self.tell(session, feed.row.trainee_id, SessionStatus::Queued);
         self.0.queue.work_arrived();
         Ok(session)
     }
 
-    /// Ends a recording that nobody sends any more with what came; what never came is noted.
-    pub(super) async fn end_abandoned(&self, row: store::Feed) -> Result<(), LiveError> {
-        let id = row.id;
-        let feed = {
-            let mut open = self.0.open.0.lock().await;
-            match open.get(&id) {
-                Some(feed) => feed.clone(),
-                None => {
-                    let feed = self.enter(row).await?;
-                    open.insert(id, feed.clone());
-                    feed
-                }
+    /// Ends a recording that nobody sends any more with what came.
+    pub(super) async fn end_abandoned(&self, feed: &Arc<Feed>, since_ms: i64) -> Result<(), LiveError> {
+        match self.finish(feed, Ending::Abandoned { since_ms }).await {
+            Ok(Finished::Whole(_)) => {
+                tracing::info!(feed = %feed.row.id, "nobody ended a recording: it ends with what came");
+                Ok(())
             }
-        };
-        if feed.failures.load(Ordering::Acquire) >= MOST_FAILURES {
-            return Ok(());
-        }
-        {
-            let mut state = feed.state.lock().await;
-            let epoch = *feed.epoch.borrow();
-            let mut gaps = Vec::new();
-            for [number, last] in state.numbers.missing_below(state.numbers.end()) {
-                let body = Body::Gap { last, reason: GapReason::NeverCame };
-                Record { epoch, number, body }.write(&mut gaps);
-                state.numbers.add(number, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
-            }
-            state.log.append(gaps.into()).await?;
-            state.log.sync().await?;
-        }
-        tracing::info!(feed = %id, "nobody ended a recording: it ends with what came");
-        match self.finish(&feed).await {
-            Ok(_) => Ok(()),
-            Err(farewell) if farewell.code == Code::DoesNotBelong => Ok(()), // forgotten, and said so
+            Ok(Finished::Missing(_) | Finished::GoesOn) => Ok(()),
+            Err(farewell) if farewell.code == Code::DoesNotBelong => Ok(()), // forgotten or given up, and said so
             Err(farewell) => Err(farewell.into()),
         }
     }
 
-    async fn forget(&self, feed: &Feed) -> Result<(), Farewell> {
+    async fn forget(&self, feed: &Arc<Feed>) -> Result<(), Farewell> {
         feed.is_gone.store(true, Ordering::Release);
         self.0.store.feeds().forget(feed.row.id).await.map_err(LiveError::from)?;
-        self.0.open.0.lock().await.remove(&feed.row.id);
+        self.close(feed).await;
         self.0.vault.delete_feed(feed.row.id).await.map_err(|error| LiveError::from(error).into())
     }
 
@@ -121,4 +151,35 @@ impl Feeds {
         }
         made.keep().await.map_err(lost)
     }
+}
+
+/// `None` where a recording of so many frames is there whole.
+fn all_has_come(feed: &Feed, state: &State, epoch: u32, frames: u64) -> Result<Option<Finished>, Farewell> {
+    if *feed.epoch.borrow() != epoch {
+        return Err(Farewell::new(Code::Superseded, "another connection sends this recording now"));
+    }
+    let end = state.numbers.end();
+    if frames < end || !is_end(frames) {
+        let why = format!("the recording is said to have {frames} frames, but frame {} came", end.saturating_sub(1));
+        return Err(Farewell::new(Code::DoesNotBelong, why));
+    }
+    let missing = state.numbers.missing_below(frames);
+    Ok(if missing.is_empty() { None } else { Some(Finished::Missing(missing)) })
+}
+
+/// Notes the holes that nobody will fill.
+async fn note_what_never_came(feed: &Feed, state: &mut State) -> Result<(), Farewell> {
+    let epoch = *feed.epoch.borrow();
+    let holes = state.numbers.missing_below(state.numbers.end());
+    let mut gaps = Vec::new();
+    for &[number, last] in &holes {
+        let body = Body::Gap { last, reason: GapReason::NeverCame };
+        Record { epoch, number, body }.write(&mut gaps);
+    }
+    state.log.append(gaps.into()).await.map_err(failed)?;
+    state.log.sync().await.map_err(failed)?;
+    for [first, last] in holes {
+        state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
+    }
+    Ok(())
 }

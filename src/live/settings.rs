@@ -10,6 +10,10 @@ use serde::Deserialize;
 pub struct LiveSettings {
     /// Connections that may feed at a time, of all boxes. Usually 32.
     pub max_feeds: usize,
+    /// Longest recording, bytes. Usually 32 GiB: four hours at 19 Mbit/s.
+    pub max_bytes: u64,
+    /// Recordings of one box that may be unfinished at a time. Usually 16: an agent begins a new one only when it must.
+    pub max_unfinished: usize,
     /// Milliseconds from a frame's arrival until it is made durable and acknowledged. Usually 100: less means more syncs.
     pub ack_ms: u64,
     /// Seconds without a word after which a connection is given up. Usually 20.
@@ -21,7 +25,7 @@ pub struct LiveSettings {
 
 impl Default for LiveSettings {
     fn default() -> Self {
-        Self { max_feeds: 32, ack_ms: 100, silent_s: 20, abandoned_s: 3600 }
+        Self { max_feeds: 32, max_bytes: 32 << 30, max_unfinished: 16, ack_ms: 100, silent_s: 20, abandoned_s: 3600 }
     }
 }
 

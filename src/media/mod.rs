@@ -24,7 +24,7 @@ pub use ahead::ReadAhead;
 pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use file::{RecordingInfo, VideoFile};
 pub use limits::Limits;
-pub use mux::{CodedFrame, MuxError, Muxer, Stream};
+pub use mux::{CodedFrame, MuxError, Muxer, Stream, can_begin_with};
 pub use picture::Picture;
 
 /// Why a recording cannot be read, or not further.

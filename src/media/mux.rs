@@ -99,6 +99,11 @@ impl Muxer {
     }
 }
 
+/// Can a decoder begin with this frame?
+pub fn can_begin_with(codec: FrameCodec, frame: &[u8]) -> bool {
+    codec == FrameCodec::Jpeg || parameter_sets(frame).is_some()
+}
+
 fn parameters(stream: Stream<'_>) -> Result<codec::Parameters, MuxError> {
     let (id, sets) = match stream.codec {
         FrameCodec::Jpeg => (codec::Id::MJPEG, Vec::new()),

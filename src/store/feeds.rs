@@ -113,6 +113,11 @@ impl Feeds<'_> {
                 let sees: Option<i64> =
                     sqlx::query_scalar(sql).asked_by(&scope).bind(new.in_box).fetch_optional(&mut *tx).await?;
                 sees.ok_or(not_found("box"))?;
+                let sql = "SELECT 1 FROM erased_feed WHERE id = $1";
+                let erased: Option<i64> = sqlx::query_scalar(sql).bind(new.id).fetch_optional(&mut *tx).await?;
+                if erased.is_some() {
+                    return Err(StoreError::refused("this recording was erased: a new recording needs a new id"));
+                }
                 let Some(known) = find(tx, new.id).await? else { return insert(tx, &scope, new, now_ms).await };
                 if !known.is(&new) {
                     return Err(StoreError::refused(
@@ -168,6 +173,21 @@ impl Feeds<'_> {
                 let sql =
                     "DELETE FROM session WHERE video IS NULL AND id = (SELECT session_id FROM feed WHERE id = $1)";
                 sqlx::query(sql).bind(id).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// Forgets all that have not ended, as if they had never been: for a copy of the database that has no logs.
+    pub async fn forget_unfinished(&self) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                let sql = "SELECT id FROM feed WHERE ended_at_ms IS NULL";
+                let unfinished: Vec<FeedId> = sqlx::query_scalar(sql).fetch_all(&mut *tx).await?;
+                sqlx::query("DELETE FROM session WHERE video IS NULL").execute(&mut *tx).await?;
+                for id in unfinished {
+                    sqlx::query("DELETE FROM erased_feed WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                }
                 Ok(())
             })
             .await

@@ -16,7 +16,7 @@
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
-//! | [`Store::feeds`] | `open` `end` `forget` `get` `unfinished` |
+//! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `progress` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |

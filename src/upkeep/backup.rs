@@ -1,8 +1,8 @@
 //! Backup: a copy of database and files, made while the service works.
 //!
 //! A backup *is* a data folder: `trocar serve --data BACKUP` runs on it, and copying it back restores it. Every blob is
-//! verified while it is copied, and the whole is checked at the end. Left out are unfinished uploads (their senders go on
-//! with the original) and signed-in browsers.
+//! verified while it is copied, and the whole is checked at the end. Left out are unfinished uploads and feeds (their
+//! senders go on with the original) and signed-in browsers.
 
 use std::path::Path;
 
@@ -111,6 +111,7 @@ async fn complete(copy: &Store, files: &Vault) -> UpkeepResult<()> {
     for upload in copy.uploads().unfinished().await? {
         copy.uploads().delete(&Scope::service(), upload.id).await?;
     }
+    copy.feeds().forget_unfinished().await?;
     copy.cookies().forget_all().await?;
     recover(copy, files).await?; // files of what was erased between copying and snapshot
     copy.forget_erased().await?;

@@ -4,7 +4,7 @@
 //! last sync was never acknowledged: opening a log reads it through and cuts off whatever is no whole record.
 
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
@@ -13,7 +13,7 @@ use super::Vault;
 use super::disk::{self, on_a_blocking_thread};
 use super::error::{VaultError, VaultResult, failed};
 use crate::domain::feed::numbers::Numbers;
-use crate::domain::feed::record::{MOST_BYTES, NotARecord, Record};
+use crate::domain::feed::record::read_all;
 use crate::ids::FeedId;
 
 /// Bytes that wait at most before they are written.
@@ -41,17 +41,15 @@ impl Vault {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || {
             let mut file = match disk::open_to_write(&path) {
-                Err(VaultError::NotFound) => {
-                    let file = disk::create(&path)?;
-                    disk::sync(&file, &path);
-                    path.parent().into_iter().for_each(disk::sync_folder);
-                    file
-                }
+                Err(VaultError::NotFound) => disk::create(&path)?,
                 found => found?,
             };
-            let (written, numbers) = read_through(&disk::open(&path)?, &path)?;
+            let (written, numbers) = read_through(disk::open(&path)?, &path)?;
             file.set_len(written).map_err(failed("cutting", &path))?;
             file.seek(SeekFrom::Start(written)).map_err(failed("cutting", &path))?;
+            // What was read may lie in the system's cache alone, left there by a process that was killed.
+            disk::sync(&file, &path);
+            path.parent().into_iter().for_each(disk::sync_folder);
             let open = Some(Box::new(Open { path, file, written }));
             Ok((FeedLog { open, waiting: Vec::new() }, numbers))
         })
@@ -96,6 +94,11 @@ impl FeedLog {
         Ok(())
     }
 
+    /// Bytes appended so far, durable or not.
+    pub fn bytes(&self) -> u64 {
+        self.open.as_ref().map_or(0, |open| open.written) + self.waiting.len() as u64
+    }
+
     /// Makes everything appended durable. After an error everything since the last sync may be lost: open it again.
     pub async fn sync(&mut self) -> VaultResult<()> {
         self.write(Bytes::new(), true).await
@@ -124,33 +127,15 @@ impl FeedLog {
     }
 }
 
-/// Bytes of whole records from the beginning on, and the numbers that they speak of.
-fn read_through(mut file: &File, path: &Path) -> VaultResult<(u64, Numbers)> {
-    let (mut numbers, mut whole) = (Numbers::default(), 0);
-    let (mut buffer, mut held) = (vec![0; 2 * MOST_BYTES], 0);
-    loop {
-        let read = file.read(&mut buffer[held..]).map_err(failed("reading", path))?;
-        held += read;
-        let mut rest = &buffer[..held];
-        let end = loop {
-            match Record::read_first(rest) {
-                Ok((record, behind)) => {
-                    if numbers.add(record.number, record.last()).is_err() {
-                        return Ok((whole, numbers));
-                    }
-                    whole += (rest.len() - behind.len()) as u64;
-                    rest = behind;
-                }
-                Err(error) => break error,
-            }
-        };
-        if read == 0 || !matches!(end, NotARecord::Cut(_)) {
-            return Ok((whole, numbers));
-        }
-        let kept = rest.len();
-        buffer.copy_within(held - kept..held, 0);
-        held = kept;
-    }
+/// Where the last whole record ends, and the numbers that all of them speak of.
+fn read_through(file: File, path: &Path) -> VaultResult<(u64, Numbers)> {
+    let mut numbers = Numbers::default();
+    let end = read_all(file, |_, record| {
+        // More ranges than were ever accepted: what cannot be counted is as if it had not come.
+        let _ = numbers.add(record.number, record.last());
+        io::Result::Ok(())
+    });
+    Ok((end.map_err(failed("reading", path))?, numbers))
 }
 
 fn path(data: &Path, id: FeedId) -> PathBuf {

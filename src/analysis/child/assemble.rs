@@ -5,15 +5,15 @@
 
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 
 use super::reporter::Reporter;
 use super::{Halt, explain};
 use crate::analysis::protocol::{Answer, AssembleWork};
 use crate::domain::feed::FrameCodec;
-use crate::domain::feed::record::{Body, HEAD, MOST_BYTES, NotARecord, Record};
+use crate::domain::feed::record::{Body, HEAD, read_all};
 use crate::domain::problem::Problem;
-use crate::media::{CodedFrame, Muxer, Stream};
+use crate::media::{CodedFrame, Muxer, Stream, can_begin_with};
 
 /// Frames between two words to the parent.
 const WORD_EVERY: usize = 250;
@@ -33,12 +33,14 @@ pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Repo
     let (Some(output), Some(log)) = (inputs.pop(), inputs.pop()) else {
         return Err(Halt::Explained(explain::no_input()));
     };
-    let all = frames_of(&log)?;
+    let all = frames_of(&log, reporter)?;
     let came = all.len() as u64;
-    let frames = playable(all, work.codec);
-    let Some(first) = frames.first() else { return Err(Halt::Explained(nothing_playable(came))) };
+    let mut frames = playable(all, work.codec);
     let mut bytes = Vec::new();
-    read(&log, first, &mut bytes)?;
+    let Some(first) = first_to_begin_with(&log, &frames, work.codec, &mut bytes)? else {
+        return Err(Halt::Explained(nothing_playable(came)));
+    };
+    frames.drain(..first);
     let stream = Stream { codec: work.codec, size: work.size, time_base: work.time_base, first: &bytes };
     let mut muxer = Muxer::create(output, stream)?;
     for (done, (frame, (dts, duration))) in frames.iter().zip(decoding_times(&frames)).enumerate() {
@@ -54,38 +56,47 @@ pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Repo
 }
 
 /// All frames of the log in the order of their numbers, each once.
-fn frames_of(log: &File) -> Result<Vec<Place>, Halt> {
-    let mut reader = BufReader::new(log);
-    reader.seek(SeekFrom::Start(0)).map_err(unreadable)?;
-    let (mut frames, mut offset) = (Vec::new(), 0);
-    let (mut buffer, mut held) = (vec![0; 2 * MOST_BYTES], 0);
-    loop {
-        let read = reader.read(&mut buffer[held..]).map_err(unreadable)?;
-        held += read;
-        let mut rest = &buffer[..held];
-        let end = loop {
-            match Record::read_first(rest) {
-                Ok((record, behind)) => {
-                    if let Body::Frame { time, is_key, payload } = record.body {
-                        let (number, bytes) = (record.number, payload.len());
-                        frames.push(Place { number, time, is_key, offset: offset + HEAD as u64, bytes });
-                    }
-                    offset += (rest.len() - behind.len()) as u64;
-                    rest = behind;
-                }
-                Err(error) => break error,
-            }
-        };
-        if read == 0 || !matches!(end, NotARecord::Cut(_)) {
-            break; // a tail that was never acknowledged
+fn frames_of(log: &File, reporter: &mut Reporter) -> Result<Vec<Place>, Halt> {
+    /// Bytes between two words to the parent: seconds of the slowest disk.
+    const WORD_BYTES: u64 = 64 << 20;
+    let (mut frames, mut word_at) = (Vec::new(), 0);
+    let mut log = log;
+    log.seek(SeekFrom::Start(0)).map_err(unreadable)?;
+    read_all(log, |place, record| {
+        if place >= word_at {
+            reporter.say(&Answer::Alive { done: 0, of: None }).map_err(Unread::Silenced)?;
+            word_at = place + WORD_BYTES;
         }
-        let kept = rest.len();
-        buffer.copy_within(held - kept..held, 0);
-        held = kept;
-    }
+        if let Body::Frame { time, is_key, payload } = record.body {
+            let (number, bytes) = (record.number, payload.len());
+            frames.push(Place { number, time, is_key, offset: place + HEAD as u64, bytes });
+        }
+        Result::<(), Unread>::Ok(())
+    })?;
     frames.sort_by_key(|frame: &Place| frame.number); // stable: of two with one number, the first that came
     frames.dedup_by_key(|frame| frame.number);
     Ok(frames)
+}
+
+/// Why a log was not read to its end.
+enum Unread {
+    Disk(std::io::Error),
+    Silenced(std::io::Error),
+}
+
+impl From<std::io::Error> for Unread {
+    fn from(error: std::io::Error) -> Self {
+        Unread::Disk(error)
+    }
+}
+
+impl From<Unread> for Halt {
+    fn from(unread: Unread) -> Self {
+        match unread {
+            Unread::Disk(error) => unreadable(error),
+            Unread::Silenced(error) => Halt::Silenced(error),
+        }
+    }
 }
 
 /// The frames that can be decoded and shown.
@@ -112,6 +123,22 @@ fn playable(all: Vec<Place>, codec: FrameCodec) -> Vec<Place> {
         });
     }
     decodable
+}
+
+/// The first frame that a decoder can begin with; its bytes are read.
+fn first_to_begin_with(
+    log: &File,
+    frames: &[Place],
+    codec: FrameCodec,
+    bytes: &mut Vec<u8>,
+) -> Result<Option<usize>, Halt> {
+    for (index, frame) in frames.iter().enumerate().filter(|(_, frame)| frame.is_key || codec == FrameCodec::Jpeg) {
+        read(log, frame, bytes)?;
+        if can_begin_with(codec, bytes) {
+            return Ok(Some(index));
+        }
+    }
+    Ok(None)
 }
 
 /// When each frame is decoded, and how long it is shown, ticks: times in order, early enough for each to be shown.
@@ -142,7 +169,7 @@ fn nothing_playable(came: u64) -> Problem {
         "{came} frames came, but none that can be decoded: H.264 must begin with a key frame and repeat its parameter \
          sets with every one"
     );
-    Problem::new("no-frames", "No frame can be decoded", detail)
+    Problem::new(Problem::NO_FRAMES, "No frame can be decoded", detail)
 }
 
 #[cfg(test)]

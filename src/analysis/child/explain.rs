@@ -21,7 +21,7 @@ impl Explain for MediaError {
             MediaError::Codec(_) => ("codec-not-accepted", "The video codec is not accepted"),
             MediaError::OverLimit { .. } => ("recording-too-large", "The recording is larger than accepted"),
             MediaError::SizeChanged { .. } => ("size-changes", "The picture changes its size"),
-            MediaError::NoFrames => ("no-frames", "No frame can be decoded"),
+            MediaError::NoFrames => (Problem::NO_FRAMES, "No frame can be decoded"),
             MediaError::Memory => ("too-much-memory", "The recording needs too much memory"),
             MediaError::Photo(_) => ("not-a-photo", "The file is not a photo that can be read"),
             MediaError::PixelFormat(_) => ("pixel-format", "The pixel format cannot be used"),

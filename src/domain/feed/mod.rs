@@ -52,9 +52,6 @@ pub struct TimeBase {
 }
 
 impl TimeBase {
-    /// Microseconds.
-    pub const MICROSECONDS: TimeBase = TimeBase { num: 1, den: 1_000_000 };
-
     /// Numerator and denominator.
     pub fn fraction(self) -> (u32, u32) {
         (self.num, self.den)
@@ -70,12 +67,12 @@ impl TryFrom<[u32; 2]> for TimeBase {
     type Error = Invalid;
 
     fn try_from([num, den]: [u32; 2]) -> Result<Self, Invalid> {
-        /// Coarser ticks could not tell frames apart, and finer ones overflow containers.
+        /// Coarser ticks could not tell frames apart.
         const COARSEST_HZ: u32 = 1000;
-        const FINEST_HZ: u32 = 1_000_000;
-        let hertz = den.checked_div(num).unwrap_or(0);
-        if !(COARSEST_HZ..=FINEST_HZ).contains(&hertz) || den > i32::MAX as u32 {
-            return Err(Invalid::new("time_base", "expected [1, n] with 1000 to 1000000 ticks a second"));
+        /// In finer ones a recording of four hours would not fit into the 31 bits that containers have for a duration.
+        const MOST_DEN: u32 = 100_000;
+        if den.checked_div(num).is_none_or(|hertz| hertz < COARSEST_HZ) || den > MOST_DEN {
+            return Err(Invalid::new("time_base", "expected [1, n] with n from 1000 to 100000 ticks a second"));
         }
         Ok(Self { num, den })
     }

@@ -25,6 +25,12 @@ impl Numbers {
         after > 0 && self.ranges[after - 1][1] >= number
     }
 
+    /// Are all numbers from `first` to `last` in it?
+    pub fn contains_all(&self, first: u64, last: u64) -> bool {
+        let after = self.ranges.partition_point(|[start, _]| *start <= first);
+        after > 0 && self.ranges[after - 1][1] >= last
+    }
+
     /// How many numbers it holds.
     pub fn count(&self) -> u64 {
         self.ranges.iter().map(|[first, last]| last - first + 1).sum()
@@ -80,6 +86,10 @@ mod tests {
             }
             for number in 0..70 {
                 prop_assert_eq!(numbers.contains(number), set.contains(&number));
+            }
+            for first in 0..70 {
+                let last = first + 3;
+                prop_assert_eq!(numbers.contains_all(first, last), (first..=last).all(|n| set.contains(&n)));
             }
             prop_assert_eq!(numbers.count(), set.len() as u64);
             prop_assert_eq!(numbers.end(), set.last().map_or(0, |last| last + 1));

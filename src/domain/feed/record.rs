@@ -13,6 +13,8 @@
 //! ```
 //! Numbers are in network order.
 
+use std::io::{self, Read};
+
 use super::{MOST_FRAMES, MOST_PAYLOAD};
 use crate::domain::named;
 
@@ -182,6 +184,46 @@ impl<'a> Record<'a> {
     }
 }
 
+/// Reads records that lie one after the other, and gives each of them with the place where it begins. Returns where the last
+/// of them ends. A damaged one is passed over if there are others behind it: they were acknowledged; a tail that is no record
+/// was not.
+///
+/// # Errors
+/// The bytes cannot be read, or whoever is given a record refuses.
+pub fn read_all<E: From<io::Error>>(
+    mut from: impl Read,
+    mut give: impl FnMut(u64, Record<'_>) -> Result<(), E>,
+) -> Result<u64, E> {
+    let (mut buffer, mut held) = (vec![0; 2 * MOST_BYTES], 0);
+    let (mut place, mut end) = (0, 0);
+    loop {
+        let read = from.read(&mut buffer[held..])?;
+        held += read;
+        let mut rest = &buffer[..held];
+        let is_cut = loop {
+            let bytes = match Record::read_first(rest) {
+                Ok((record, behind)) => {
+                    give(place, record)?;
+                    let bytes = rest.len() - behind.len();
+                    end = place + bytes as u64;
+                    bytes
+                }
+                Err(NotARecord::Cut(_)) => break true,
+                Err(NotARecord::Damaged) => HEAD + payload_length(rest).unwrap_or(0), // it is: the checksum came after
+                Err(_) => break false,
+            };
+            rest = &rest[bytes..];
+            place += bytes as u64;
+        };
+        if read == 0 || !is_cut {
+            return Ok(end);
+        }
+        let kept = rest.len();
+        buffer.copy_within(held - kept..held, 0);
+        held = kept;
+    }
+}
+
 /// Length of the payload that a head announces, if the head can be one at all.
 fn payload_length(head: &[u8]) -> Result<usize, NotARecord> {
     let expected: u8 = match head[0] {
@@ -282,6 +324,30 @@ mod tests {
         for cut in 0..rest.len() {
             assert_eq!(Record::read_first(&rest[..cut]), Err(NotARecord::Cut(cut)));
         }
+    }
+
+    #[test]
+    fn a_damaged_record_costs_itself_alone_and_a_cut_tail_is_none() {
+        let payload = [7; 50];
+        let all: Vec<u8> = (0..5).flat_map(|number| bytes(&frame(1, number, 0, true, &payload))).collect();
+        let one = all.len() / 5;
+        let found = |log: &[u8]| {
+            let mut numbers = Vec::new();
+            let end = read_all(log, |_, record| {
+                numbers.push(record.number);
+                io::Result::Ok(())
+            });
+            (numbers, end.unwrap() as usize)
+        };
+        assert_eq!(found(&all), (vec![0, 1, 2, 3, 4], 5 * one));
+        let mut damaged = all.clone();
+        damaged[2 * one + 40] ^= 1;
+        assert_eq!(found(&damaged), (vec![0, 1, 3, 4], 5 * one));
+        damaged[4 * one + 40] ^= 1;
+        assert_eq!(found(&damaged), (vec![0, 1, 3], 4 * one), "nothing lies behind it");
+        assert_eq!(found(&all[..5 * one - 1]).1, 4 * one);
+        let zeros = [&all[..one], &[0; 500]].concat();
+        assert_eq!(found(&zeros), (vec![0], one));
     }
 
     #[test]

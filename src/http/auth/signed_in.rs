@@ -35,13 +35,11 @@ impl SignedIn {
     }
 
     /// Whether these headers would still sign in. A stream that asks does not count as somebody being there: what nobody
-    /// sits in front of ends when idle.
+    /// sits in front of ends when idle. A store that cannot tell ends nothing.
     pub async fn still(app: &App, headers: &HeaderMap) -> bool {
         match Presented::in_headers(headers) {
-            Presented::Token(secret) => app.store.tokens().scope_of(secret).await.is_ok_and(|scope| scope.is_some()),
-            Presented::Cookie(secret) => {
-                app.store.cookies().counts(secret, app.sign_in_lasts()).await.is_ok_and(|counts| counts)
-            }
+            Presented::Token(secret) => app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some()),
+            Presented::Cookie(secret) => app.store.cookies().counts(secret, app.sign_in_lasts()).await.unwrap_or(true),
             Presented::Nothing => false,
         }
     }

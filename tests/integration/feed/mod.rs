@@ -263,6 +263,11 @@ async fn erasing_a_session_that_arrives_ends_its_feed() {
     sender.say(&json!({"type": "end", "frames": 5})).await;
     let code = sender.closed().await;
     assert!([4404, 4500].contains(&code), "{code}");
+
+    // What is erased does not come back by itself.
+    let mut again = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+    again.say(&hello(RECORDING)).await;
+    assert_eq!(again.closed().await, 4404);
 }
 
 #[tokio::test(flavor = "multi_thread")]
