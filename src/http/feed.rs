@@ -3,7 +3,6 @@
 //! One task for each connection, and nothing waits in it: a record is read, appended, forgotten. While the disk is slow
 //! nothing is read, and the sender is held up by its own socket.
 
-use std::borrow::Cow;
 use std::time::Duration;
 
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -89,7 +88,7 @@ async fn talk(app: App, by: By, in_box: Key, mut socket: WebSocket) {
     } else {
         tracing::warn!(in_box = in_box.as_str(), code = farewell.code.number(), why = farewell.why, "a feed is closed");
     }
-    let frame = CloseFrame { code: farewell.code.number(), reason: Cow::from(farewell.short()).into_owned().into() };
+    let frame = CloseFrame { code: farewell.code.number(), reason: farewell.short().into() };
     let _ = timeout(LAST_WORDS, socket.send(Message::Close(Some(frame)))).await; // whoever does not listen misses it
 }
 

@@ -5,7 +5,7 @@
 
 use std::convert::Infallible;
 use std::net::SocketAddr;
-use std::pin::{Pin, pin};
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -15,8 +15,7 @@ use axum::body::Body;
 use axum::extract::{ConnectInfo, Request};
 use axum::response::Response;
 use hyper::body::Incoming;
-use hyper::server::conn::http1::{self, UpgradeableConnection};
-use hyper::service::HttpService;
+use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
@@ -46,7 +45,15 @@ pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSetting
             .with_upgrades();
         let ending = stop.begun();
         open.spawn(async move {
-            if let Err(error) = until_end(connection, ending).await {
+            let mut connection = pin!(connection);
+            let ended = tokio::select! {
+                ended = connection.as_mut() => ended,
+                () = ending => {
+                    connection.as_mut().graceful_shutdown(); // the open request, and no further one
+                    connection.await
+                }
+            };
+            if let Err(error) = ended {
                 tracing::debug!(%peer, %error, "connection ended early");
             }
             drop(place);
@@ -56,34 +63,6 @@ pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSetting
     open.close();
     if tokio::time::timeout(LAST_REQUESTS, open.wait()).await.is_err() {
         tracing::warn!("some requests did not end in time and are cut");
-    }
-}
-
-/// Answers a connection's requests; once the service ends, only the one that is open.
-async fn until_end(
-    connection: impl Future<Output = hyper::Result<()>> + Graceful,
-    ending: impl Future<Output = ()>,
-) -> hyper::Result<()> {
-    let mut connection = pin!(connection);
-    tokio::select! {
-        ended = connection.as_mut() => return ended,
-        () = ending => connection.as_mut().last_request(),
-    }
-    connection.await
-}
-
-/// A connection that can be told to take no further request.
-trait Graceful {
-    fn last_request(self: Pin<&mut Self>);
-}
-
-impl<I, S> Graceful for UpgradeableConnection<I, S>
-where
-    S: HttpService<Incoming, ResBody = Body, Error: Into<Box<dyn std::error::Error + Send + Sync>>>,
-    I: hyper::rt::Read + hyper::rt::Write + Unpin + Send + 'static,
-{
-    fn last_request(self: Pin<&mut Self>) {
-        self.graceful_shutdown();
     }
 }
 

@@ -36,6 +36,7 @@ use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::events::{Event, Events};
 use crate::ids::{FeedId, SessionId, TraineeId};
+use crate::media::Limits;
 use crate::queue::Queue;
 use crate::sandbox::Program;
 use crate::shutdown::Shutdown;
@@ -45,11 +46,6 @@ use crate::vault::{FeedLog, Vault, VaultError};
 
 /// How often abandoned recordings are looked for.
 const LOOK_EVERY: Duration = Duration::from_secs(20);
-
-/// Pictures larger than this are not decoded later on ([`crate::media::Limits`]).
-const MOST_PIXELS: u32 = 4096 * 2304;
-/// Longest side of a picture, pixels.
-const LONGEST_SIDE: u32 = 16_384;
 
 /// Longest name of a sender's program, characters.
 const SENDER: usize = 120;
@@ -284,10 +280,9 @@ impl Feeds {
             return wrong(format!("protocol {}; this server speaks {PROTOCOL}", hello.protocol));
         }
         let (width, height) = (hello.width, hello.height);
-        let sides = 1..=LONGEST_SIDE;
-        let fits = sides.contains(&width) && sides.contains(&height) && width * height <= MOST_PIXELS;
-        if !fits {
-            return wrong(format!("a picture of {width}×{height} pixels; at most {MOST_PIXELS} in all"));
+        let most = Limits::default();
+        if !(1..=most.width).contains(&width) || !(1..=most.height).contains(&height) {
+            return wrong(format!("a picture of {width}×{height} pixels; at most {}×{}", most.width, most.height));
         }
         let Some(began_at_ms) = from_rfc3339(&hello.began_at) else {
             return wrong("began_at: expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned());

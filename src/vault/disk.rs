@@ -4,6 +4,7 @@ use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use super::error::{VaultError, VaultResult, failed};
 use crate::shutdown;
@@ -97,6 +98,12 @@ pub(super) fn list(folder: &Path) -> VaultResult<Vec<(PathBuf, u64)>> {
     };
     let entries = fs::read_dir(folder).map_err(failed("listing", folder))?;
     entries.map(describe).collect::<std::io::Result<_>>().map_err(failed("listing", folder))
+}
+
+/// The ids that files of a folder are named by; others are passed over.
+pub(super) fn ids_in<T: FromStr>(folder: &Path) -> VaultResult<Vec<T>> {
+    let named = |path: &Path| path.file_name()?.to_str()?.parse().ok();
+    Ok(list(folder)?.iter().filter_map(|(path, _)| named(path)).collect())
 }
 
 /// An exclusive lock that ends with the process.

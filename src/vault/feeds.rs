@@ -76,11 +76,7 @@ impl Vault {
     /// The feeds that have a log.
     pub async fn feed_logs(&self) -> VaultResult<Vec<FeedId>> {
         let folder = self.inner.data.join("feeds");
-        on_a_blocking_thread(move || {
-            let named = |path: &Path| path.file_name()?.to_str()?.parse().ok();
-            Ok(disk::list(&folder)?.iter().filter_map(|(path, _)| named(path)).collect())
-        })
-        .await
+        on_a_blocking_thread(move || disk::ids_in(&folder)).await
     }
 }
 

@@ -112,11 +112,7 @@ impl Vault {
     /// The uploads that have a file.
     pub async fn upload_files(&self) -> VaultResult<Vec<UploadId>> {
         let folder = self.inner.data.join("uploads");
-        on_a_blocking_thread(move || {
-            let named = |path: &Path| path.file_name()?.to_str()?.parse().ok();
-            Ok(disk::list(&folder)?.iter().filter_map(|(path, _)| named(path)).collect())
-        })
-        .await
+        on_a_blocking_thread(move || disk::ids_in(&folder)).await
     }
 }
 

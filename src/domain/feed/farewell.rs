@@ -68,11 +68,6 @@ impl Code {
             Code::Failed => 4500,
         }
     }
-
-    /// Is it worth coming again with the same recording?
-    pub fn come_again(self) -> bool {
-        matches!(self, Code::Ending | Code::Busy | Code::Silent | Code::Failed)
-    }
 }
 
 impl Farewell {

@@ -31,11 +31,6 @@ impl Numbers {
         after > 0 && self.ranges[after - 1][1] >= last
     }
 
-    /// How many numbers it holds.
-    pub fn count(&self) -> u64 {
-        self.ranges.iter().map(|[first, last]| last - first + 1).sum()
-    }
-
     /// The number after the largest; 0 of an empty set.
     pub fn end(&self) -> u64 {
         self.ranges.last().map_or(0, |[_, last]| last + 1)
@@ -91,7 +86,6 @@ mod tests {
                 let last = first + 3;
                 prop_assert_eq!(numbers.contains_all(first, last), (first..=last).all(|n| set.contains(&n)));
             }
-            prop_assert_eq!(numbers.count(), set.len() as u64);
             prop_assert_eq!(numbers.end(), set.last().map_or(0, |last| last + 1));
             prop_assert!(numbers.ranges().windows(2).all(|pair| pair[0][1] + 1 < pair[1][0]), "{:?}", numbers);
             let missing: Vec<u64> = numbers.missing_below(end).iter().flat_map(|[a, b]| *a..=*b).collect();
