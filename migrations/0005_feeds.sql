@@ -11,7 +11,8 @@ CREATE TABLE feed (
     sender        TEXT NOT NULL CHECK (length(sender) <= 120),               -- the sender's program, for people
     epoch         INTEGER NOT NULL CHECK (epoch >= 1),                       -- connections so far; only the last may send
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when first heard of, epoch ms
-    ended_at_ms   INTEGER CHECK (ended_at_ms >= created_at_ms)               -- when its recording was stored, epoch ms
+    ended_at_ms   INTEGER CHECK (ended_at_ms >= created_at_ms),              -- when its recording was stored, epoch ms
+    live_features TEXT CHECK (json_valid(live_features))                     -- at its end, by the causal filter: [LiveFeature]
 ) STRICT;
 CREATE INDEX feed_session ON feed (session_id);
 CREATE INDEX feed_box ON feed (box_id);

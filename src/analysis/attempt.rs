@@ -3,7 +3,7 @@
 use std::fs::File;
 
 use super::protocol::{self, Request};
-use super::receipt::{Heard, Receipt};
+use super::receipt::{Heard, News, Receipt};
 use crate::domain::problem::Problem;
 use crate::media::Limits;
 use crate::sandbox::{self, Budget, Cost, Order, Outcome, Program, Stop};
@@ -33,8 +33,8 @@ pub enum Failure {
     Stopped,
 }
 
-/// Runs a child to its end and tells progress, 0..1, on the way. Blocks: see [`sandbox::run`].
-pub fn attempt(what: Attempt<'_>, mut on_progress: impl FnMut(f64)) -> (Result<Heard, Failure>, Cost) {
+/// Runs a child to its end and tells on the way what its records bring. Blocks: see [`sandbox::run`].
+pub fn attempt(what: Attempt<'_>, mut on_news: impl FnMut(News)) -> (Result<Heard, Failure>, Cost) {
     let mut receipt = Receipt::new(&what.request.work, Limits::default());
     let request = match protocol::encode(&what.request) {
         Ok(bytes) => bytes,
@@ -42,9 +42,7 @@ pub fn attempt(what: Attempt<'_>, mut on_progress: impl FnMut(f64)) -> (Result<H
     };
     let order = Order { program: what.program, request, inputs: what.inputs };
     let ended = sandbox::run(order, what.budget, what.stop, |record| {
-        if let Some(progress) = receipt.take(record)? {
-            on_progress(progress);
-        }
+        on_news(receipt.take(record)?);
         Ok(())
     });
     let heard = receipt.into_heard();

@@ -22,6 +22,7 @@ mod settings;
 mod worker;
 
 pub use attempt::{Attempt, Failure, attempt};
-pub use receipt::Heard;
+pub use orders::track_in;
+pub use receipt::{Heard, News};
 pub use settings::AnalysisSettings;
 pub use worker::Workshop;

@@ -15,7 +15,7 @@ use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::BoxId;
 use crate::sandbox::MOST_INPUTS;
-use crate::store::Store;
+use crate::store::{Palette, Store, StoreError};
 use crate::vault::Vault;
 
 /// Work for a child and the files that go with it.
@@ -55,6 +55,10 @@ impl Orders {
 
 async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
+    work_with(palette, camera, store).await
+}
+
+async fn work_with(palette: Palette, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
     let view = match palette.annotations.view {
         Some(view) => Some(view),
         None => view_of(palette.box_id, store).await?,
@@ -64,6 +68,26 @@ async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result
         tools: palette.tools.into_iter().map(ToolShape::from).collect(),
         palette: PaletteShape::stored(&palette.samples).map_err(|_| unreadable_palette())?,
         view: view.map(ViewShape::from),
+    })
+}
+
+/// What a recording that arrives in a box is tracked with, or what the box lacks.
+///
+/// # Errors
+/// The store's.
+pub async fn track_in(of: BoxId, store: &Store) -> Result<Result<TrackWork, Problem>, StoreError> {
+    let scope = Scope::service();
+    let Some(calibration) = store.calibrations().latest(&scope, of).await? else {
+        return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's camera is not calibrated")));
+    };
+    let Some(palette) = store.palettes().latest(&scope, of).await? else {
+        return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
+    };
+    Ok(match work_with(palette, calibration.camera.camera().into(), store).await {
+        Ok(work) => Ok(work),
+        Err(WorkError::Impossible(problem)) => Err(problem),
+        Err(WorkError::Store(error)) => return Err(error),
+        Err(error) => Err(Problem::new("box-not-ready", "The box is not ready", error.to_string())),
     })
 }
 

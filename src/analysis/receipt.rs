@@ -3,11 +3,15 @@
 //! A record is accepted if an honest child could have written it at this point. Sizes, order, indices and numbers
 //! are checked here; what is accepted can be stored and shown.
 
-use super::protocol::{self, Answer, CalibrationShape, KindShape, PaletteShape, PathRow, QualityShape, SeenRow, Work};
+use super::protocol::{
+    self, Answer, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape, PathRow, QualityShape,
+    RunningRow, SeenRow, Work,
+};
 use crate::domain::feed::MOST_FRAMES;
 use crate::domain::palette::PaletteReport;
 use crate::domain::problem::Problem;
 use crate::media::Limits;
+use crate::pipeline::features::running::LIVE;
 
 /// Largest preview, bytes.
 const PREVIEW_BYTES: usize = 1 << 20;
@@ -17,6 +21,9 @@ const MAGNITUDE: f64 = 1e7;
 
 /// Most samples in a palette.
 const SAMPLES: usize = 1_000_000;
+
+/// Most frames that one record of a feed can bring forth: those that a decoder keeps back, or that were rehearsed.
+const MOST_AT_A_TIME: u64 = 64;
 
 /// Longest texts of a problem: name, title, detail; characters.
 const TEXTS: [usize; 3] = [64, 200, 4000];
@@ -64,6 +71,8 @@ pub(super) struct Receipt {
     tools: usize,
     limits: Limits,
     heard: Heard,
+    /// Number and time of the last frame that was followed.
+    followed: Option<(u64, f64)>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -73,10 +82,19 @@ enum Kind {
     Palette,
     Calibrate,
     Assemble,
+    Follow,
 }
 
-/// How far a child has come, 0..1, if that can be known.
-pub(super) type Progress = Option<f64>;
+/// What of an answer is passed on at once.
+#[derive(Debug)]
+pub enum News {
+    /// It is kept, or says only that the child lives.
+    Nothing,
+    /// How far the child has come, 0..1.
+    Progress(f64),
+    /// What one more record of a feed showed.
+    Followed(Followed),
+}
 
 impl Receipt {
     /// A receipt for what this work may answer.
@@ -87,12 +105,13 @@ impl Receipt {
             Work::Palette(_) => (Kind::Palette, 0),
             Work::Calibrate(_) => (Kind::Calibrate, 0),
             Work::Assemble(_) => (Kind::Assemble, 0),
+            Work::Follow(follow) => (Kind::Follow, follow.track.tools.len()),
         };
-        Self { work, tools, limits, heard: Heard::default() }
+        Self { work, tools, limits, heard: Heard::default(), followed: None }
     }
 
     /// Takes one record; an error ends the child.
-    pub(super) fn take(&mut self, record: &[u8]) -> Result<Progress, String> {
+    pub(super) fn take(&mut self, record: &[u8]) -> Result<News, String> {
         let answer = protocol::decode(record).map_err(|e| format!("a record that cannot be read: {e}"))?;
         if self.heard.done || self.heard.problem.is_some() {
             return Err("a record after the last one".into());
@@ -108,11 +127,12 @@ impl Receipt {
         self.heard
     }
 
-    fn accept(&mut self, answer: Answer) -> Result<Progress, String> {
+    fn accept(&mut self, answer: Answer) -> Result<News, String> {
         match answer {
             Answer::Confined { landlock } => once(&mut self.heard.landlock, landlock, "confinement")?,
             Answer::Recording { width, height, frames_expected } => self.recording(width, height, frames_expected)?,
             Answer::Frames { times_s, seen } => return self.frames(times_s, seen),
+            Answer::Followed(followed) => return self.followed(followed),
             Answer::Alive { done, of } => return Ok(share(done, of)),
             Answer::Path { kind, rows } => self.path(kind, rows)?,
             Answer::Quality(quality) => self.quality(quality)?,
@@ -133,7 +153,7 @@ impl Receipt {
             Answer::Problem(problem) => self.heard.problem = Some(presentable(problem)?),
             Answer::Done => self.heard.done = true,
         }
-        Ok(None)
+        Ok(News::Nothing)
     }
 
     fn only(&self, kinds: &[Kind]) -> Result<(), String> {
@@ -149,7 +169,7 @@ impl Receipt {
         once(&mut self.heard.size, (width, height), "recording")
     }
 
-    fn frames(&mut self, times_s: Vec<f64>, seen: Vec<SeenRow>) -> Result<Progress, String> {
+    fn frames(&mut self, times_s: Vec<f64>, seen: Vec<SeenRow>) -> Result<News, String> {
         self.only(&[Kind::Probe, Kind::Track])?;
         let before = self.heard.times_s.len() as u64;
         self.heard.times_s.reserve(times_s.len());
@@ -173,6 +193,29 @@ impl Receipt {
         }
         self.heard.seen.extend(seen);
         Ok(share(after, self.heard.frames_expected))
+    }
+
+    fn followed(&mut self, followed: Followed) -> Result<News, String> {
+        self.only(&[Kind::Follow])?;
+        for frame in &followed.frames {
+            let is_later = self.followed.is_none_or(|(number, time_s)| frame.frame != number && frame.time_s > time_s);
+            let in_time = (0.0..=self.limits.duration_s).contains(&frame.time_s);
+            let are_tools = frame.tools.len() == self.tools
+                && frame.tools.iter().enumerate().all(|(index, tool)| is_of(tool, frame, index as u32));
+            if !(is_later && in_time && are_tools && frame.frame < MOST_FRAMES) {
+                return Err("a frame of a feed that cannot be".into());
+            }
+            self.followed = Some((frame.frame, frame.time_s));
+        }
+        let is_running =
+            |row: &RunningRow| (row.tool as usize) < self.tools && (row.feature as usize) < LIVE.len() && row.value.is_none_or(sensible);
+        let is_picture = |jpeg: &[u8]| jpeg.len() <= PREVIEW_BYTES && jpeg.starts_with(&[0xff, 0xd8]);
+        let consistent = followed.frames.len() as u64 <= MOST_AT_A_TIME
+            && followed.running.iter().flatten().count() <= self.tools * LIVE.len()
+            && followed.running.iter().flatten().all(is_running)
+            && followed.light.iter().flatten().all(|&x| sensible(x))
+            && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_picture(jpeg));
+        if consistent { Ok(News::Followed(followed)) } else { Err("news of a feed that cannot be".into()) }
     }
 
     fn path(&mut self, kind: KindShape, rows: Vec<PathRow>) -> Result<(), String> {
@@ -251,6 +294,16 @@ impl Receipt {
     }
 }
 
+/// Does a tool's row speak of this frame?
+fn is_of(tool: &FollowedTool, frame: &FollowedFrame, index: u32) -> bool {
+    let FollowedTool { seen, path, .. } = tool;
+    (seen.frame, seen.tool) == (frame.frame, index)
+        && seen.numbers().all(|x| sensible(x.into()))
+        && path.is_none_or(|row| {
+            (row.frame, row.tool, row.time_s) == (frame.frame, index, frame.time_s) && row.numbers().all(sensible)
+        })
+}
+
 fn once<T>(slot: &mut Option<T>, value: T, what: &str) -> Result<(), String> {
     match slot.replace(value) {
         None => Ok(()),
@@ -262,8 +315,9 @@ fn sensible(x: f64) -> bool {
     x.is_finite() && x.abs() <= MAGNITUDE
 }
 
-fn share(done: u64, of: Option<u64>) -> Progress {
-    of.filter(|&of| of > 0).map(|of| (done as f64 / of as f64).min(1.0))
+fn share(done: u64, of: Option<u64>) -> News {
+    let share = of.filter(|&of| of > 0).map(|of| (done as f64 / of as f64).min(1.0));
+    share.map_or(News::Nothing, News::Progress)
 }
 
 /// A problem whose texts may be shown: of limited length, without control characters.

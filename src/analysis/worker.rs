@@ -10,7 +10,7 @@ use super::attempt::{Attempt, Failure, attempt};
 use super::orders::Orders;
 use super::product::{self, ProductError, Tracked};
 use super::protocol::{Request, Work};
-use super::receipt::Heard;
+use super::receipt::{Heard, News};
 use super::settings::AnalysisSettings;
 use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
@@ -255,8 +255,10 @@ fn run(
     tell: &watch::Sender<f64>,
 ) -> Result<Heard, Failure> {
     let request = Request { threads, work: orders.work };
-    let (result, cost) = attempt(Attempt { program, request, inputs: orders.inputs, budget, stop }, |progress| {
-        tell.send_replace(progress);
+    let (result, cost) = attempt(Attempt { program, request, inputs: orders.inputs, budget, stop }, |news| {
+        if let News::Progress(progress) = news {
+            tell.send_replace(progress);
+        }
     });
     tracing::debug!(
         wall_ms = cost.wall.as_millis() as u64,
@@ -272,7 +274,7 @@ fn run(
 fn tool_names(work: &Work) -> Vec<String> {
     match work {
         Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
-        Work::Probe | Work::Palette(_) | Work::Calibrate(_) | Work::Assemble(_) => Vec::new(),
+        Work::Probe | Work::Palette(_) | Work::Calibrate(_) | Work::Assemble(_) | Work::Follow(_) => Vec::new(),
     }
 }
 

@@ -31,7 +31,7 @@ use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use crate::pipeline::tracker::{
     MOST_REHEARSED, MotionSettings, PoseMethod, Side, ToolSpec, Tracker, TrackerSettings, Tracking, View,
 };
-use crate::pipeline::trajectory::Kind;
+use crate::pipeline::trajectory::{Kind, Sample, Trajectory};
 
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
@@ -45,7 +45,7 @@ pub struct Args {
     /// Where to write the trajectory (CSV); standard output without it.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// As live: the causal filter's path, without the smoother.
+    /// As live: what was told of each frame when it came, without any hindsight.
     #[arg(long, conflicts_with = "raw")]
     causal: bool,
     /// Each frame's own measurement, without any filter over time.
@@ -86,15 +86,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
     clock.lap_of(Stage::Samples);
     let marks = Marks::new(&marked, &args.annotations, &args.video);
-    let Followed { tracking, frames_expected, frames_interlaced, .. } =
+    let Followed { tracking, live, frames_expected, frames_interlaced, .. } =
         track(&args, &camera, &marked, &marks, pictures.as_mut(), &mut clock)?;
     heap::give_back(); // the paths need the memory now
-    let kind = match (args.raw, args.causal) {
-        (true, _) => Kind::Raw,
-        (_, true) => Kind::Filtered,
-        _ => Kind::Smoothed,
+    let mut trajectory = match (args.raw, live) {
+        (true, _) => tracking.trajectory(Kind::Raw),
+        (_, Some(samples)) => Trajectory { samples, ..tracking.trajectory(Kind::Smoothed) },
+        _ => tracking.trajectory(Kind::Smoothed),
     };
-    let mut trajectory = tracking.trajectory(kind);
     match &args.out {
         Some(path) => write_csv(&trajectory, create(path)?).with_context(|| format!("writing {}", path.display()))?,
         None => write_csv(&trajectory, io::stdout().lock()).context("writing to standard output")?,
@@ -103,7 +102,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if let Some(path) = &args.timings {
         clock.save(create(path)?).with_context(|| format!("writing {}", path.display()))?;
     }
-    if kind != Kind::Smoothed {
+    if args.raw || args.causal {
         trajectory = tracking.trajectory(Kind::Smoothed);
     }
     let evidence = Evidence {
@@ -188,6 +187,8 @@ fn warn_of_colours(args: &Args, marked: &AnnotationsFile, samples: &ColourSample
 /// What one pass over the recording gives.
 struct Followed {
     tracking: Tracking,
+    /// What was told of each frame when it came, if that was asked for.
+    live: Option<Vec<Sample>>,
     /// The marked colours, collected again; `None` if that was not asked for.
     samples: Option<ColourSamples>,
     frames_expected: Option<u64>,
@@ -218,6 +219,7 @@ fn follow(
     clock.lap_of(Stage::Preparing);
     let mut again = marks.map(Marks::collector);
     let mut frames_interlaced = 0;
+    let mut live = args.causal.then(Vec::new);
     while let Some(seen) = ahead.next_picture().map_err(in_video)? {
         clock.lap_of(Stage::Waiting);
         let frame = seen.frame();
@@ -225,17 +227,22 @@ fn follow(
         if let Some(again) = &mut again {
             again.look_at(&frame);
         }
-        match pictures.as_mut().filter(|pictures| pictures.wants(frame.index)) {
+        let report = match pictures.as_mut().filter(|pictures| pictures.wants(frame.index)) {
             None => {
-                tracker.observe(&frame);
+                let report = tracker.observe(&frame);
                 clock.lap_of(Stage::Tracking);
+                report
             }
             Some(pictures) => {
                 let (report, trace) = tracker.observe_traced(&frame);
                 clock.lap_of(Stage::Tracking);
                 pictures.draw(&scene, &frame, &report, &trace)?;
                 clock.lap_of(Stage::Writing);
+                report
             }
+        };
+        if let Some(live) = &mut live {
+            live.extend(report.tools.iter().filter_map(|tool| tool.filtered));
         }
         progress.step();
     }
@@ -244,7 +251,7 @@ fn follow(
     let tracking = tracker.finish();
     clock.lap_of(Stage::Finishing);
     let samples = again.and_then(Collector::into_samples);
-    Ok(Followed { tracking, samples, frames_expected: info.frames_expected, frames_interlaced })
+    Ok(Followed { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced })
 }
 
 /// A marked rectangle that has been checked to lie inside the frame, as a mark of its colour.

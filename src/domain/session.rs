@@ -99,6 +99,22 @@ pub struct FeatureRow {
     pub value: Result<f64, String>,
 }
 
+/// A feature as it stood when a recording that was tracked while it arrived had come to its end: by the causal filter, over all
+/// that was seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct LiveFeature {
+    /// Stable name, such as `path_length`.
+    pub name: String,
+    /// Title for people.
+    pub title: String,
+    /// Unit of `value`; `1` for a pure number.
+    pub unit: String,
+    /// The tool's marker.
+    pub tool: String,
+    /// The value, in three dimensions; `null` where too little was seen.
+    pub value: Option<f64>,
+}
+
 named! {
     /// Where a feature was measured.
     FeatureSpace: "space" {

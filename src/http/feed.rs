@@ -130,6 +130,7 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
     let mut still_signed_in = interval(STILL_SIGNED_IN);
     let mut silent_at = Instant::now() + settings.silent();
     loop {
+        let has_room = feed.has_room();
         let heard = tokio::select! {
             biased;
             () = &mut ending => return Err(service_ends()),
@@ -145,8 +146,12 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
                 say(socket, &feed.sync().await?).await?;
                 continue;
             }
-            heard = next(socket) => heard?,
-            () = sleep_until(silent_at) => {
+            () = feed.room(), if !has_room => {
+                silent_at = Instant::now() + settings.silent(); // it was we who did not listen
+                continue;
+            }
+            heard = next(socket), if has_room => heard?,
+            () = sleep_until(silent_at), if has_room => {
                 return Err(Farewell::new(Code::Silent, "nothing was heard for too long").into());
             }
         };

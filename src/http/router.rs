@@ -44,6 +44,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(sessions::list, sessions::send))
         .routes(routes!(sessions::get, sessions::erase))
         .routes(routes!(sessions::retry))
+        .routes(routes!(sessions::live))
         .routes(routes!(sessions::trajectory))
         .routes(routes!(sessions::video))
         .routes(routes!(sessions::preview))

@@ -8,6 +8,7 @@ use tokio::sync::watch;
 
 use super::recording::{Ending, Finished};
 use super::{Feed, Feeds, State, failed};
+use crate::domain::feed::FrameCodec;
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::domain::feed::record::{Body, NotARecord, Record};
 use crate::domain::feed::words::FromServer;
@@ -31,6 +32,7 @@ impl Connection {
             is_later
         });
         let now = feed.epoch.subscribe();
+        feed.follower.begin(&feeds, &feed);
         Self { feeds, feed, epoch, now, is_unsynced: true }
     }
 
@@ -51,6 +53,10 @@ impl Connection {
             return Err(Farewell::new(Code::Done, "the recording has ended"));
         }
         let (first, last) = (record.number, record.last());
+        let is_key = match record.body {
+            Body::Frame { is_key, .. } => Some(is_key || feed.row.codec == FrameCodec::Jpeg),
+            Body::Gap { .. } => None,
+        };
         let is_known = match record.body {
             Body::Frame { .. } => state.numbers.contains(first),
             Body::Gap { .. } => state.numbers.contains_all(first, last),
@@ -64,10 +70,24 @@ impl Connection {
         }
         state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
         state.is_unsynced = true;
-        let appended = state.log.append(message).await;
+        let (offset, bytes) = (state.log.bytes(), message.len());
+        let appended = state.log.append(message, feed.follower.is_following()).await;
         self.or_close(appended).await?;
         self.is_unsynced = true;
+        if let Some(is_key) = is_key {
+            feed.follower.came(offset, bytes, is_key);
+        }
         Ok(())
+    }
+
+    /// May another record come? One that is too fast to be tracked while it arrives is slowed.
+    pub fn has_room(&self) -> bool {
+        self.feed.follower.has_room()
+    }
+
+    /// Waits until another record may come.
+    pub async fn room(&self) {
+        self.feed.follower.room().await;
     }
 
     /// Is there anything that has not been acknowledged?
@@ -94,9 +114,9 @@ impl Connection {
     }
 
     /// Resolves once a later connection has taken over.
-    pub async fn superseded(&mut self) -> Farewell {
-        let mine = self.epoch;
-        let _ = self.now.wait_for(|now| *now != mine).await; // the feed, and with it the sender, lives as long as this
+    pub async fn superseded(&self) -> Farewell {
+        let (mine, mut now) = (self.epoch, self.now.clone());
+        let _ = now.wait_for(|now| *now != mine).await; // the feed, and with it the sender, lives as long as this
         match self.may_send() {
             Err(farewell) => farewell,
             Ok(()) => Farewell::new(Code::Failed, "the recording is gone"),

@@ -3,6 +3,7 @@
 //! ```text
 //! connection ──hello──▶ Feeds::connect ──▶ Connection: an epoch, what is durable already
 //!     ──record──▶ take ──▶ log (vault)          ──▶ sync ──▶ ack
+//!                              └──▶ Follower: a child that tracks ──▶ Watch
 //!     ──end─────▶ end ──▶ child: log → recording ──▶ blob, session, job ──▶ ended
 //! ```
 //! A recording has one connection that may send: the last that said hello. It bears the highest *epoch*, which the
@@ -12,10 +13,12 @@
 //! A recording that nobody ends is ended by [`Feeds::keep`], and what never came is noted as a gap.
 
 mod connection;
+mod following;
 mod recording;
 mod settings;
 
 pub use connection::Connection;
+pub use following::{Following, Watch};
 pub use settings::LiveSettings;
 
 use std::collections::HashMap;
@@ -24,6 +27,8 @@ use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
 use std::time::Duration;
 
 use tokio::sync::{Mutex, watch};
+
+use following::Follower;
 
 use crate::analysis::AnalysisSettings;
 use crate::domain::feed::farewell::{Code, Farewell};
@@ -97,6 +102,13 @@ struct Feed {
     /// Is it being put together at this moment?
     is_finishing: AtomicBool,
     is_gone: AtomicBool,
+    follower: Follower,
+}
+
+impl Drop for Feed {
+    fn drop(&mut self) {
+        self.follower.let_go();
+    }
 }
 
 struct State {
@@ -171,6 +183,12 @@ impl Feeds {
         };
         // Counted while nobody else can enter, so that the box is busy for whoever comes next.
         Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)))
+    }
+
+    /// Watches the recording of a session that arrives; `None` while no service has it open.
+    pub async fn watch(&self, session: SessionId) -> Option<Watch> {
+        let open = self.0.open.0.lock().await;
+        open.values().find(|feed| feed.row.session_id == session).map(|feed| feed.follower.watch(feed))
     }
 
     /// Ends what was abandoned and clears up, again and again until the service ends.
@@ -261,6 +279,7 @@ impl Feeds {
             failures: AtomicU32::new(0),
             is_finishing: AtomicBool::new(false),
             is_gone: AtomicBool::new(false),
+            follower: Follower::new(),
             row,
         }))
     }

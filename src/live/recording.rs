@@ -8,7 +8,7 @@ use crate::analysis::protocol::{AssembleWork, Request, Work};
 use crate::analysis::{Attempt, Failure, attempt};
 use crate::domain::feed::record::{Body, GapReason, Record};
 use crate::domain::problem::Problem;
-use crate::domain::session::SessionStatus;
+use crate::domain::session::{LiveFeature, SessionStatus};
 use crate::ids::SessionId;
 use crate::sandbox::{Budget, Stop};
 use crate::vault::{Kept, VaultError};
@@ -73,12 +73,18 @@ impl Feeds {
             }
         }
         feed.is_finishing.store(true, Ordering::Release);
-        let finished = self.store_recording(feed, &mut state).await;
+        let live = feed.follower.end().await;
+        let finished = self.store_recording(feed, &mut state, live).await;
         feed.is_finishing.store(false, Ordering::Release);
         finished.map(Finished::Whole)
     }
 
-    async fn store_recording(&self, feed: &Arc<Feed>, state: &mut State) -> Result<SessionId, Farewell> {
+    async fn store_recording(
+        &self,
+        feed: &Arc<Feed>,
+        state: &mut State,
+        live: Option<Vec<LiveFeature>>,
+    ) -> Result<SessionId, Farewell> {
         let kept = match self.assemble(feed).await {
             Ok(kept) => kept,
             Err(Failure::Explained(problem)) if problem.slug == Problem::NO_FRAMES => {
@@ -93,7 +99,7 @@ impl Feeds {
                 return Err(Farewell::new(Code::Failed, format!("the recording could not be put together: {why}")));
             }
         };
-        let session = self.0.store.feeds().end(feed.row.id, kept.blob()).await.map_err(LiveError::from)?;
+        let session = self.0.store.feeds().end(feed.row.id, kept.blob(), live).await.map_err(LiveError::from)?;
         drop(kept); // only now does a row protect the file
         state.ended = Some(session);
         self.close(feed).await;
@@ -176,7 +182,7 @@ async fn note_what_never_came(feed: &Feed, state: &mut State) -> Result<(), Fare
         let body = Body::Gap { last, reason: GapReason::NeverCame };
         Record { epoch, number, body }.write(&mut gaps);
     }
-    state.log.append(gaps.into()).await.map_err(failed)?;
+    state.log.append(gaps.into(), false).await.map_err(failed)?;
     state.log.sync().await.map_err(failed)?;
     for [first, last] in holes {
         state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;

@@ -205,7 +205,7 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError>
 }
 
 /// A frame's planes in memory that FFmpeg owns.
-fn copied(picture: &Frame<'_>) -> Result<frame::Video, EncodeError> {
+pub(super) fn copied(picture: &Frame<'_>) -> Result<frame::Video, EncodeError> {
     let pixel = match (picture.shift_x, picture.shift_y) {
         (1, 1) => format::Pixel::YUV420P,
         (1, 0) => format::Pixel::YUV422P,

@@ -10,6 +10,7 @@
 mod ahead;
 mod clock;
 mod encode;
+mod feed_decoder;
 mod fields;
 mod file;
 mod limits;
@@ -17,15 +18,18 @@ mod mux;
 pub mod photo;
 mod picture;
 mod picture_maker;
+mod still;
 #[cfg(test)]
 mod testing;
 
 pub use ahead::ReadAhead;
 pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
+pub use feed_decoder::FeedDecoder;
 pub use file::{RecordingInfo, VideoFile};
 pub use limits::Limits;
 pub use mux::{CodedFrame, MuxError, Muxer, Stream, can_begin_with};
 pub use picture::Picture;
+pub use still::StillMaker;
 
 /// Why a recording cannot be read, or not further.
 #[derive(Debug, thiserror::Error)]

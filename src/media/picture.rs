@@ -55,7 +55,7 @@ impl Picture {
     }
 
     /// The same in memory of its own, for as long as it is kept: a decoder never gives back what it needed at most.
-    pub(super) fn copied(&self) -> Self {
+    pub fn copied(&self) -> Self {
         let frame = self.frame();
         let planes = [frame.y, frame.u, frame.v].map(OwnedPlane::of);
         Self { planes: Planes::Copied(planes), ..*self }

@@ -35,11 +35,13 @@ use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::segmentation::palette;
 use crate::pipeline::space::{CameraPoint, Pixel};
-use crate::pipeline::trajectory::SampleState;
+use crate::pipeline::trajectory::{Sample, SampleState};
 use crate::pipeline::tube::Outline;
+use gaps::Rim;
 use light::LightWatch;
 use measurement::Measurement;
 use motion::{Instant, PastPose};
+use record::PackedRecords;
 use tool::{Scene, Seen, ToolTracker};
 
 /// Frames that are rehearsed: enough edges to tell how they look, and views to tell a band's length.
@@ -54,6 +56,8 @@ pub struct Tracker {
     pairs: Vec<[usize; 2]>,
     instants: Vec<Instant>,
     light: LightWatch,
+    /// Where each tool was last.
+    last: Vec<Option<Sample>>,
 }
 
 impl Tracker {
@@ -76,7 +80,8 @@ impl Tracker {
             ToolTracker::new(spec.clone(), settings.class_of(&spec.colour), EdgeModel::new(tape, encoding))
         });
         let (tools, pairs) = (tools.collect(), settings.pairs());
-        Ok(Self { tools, pairs, table, settings, instants: Vec::new(), light: LightWatch::default() })
+        let last = vec![None; settings.tools.len()];
+        Ok(Self { tools, pairs, table, settings, instants: Vec::new(), light: LightWatch::default(), last })
     }
 
     /// Looks at the first frames of a recording only to learn how its edges look and how long its bands are, so that the
@@ -90,8 +95,22 @@ impl Tracker {
             }
             self.instants.clear();
             self.light = LightWatch::default();
+            self.last.fill(None);
             self.tools.iter_mut().for_each(ToolTracker::start_over);
         }
+    }
+
+    /// Forgets what only hindsight needs: a feed that goes on for hours takes no more memory than one of minutes. What is
+    /// told of the frames to come stays the same; [`Self::finish`] then knows only these.
+    pub fn forget_past(&mut self) {
+        self.instants.clear();
+        self.light.forget_past();
+        self.tools.iter_mut().for_each(|tool| tool.records = PackedRecords::default());
+    }
+
+    /// The scene's light when it was looked at last.
+    pub fn light(&self) -> Option<LightSample> {
+        self.light.last()
     }
 
     /// Looks at the next frame.
@@ -115,7 +134,7 @@ impl Tracker {
         self.share_mixing();
         seen.sort_by_key(|(i, _)| *i);
         let instant = (frame.index, frame.time_s);
-        let tools = seen.into_iter().map(|(i, seen)| self.report(i, instant, seen)).collect();
+        let tools: Vec<ToolReport> = seen.into_iter().map(|(i, seen)| self.report(i, instant, seen)).collect();
         FrameReport { frame: frame.index, time_s: frame.time_s, tools }
     }
 
@@ -164,7 +183,7 @@ impl Tracker {
         self.tools.iter().map(|tool| tool.expected_tube(time_s, &thread).and_then(|(tube, _)| tube.outline())).collect()
     }
 
-    fn report(&self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {
+    fn report(&mut self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {
         let camera = &self.settings.camera;
         let pose = self.tools[tool].last_pose.as_ref().map(PastPose::from);
         let state = if seen.advance.observed { SampleState::Observed } else { SampleState::Predicted };
@@ -172,13 +191,20 @@ impl Tracker {
             .advance
             .state
             .map(|filtered| motion::state_sample(&filtered, pose.as_ref(), tool, instant, state, camera, None));
+        let refused = seen.outcome.as_ref().err().copied();
+        let absence = refused.filter(|_| filtered.is_none()).map(|reason| {
+            let rim = Rim::new(camera, self.settings.tools[tool].band_length_mm);
+            gaps::absence_now(self.last[tool].as_ref(), reason, &rim)
+        });
         let drawn = seen.outcome.as_ref().ok().and_then(|m| self.drawing(m));
         let outcome =
             seen.outcome.and_then(|m| self.observation(&m).ok_or(crate::pipeline::reason::Reason::ImpossiblePose));
+        self.last[tool] = filtered.or(self.last[tool]);
         ToolReport {
             tool,
             outcome,
             filtered,
+            absence,
             borders_px: drawn.map(|(borders, _)| borders),
             band_end_px: drawn.map(|(_, end)| end),
         }

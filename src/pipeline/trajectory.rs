@@ -7,7 +7,8 @@ use nalgebra::{Point2, Point3, Vector3};
 pub enum Kind {
     /// Each frame's own measurement, unfiltered.
     Raw,
-    /// Causal Kalman filter: what a live watcher sees.
+    /// Kalman filter forwards over poses that are steadied with what the whole recording tells of fulcrum and shared errors: a
+    /// live watcher, who lacks that, sees a little more noise.
     Filtered,
     /// Rauch–Tung–Striebel smoother over the whole recording: the default for scores.
     Smoothed,

@@ -2,14 +2,16 @@
 //! connection may send them.
 
 use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_track;
-use super::visibility::{AskedBy, sees_box};
+use super::visibility::{AskedBy, sees_box, sees_trainee};
 use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
 use crate::domain::feed::{FrameCodec, TimeBase};
+use crate::domain::session::LiveFeature;
 use crate::domain::text::Invalid;
 use crate::ids::{BoxId, FeedId, SessionId, TaskId, TraineeId};
 
@@ -137,7 +139,12 @@ impl Feeds<'_> {
 
     /// Stores the recording that a feed has become, and queues its tracking, in one transaction. Again changes nothing.
     /// The same recording of the same trainee, task and box is one session: the feed becomes that one.
-    pub async fn end(&self, id: FeedId, video: Blob) -> StoreResult<SessionId> {
+    pub async fn end(
+        &self,
+        id: FeedId,
+        video: Blob,
+        live_features: Option<Vec<LiveFeature>>,
+    ) -> StoreResult<SessionId> {
         let (now_ms, attempts) = (self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
@@ -150,9 +157,10 @@ impl Feeds<'_> {
                     "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
                 let same = sqlx::query_scalar(sql).bind(feed.trainee_id).bind(feed.task_id).bind(feed.box_id);
                 let same: Option<SessionId> = same.bind(video.hash).fetch_optional(&mut *tx).await?;
-                let sql = "UPDATE feed SET ended_at_ms = $2, session_id = $3 WHERE id = $1";
+                let sql = "UPDATE feed SET ended_at_ms = $2, session_id = $3, live_features = $4 WHERE id = $1";
                 let session = same.unwrap_or(feed.session_id);
-                sqlx::query(sql).bind(id).bind(now_ms).bind(session).execute(&mut *tx).await?;
+                let ended = sqlx::query(sql).bind(id).bind(now_ms).bind(session).bind(live_features.map(Json));
+                ended.execute(&mut *tx).await?;
                 if same.is_some() {
                     let sql = "DELETE FROM session WHERE id = $1";
                     sqlx::query(sql).bind(feed.session_id).execute(&mut *tx).await?;
@@ -164,6 +172,19 @@ impl Feeds<'_> {
                 Ok(session)
             })
             .await
+    }
+
+    /// The features that a session's recording ended with while it was tracked live; `None` where it was not.
+    pub async fn live_features(&self, scope: &Scope, of: SessionId) -> StoreResult<Option<Vec<LiveFeature>>> {
+        let row = sqlx::query_scalar(concat!(
+            "SELECT feed.live_features FROM feed JOIN session ON session.id = feed.session_id
+             WHERE feed.live_features IS NOT NULL AND session.id = $3 AND ",
+            sees_trainee!("session.trainee_id"),
+            " ORDER BY feed.id DESC LIMIT 1"
+        ));
+        let row: Option<Json<Vec<LiveFeature>>> =
+            row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?;
+        Ok(row.map(|Json(features)| features))
     }
 
     /// Forgets a recording of which nothing came, with its session.

@@ -81,9 +81,9 @@ impl Vault {
 }
 
 impl FeedLog {
-    /// Appends a record. It is durable only after [`FeedLog::sync`].
-    pub async fn append(&mut self, record: Bytes) -> VaultResult<()> {
-        if self.waiting.len() + record.len() > MOST_WAITING {
+    /// Appends a record; `at_once` where somebody reads it before the next sync. It is durable only after [`FeedLog::sync`].
+    pub async fn append(&mut self, record: Bytes, at_once: bool) -> VaultResult<()> {
+        if at_once || self.waiting.len() + record.len() > MOST_WAITING {
             return self.write(record, false).await; // as it is: a copy of the largest would take as much again
         }
         self.waiting.extend_from_slice(&record);

@@ -3,6 +3,7 @@
 mod assemble;
 mod calibrate;
 mod explain;
+mod follow;
 mod palette;
 mod preview;
 mod probe;
@@ -86,6 +87,7 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
             palette::from_pictures(&marks, &tools, pictures, reporter)
         }
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
+        Work::Follow(work) => follow::run(work, inputs, limits, reporter),
         Work::Assemble(work) => assemble::run(work, inputs, reporter),
     }
 }

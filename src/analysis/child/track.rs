@@ -39,7 +39,7 @@ pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) ->
     Ok(reporter.say(&Answer::Preview(preview.into_jpeg()))?)
 }
 
-fn settings(work: TrackWork) -> Result<TrackerSettings, Halt> {
+pub(super) fn settings(work: TrackWork) -> Result<TrackerSettings, Halt> {
     let samples = work.palette.colour_samples().ok_or_else(|| Halt::Explained(explain::unreadable_palette()))?;
     let tools = work.tools.into_iter().map(Into::into).collect();
     let mut settings = TrackerSettings::new(work.camera.into(), tools, samples);

@@ -6,16 +6,19 @@
 //! track      Confined  Recording  Frames*  Path*  Quality  Preview              Done
 //! palette    Confined  Recording? Alive*   Palette  PaletteReport               Done
 //! calibrate  Confined  Recording? Alive*   Calibration                          Done
+//! follow     Confined  (Followed | Alive)*                                      Done
 //! assemble   Confined  Alive*              Assembled                            Done
 //! any        …                                                    Problem
 //! ```
 //! The pipeline's types know no serialisation; their images here are in [`shapes`] and [`rows`].
 
+mod follow;
 mod rows;
 mod shapes;
 
 use serde::{Deserialize, Serialize};
 
+pub use follow::{FollowWork, Followed, FollowedFrame, FollowedTool, Place, RunningRow, live_features};
 pub use rows::{PathRow, ReasonShape, SeenRow};
 pub use shapes::{
     BoardShape, CalibrationShape, CameraShape, MarginShape, MarkShape, PaletteShape, QualityShape, SideShape,
@@ -47,6 +50,8 @@ pub enum Work {
     Palette(PaletteWork),
     /// Calibrate from one video, or from photos.
     Calibrate(CalibrateWork),
+    /// Track a recording while it arrives: its log, and a pipe of places in it.
+    Follow(FollowWork),
     /// Put a feed's frames together: its log in, a recording out, which is the last of the inputs and open for writing.
     Assemble(AssembleWork),
 }
@@ -121,6 +126,8 @@ pub enum Answer {
         /// What was seen on them; a row per frame and tool.
         seen: Vec<SeenRow>,
     },
+    /// What one more record of a feed showed.
+    Followed(Followed),
     /// Still at work; for work without frames.
     Alive {
         /// Pictures looked at.

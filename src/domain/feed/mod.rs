@@ -57,9 +57,9 @@ impl TimeBase {
         (self.num, self.den)
     }
 
-    /// A time in seconds.
+    /// A time in seconds, to the last bit what it is in the recording that is made of the feed.
     pub fn seconds(self, ticks: i64) -> f64 {
-        ticks as f64 * f64::from(self.num) / f64::from(self.den)
+        ticks as f64 * (f64::from(self.num) / f64::from(self.den))
     }
 }
 

@@ -61,7 +61,8 @@ pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Whic
 pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Session>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.store.sessions().result(&by.scope, session.id).await?;
-    Ok(Json(Session::of(session, result)))
+    let live = app.store.feeds().live_features(&by.scope, session.id).await?;
+    Ok(Json(Session::of(session, result).with_live(live)))
 }
 
 /// Track a session again: after a failure, or with a newer camera, newer colours or a newer program

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
-use crate::domain::session::{FeatureRow, FeatureSpace, SessionStatus, Versions};
+use crate::domain::session::{FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
 use crate::http::error::ProblemDocument;
 use crate::http::show::{Named, Time};
 use crate::ids::SessionId;
@@ -37,6 +37,9 @@ pub struct Session {
     /// Names of the tools, in the trajectory's order.
     tools: Vec<String>,
     features: Vec<Feature>,
+    /// Features as they stood when the recording ended, where it was tracked while it arrived: by the causal filter over all
+    /// that was seen, without the smoother's hindsight, so they differ from `features`.
+    live_features: Option<Vec<LiveFeature>>,
     /// Place in a reference cohort, if a model scored it.
     score: Option<Value>,
     /// What was observed, predicted and missed, and whether the features may be believed: those of a refused session have
@@ -109,6 +112,7 @@ impl Session {
             video,
             tools: Vec::new(),
             features: Vec::new(),
+            live_features: None,
             score: None,
             quality: None,
             versions: None,
@@ -117,6 +121,11 @@ impl Session {
             shown.add(result);
         }
         shown
+    }
+
+    /// The same with what was told live.
+    pub fn with_live(self, live_features: Option<Vec<LiveFeature>>) -> Self {
+        Self { live_features, ..self }
     }
 
     fn add(&mut self, result: store::SessionResult) {

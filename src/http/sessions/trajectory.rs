@@ -37,7 +37,7 @@ pub enum Smoothness {
     /// Looks ahead and back: what scores are made of.
     #[default]
     Smoothed,
-    /// Knows only the past: as live.
+    /// Filtered forwards only, without the smoother; fulcrum and shared errors are those of the whole recording.
     Filtered,
     /// As measured, frame by frame.
     Raw,

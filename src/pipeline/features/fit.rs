@@ -11,7 +11,7 @@ use nalgebra::{Matrix3x4, Matrix4, Vector3, Vector4};
 pub const MIN_SAMPLES: usize = 6;
 
 /// Neighbours for which the window is widened where samples are sparse.
-const NEIGHBOURS: usize = 7;
+pub const NEIGHBOURS: usize = 7;
 
 /// A vector over time, known at uneven instants.
 #[derive(Clone, Copy, Debug)]

@@ -15,6 +15,7 @@ pub mod movement;
 mod not_enough;
 pub mod path;
 pub mod per_movement;
+pub mod running;
 mod settings;
 pub mod smoothness;
 pub mod speed;

@@ -154,18 +154,29 @@ impl Motion {
 
     /// Refuses a motion of which too little was seen, or that no hand can make.
     pub fn check_enough(&self, settings: &FeatureSettings) -> Result<(), NotEnough> {
-        let (observed_s, share) = (self.observed_s(), self.seen_share());
         if self.spans.is_empty() {
-            Err(NotEnough::NeverSeen)
-        } else if observed_s < settings.min_observed_s {
-            Err(NotEnough::TooShort { observed_s, needed_s: settings.min_observed_s })
-        } else if share < settings.min_seen_share {
-            Err(NotEnough::TooLittleSeen { share, needed: settings.min_seen_share })
-        } else if self.length_mm() > FASTEST_MM_S * observed_s {
-            Err(NotEnough::OutOfRange)
-        } else {
-            Ok(())
+            return Err(NotEnough::NeverSeen);
         }
+        check_enough(self.observed_s(), self.seen_share(), self.length_mm(), settings)
+    }
+}
+
+/// Was enough seen of a motion, and can a hand make it? Takes how long it was seen, s, in which share of the time, and how
+/// far it went meanwhile, mm.
+pub(super) fn check_enough(
+    observed_s: f64,
+    share: f64,
+    length_mm: f64,
+    settings: &FeatureSettings,
+) -> Result<(), NotEnough> {
+    if observed_s < settings.min_observed_s {
+        Err(NotEnough::TooShort { observed_s, needed_s: settings.min_observed_s })
+    } else if share < settings.min_seen_share {
+        Err(NotEnough::TooLittleSeen { share, needed: settings.min_seen_share })
+    } else if length_mm > FASTEST_MM_S * observed_s {
+        Err(NotEnough::OutOfRange)
+    } else {
+        Ok(())
     }
 }
 
@@ -199,23 +210,43 @@ fn follow(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
     if run.len() < MIN_SAMPLES {
         return None;
     }
-    let times: Vec<f64> = run.iter().map(|s| s.time_s).collect();
-    let positions: Vec<Vector3<f64>> = run.iter().map(|s| s.tip_mm.coords).collect();
-    let velocities: Option<Vec<Vector3<f64>>> = run.iter().map(|s| s.velocity_mm_s).collect();
-    let path = Series { times_s: &times, values: &positions };
-    let speed = velocities.as_ref().map(|values| Series { times_s: &times, values });
-
+    let series = Samples::new(run);
     let (first, last) = ((start.time_s / settings.step_s).ceil() as i64, (end.time_s / settings.step_s).floor() as i64);
     let nodes: Option<Vec<Node>> =
-        (first..=last).map(|i| node(path, speed, i as f64 * settings.step_s, settings.fit_half_window_s)).collect();
+        (first..=last).map(|i| series.node(i as f64 * settings.step_s, settings.fit_half_window_s)).collect();
     nodes.filter(|nodes| nodes.len() > 1).map(|nodes| Span { first, nodes })
 }
 
-fn node(path: Series<'_>, speed: Option<Series<'_>>, at_s: f64, half_window_s: f64) -> Option<Node> {
-    let place = path.fit(at_s, half_window_s)?;
-    let (velocity, acceleration) = match speed {
-        Some(series) => series.fit(at_s, half_window_s).map(|v| (v.value, v.first))?,
-        None => (place.first, place.second),
-    };
-    Some(Node { position: Point3::from(place.value), velocity, acceleration })
+/// A run's samples, taken apart.
+struct Samples {
+    times_s: Vec<f64>,
+    positions: Vec<Vector3<f64>>,
+    velocities: Option<Vec<Vector3<f64>>>,
+}
+
+impl Samples {
+    fn new(run: &[Sample]) -> Self {
+        Self {
+            times_s: run.iter().map(|s| s.time_s).collect(),
+            positions: run.iter().map(|s| s.tip_mm.coords).collect(),
+            velocities: run.iter().map(|s| s.velocity_mm_s).collect(),
+        }
+    }
+
+    fn node(&self, at_s: f64, half_window_s: f64) -> Option<Node> {
+        let place = Series { times_s: &self.times_s, values: &self.positions }.fit(at_s, half_window_s)?;
+        let (velocity, acceleration) = match &self.velocities {
+            Some(values) => {
+                let speed = Series { times_s: &self.times_s, values };
+                speed.fit(at_s, half_window_s).map(|v| (v.value, v.first))?
+            }
+            None => (place.first, place.second),
+        };
+        Some(Node { position: Point3::from(place.value), velocity, acceleration })
+    }
+}
+
+/// The motion at one moment of a run.
+pub(super) fn node_at(run: &[Sample], at_s: f64, half_window_s: f64) -> Option<Node> {
+    Samples::new(run).node(at_s, half_window_s)
 }

@@ -56,6 +56,11 @@ pub fn find(path: &[Sample], instants: &[Instant], reasons: &[Option<Reason>], r
     gaps
 }
 
+/// Why a tool has no position now, as far as can be told without hindsight: where it was last, and why it was not measured.
+pub fn absence_now(last: Option<&Sample>, reason: Reason, rim: &Rim<'_>) -> Absence {
+    absence(last, None, &[Some(reason)], rim)
+}
+
 fn absence(before: Option<&Sample>, after: Option<&Sample>, reasons: &[Option<Reason>], rim: &Rim<'_>) -> Absence {
     let main = most_frequent(reasons).unwrap_or(Reason::NoMarkerColour);
     let vanished = matches!(main, Reason::NoMarkerColour | Reason::TooSmall | Reason::TipHidden);

@@ -47,6 +47,16 @@ impl LightWatch {
         }
     }
 
+    /// The last that was seen.
+    pub fn last(&self) -> Option<LightSample> {
+        self.samples.last().copied()
+    }
+
+    /// Forgets all that was seen but the last, and what it is held against.
+    pub fn forget_past(&mut self) {
+        self.samples.drain(..self.samples.len().saturating_sub(1));
+    }
+
     /// What was seen, in time order.
     pub fn into_samples(self) -> Vec<LightSample> {
         self.samples

@@ -34,6 +34,8 @@ pub struct ToolReport {
     pub outcome: Result<Observation, Reason>,
     /// The causal filter's estimate, where the tool is being tracked.
     pub filtered: Option<Sample>,
+    /// Why it has no position at all, as far as can be told without hindsight.
+    pub absence: Option<Absence>,
     /// Both borders of the band, each from its distal to its proximal end, in the recorded frame.
     pub borders_px: Option<[[Pixel; 2]; 2]>,
     /// Where the midline meets the band's distal end: on the tube's surface, in the recorded frame.

@@ -1,5 +1,7 @@
 //! Feeds over real connections to the real service: what is acknowledged stays, what is late or wrong is refused by name.
 
+mod live;
+mod scene;
 pub mod sender;
 
 use std::time::Duration;

@@ -1,0 +1,192 @@
+//! Track a recording while it arrives: each record of the log as the parent names it, decoded, tracked, told at once.
+//!
+//! Frames are taken in the order of their numbers. One that comes late, sent behind the live ones after an outage, is left to
+//! the job that tracks the whole recording.
+
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+
+use super::reporter::Reporter;
+use super::{Halt, explain, track};
+use crate::analysis::protocol::{Answer, FollowWork, Followed, FollowedFrame, FollowedTool, Place, RunningRow, TrackWork};
+use crate::domain::feed::FrameCodec;
+use crate::domain::feed::record::{Body, MOST_BYTES, Record};
+use crate::media::{FeedDecoder, Limits, Picture, StillMaker};
+use crate::pipeline::features::FeatureSettings;
+use crate::pipeline::features::running::Running;
+use crate::pipeline::frame::Frame;
+use crate::pipeline::tracker::{MOST_REHEARSED, Tracker, TrackerSettings};
+
+/// Between two words on features and light, s of the recording.
+const FEATURES_EVERY_S: f64 = 1.0;
+
+/// Frames between two times that the past is forgotten.
+const FORGET_EVERY: u64 = 1024;
+
+pub(super) fn run(work: FollowWork, mut inputs: Vec<File>, limits: Limits, reporter: &mut Reporter) -> Result<(), Halt> {
+    let (Some(mut places), Some(log)) = (inputs.pop(), inputs.pop()) else {
+        return Err(Halt::Explained(explain::no_input()));
+    };
+    let mut follower = Follower::new(work, limits)?;
+    let mut bytes = Vec::new();
+    while let Some(place) = Place::read(&mut places).map_err(Halt::Silenced)? {
+        let Place::Record { offset, bytes: length, wants_picture } = place else {
+            reporter.say(&Answer::Alive { done: 0, of: None })?;
+            continue;
+        };
+        bytes.resize((length as usize).min(MOST_BYTES), 0);
+        let record = log.read_exact_at(&mut bytes, offset).ok().and_then(|()| Record::read(&bytes).ok());
+        if let Some(record) = record {
+            follower.take(&record)?;
+        }
+        let picture = if wants_picture { follower.still() } else { None };
+        reporter.say(&Answer::Followed(Followed { picture, ..follower.tell() }))?;
+    }
+    follower.end()?;
+    Ok(reporter.say(&Answer::Followed(follower.tell()))?)
+}
+
+struct Follower {
+    codec: FrameCodec,
+    decoder: FeedDecoder,
+    /// Until the first picture shows how it is coded.
+    work: Option<TrackWork>,
+    tracker: Option<Tracker>,
+    size: (u32, u32),
+    /// The first pictures, until there are enough to rehearse.
+    first: Vec<Picture>,
+    is_rehearsed: bool,
+    /// The number that goes on with what was decoded.
+    next: Option<u64>,
+    running: Running,
+    features_at_s: f64,
+    since_forgotten: u64,
+    stills: StillMaker,
+    last: Option<Picture>,
+    told: Followed,
+}
+
+impl Follower {
+    fn new(work: FollowWork, limits: Limits) -> Result<Self, Halt> {
+        let FollowWork { track, codec, size, time_base } = work;
+        Ok(Self {
+            codec,
+            decoder: FeedDecoder::new(codec, size, time_base, limits)?,
+            running: Running::new(track.tools.len(), FeatureSettings::default()),
+            work: Some(track),
+            tracker: None,
+            size,
+            first: Vec::new(),
+            is_rehearsed: false,
+            next: None,
+            features_at_s: 0.0,
+            since_forgotten: 0,
+            stills: StillMaker::default(),
+            last: None,
+            told: Followed::default(),
+        })
+    }
+
+    fn take(&mut self, record: &Record<'_>) -> Result<(), Halt> {
+        let Body::Frame { time, is_key, payload } = record.body else { return Ok(()) };
+        let number = record.number;
+        if self.next.is_some_and(|next| number < next) {
+            return Ok(()); // late
+        }
+        let goes_on = self.next == Some(number);
+        if self.codec == FrameCodec::H264 && !goes_on {
+            if !is_key {
+                return Ok(()); // nothing before the next key frame can be decoded
+            }
+            self.decoder.start_over();
+        }
+        self.next = Some(number + 1);
+        self.decoder.take(number, time, payload);
+        self.look()
+    }
+
+    /// Looks at all pictures that are ready.
+    fn look(&mut self) -> Result<(), Halt> {
+        while let Some(picture) = self.decoder.next_picture()? {
+            if self.is_rehearsed {
+                self.track(&picture)?;
+                self.keep(picture);
+            } else {
+                self.first.push(picture.copied());
+                self.decoder.take_back(picture);
+                if self.first.len() >= MOST_REHEARSED {
+                    self.rehearse()?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The first pictures, looked at twice to learn how edges look, and then as all others.
+    fn rehearse(&mut self) -> Result<(), Halt> {
+        self.is_rehearsed = true;
+        let first = std::mem::take(&mut self.first);
+        let frames: Vec<Frame<'_>> = first.iter().map(Picture::frame).collect();
+        if let (Some(frame), Some(work)) = (frames.first(), self.work.take()) {
+            let settings: TrackerSettings = track::settings(work)?;
+            let mut tracker = Tracker::new(settings, self.size.0, self.size.1, frame.encoding)?;
+            tracker.rehearse(&frames);
+            self.tracker = Some(tracker);
+        }
+        first.iter().try_for_each(|picture| self.track(picture))
+    }
+
+    fn track(&mut self, picture: &Picture) -> Result<(), Halt> {
+        let Some(tracker) = &mut self.tracker else { return Ok(()) };
+        let frame = picture.frame();
+        let report = tracker.observe(&frame);
+        report.tools.iter().filter_map(|tool| tool.filtered.as_ref()).for_each(|sample| self.running.take(sample));
+        let tools = report.tools.iter().map(|tool| FollowedTool::new(frame.index, tool)).collect();
+        self.told.frames.push(FollowedFrame { frame: frame.index, time_s: frame.time_s, tools });
+        self.since_forgotten += 1;
+        if self.since_forgotten == FORGET_EVERY {
+            self.since_forgotten = 0;
+            tracker.forget_past();
+        }
+        if frame.time_s >= self.features_at_s {
+            self.features_at_s = frame.time_s + FEATURES_EVERY_S;
+            self.tell_features();
+        }
+        Ok(())
+    }
+
+    fn tell_features(&mut self) {
+        self.told.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
+        let light = self.tracker.as_ref().and_then(Tracker::light);
+        self.told.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
+    }
+
+    /// Keeps a picture to be shown; the one before is done with.
+    fn keep(&mut self, picture: Picture) {
+        if let Some(before) = self.last.replace(picture) {
+            self.decoder.take_back(before);
+        }
+    }
+
+    /// The last picture, small. Without it a page is poorer, not wrong.
+    fn still(&mut self) -> Option<(u64, Vec<u8>)> {
+        let frame = self.last.as_ref().or(self.first.last())?.frame();
+        self.stills.jpeg(&frame).ok().map(|jpeg| (frame.index, jpeg))
+    }
+
+    /// What there is to tell since the last time.
+    fn tell(&mut self) -> Followed {
+        std::mem::take(&mut self.told)
+    }
+
+    fn end(&mut self) -> Result<(), Halt> {
+        self.decoder.end();
+        self.look()?;
+        if !self.is_rehearsed {
+            self.rehearse()?;
+        }
+        self.running.end();
+        self.tell_features();
+        Ok(())
+    }
+}

@@ -1,0 +1,176 @@
+//! What is said while a recording is followed that still arrives.
+//!
+//! The child has two inputs: the feed's log, to which the parent appends, and a pipe of [`Place`]s in it. So frames wait in
+//! the log, however far behind the child is, and in nobody's memory.
+
+use std::io::{self, Read};
+
+use serde::{Deserialize, Serialize};
+
+use super::{PathRow, SeenRow, TrackWork};
+use crate::domain::feed::{FrameCodec, TimeBase};
+use crate::domain::session::LiveFeature;
+use crate::pipeline::features::FeatureValue;
+use crate::pipeline::features::running::LIVE;
+use crate::pipeline::tracker::{Absence, ToolReport};
+
+/// What following a recording needs besides its frames.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct FollowWork {
+    /// As for a recording that lies whole.
+    pub track: TrackWork,
+    /// How frames are coded.
+    pub codec: FrameCodec,
+    /// Picture width and height, pixels.
+    pub size: (u32, u32),
+    /// The clock of the frames.
+    pub time_base: TimeBase,
+}
+
+/// What a parent says on the pipe: 16 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A record of the log.
+    Record {
+        /// Where it begins, bytes.
+        offset: u64,
+        /// How long it is, head and all.
+        bytes: u32,
+        /// Is a picture of it wanted?
+        wants_picture: bool,
+    },
+    /// Nothing has come for a while: say that you live.
+    Beat,
+}
+
+impl Place {
+    /// Bytes on the pipe.
+    pub const BYTES: usize = 16;
+    const BEAT: u64 = u64::MAX;
+
+    /// As bytes.
+    pub fn to_bytes(self) -> [u8; Self::BYTES] {
+        let (offset, bytes, flags) = match self {
+            Place::Record { offset, bytes, wants_picture } => (offset, bytes, u32::from(wants_picture)),
+            Place::Beat => (Self::BEAT, 0, 0),
+        };
+        let mut all = [0; Self::BYTES];
+        all[..8].copy_from_slice(&offset.to_le_bytes());
+        all[8..12].copy_from_slice(&bytes.to_le_bytes());
+        all[12..].copy_from_slice(&flags.to_le_bytes());
+        all
+    }
+
+    /// The next on a pipe; `None` at its end.
+    ///
+    /// # Errors
+    /// The pipe's.
+    pub fn read(pipe: &mut impl Read) -> io::Result<Option<Self>> {
+        let mut all = [0; Self::BYTES];
+        match pipe.read_exact(&mut all) {
+            Ok(()) => {}
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(None),
+            Err(error) => return Err(error),
+        }
+        let number = |from: usize| u32::from_le_bytes([all[from], all[from + 1], all[from + 2], all[from + 3]]);
+        let offset = u64::from(number(4)) << 32 | u64::from(number(0));
+        let record = Place::Record { offset, bytes: number(8), wants_picture: number(12) != 0 };
+        Ok(Some(if offset == Self::BEAT { Place::Beat } else { record }))
+    }
+}
+
+/// What a child says when it is done with a place.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Followed {
+    /// Frames that were tracked, none or several: a decoder keeps frames back to put them in order.
+    pub frames: Vec<FollowedFrame>,
+    /// Features so far, about once a second.
+    pub running: Option<Vec<RunningRow>>,
+    /// The scene's light against the first frame's: luma ratio, shifts of blue and red as shares of the code range. Along
+    /// with the features.
+    pub light: Option<[f64; 3]>,
+    /// A small JPEG, and the frame that it shows.
+    pub picture: Option<(u64, Vec<u8>)>,
+}
+
+/// A frame that was tracked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FollowedFrame {
+    /// Its number in the feed.
+    pub frame: u64,
+    /// When it was captured, s.
+    pub time_s: f64,
+    /// Each tool, in order.
+    pub tools: Vec<FollowedTool>,
+}
+
+/// A tool on a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FollowedTool {
+    /// What was seen of it.
+    pub seen: SeenRow,
+    /// Where it is by the causal filter, if anywhere.
+    pub path: Option<PathRow>,
+    /// It is nowhere because it left the picture.
+    pub left_view: bool,
+}
+
+impl FollowedTool {
+    /// What a report says of one tool.
+    pub fn new(frame: u64, report: &ToolReport) -> Self {
+        Self {
+            seen: SeenRow::new(frame, report),
+            path: report.filtered.as_ref().map(PathRow::from),
+            left_view: report.absence == Some(Absence::LeftView),
+        }
+    }
+}
+
+/// A running feature of a tool.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunningRow {
+    /// Index of the tool.
+    pub tool: u32,
+    /// Index into [`LIVE`].
+    pub feature: u32,
+    /// Its value, in the feature's unit; `None` where too little was seen.
+    pub value: Option<f64>,
+}
+
+impl RunningRow {
+    /// A value as it travels; `None` for one that is not told live.
+    pub fn new(value: &FeatureValue) -> Option<Self> {
+        let feature = LIVE.iter().position(|live| *live == value.feature)?;
+        Some(Self { tool: value.tool? as u32, feature: feature as u32, value: value.value.ok() })
+    }
+}
+
+/// Running features by name; `tools` are the tools' names.
+pub fn live_features(rows: &[RunningRow], tools: &[String]) -> Vec<LiveFeature> {
+    let named = |row: &RunningRow| {
+        let (feature, tool) = (LIVE.get(row.feature as usize)?, tools.get(row.tool as usize)?);
+        let [name, title, unit] = [feature.name, feature.title, feature.unit].map(str::to_owned);
+        Some(LiveFeature { name, title, unit, tool: tool.clone(), value: row.value })
+    };
+    rows.iter().filter_map(named).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_survive_their_bytes() {
+        let places = [
+            Place::Record { offset: 0x0123_4567_89ab_cdef, bytes: 1_048_608, wants_picture: true },
+            Place::Record { offset: 0, bytes: 33, wants_picture: false },
+            Place::Beat,
+        ];
+        let bytes: Vec<u8> = places.iter().flat_map(|place| place.to_bytes()).collect();
+        let mut pipe = &bytes[..];
+        for place in places {
+            assert_eq!(Place::read(&mut pipe).unwrap(), Some(place));
+        }
+        assert_eq!(Place::read(&mut pipe).unwrap(), None);
+    }
+}

@@ -1,0 +1,306 @@
+//! A session while it arrives: positions, running features and small pictures, over WebSocket, as `docs/live.md` has it.
+//!
+//! Nothing that is said here is kept: the session's trajectory, made with hindsight once the recording is whole, is what
+//! counts. A watcher that is slow is told how much it missed.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
+use axum::http::HeaderMap;
+use axum::response::Response;
+use nalgebra::Vector3;
+use serde::Serialize;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::time::{interval, timeout};
+
+use crate::analysis::protocol::{Followed, FollowedFrame, FollowedTool, PathRow, live_features};
+use crate::domain::scope::Scope;
+use crate::domain::session::{LiveFeature, SessionStatus};
+use crate::http::auth::origin;
+use crate::http::auth::signed_in::{Member, SignedIn};
+use crate::http::error::{Answer, Refusal, busy};
+use crate::http::read::At;
+use crate::http::state::App;
+use crate::ids::SessionId;
+use crate::live::{Following, Watch};
+use crate::pipeline::reason::Reason;
+
+/// How often it is looked whether a recording that nobody sends goes on, or has ended.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// How often it is looked whether the sign-in still counts.
+const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
+/// How long a watcher may take for one message.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Bytes before a picture: the number of its frame.
+const PICTURE_HEAD: usize = 8;
+
+/// What a watcher is told.
+#[derive(Debug, Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+enum Word {
+    /// Nobody sends the recording at the moment.
+    Waiting,
+    /// It arrives.
+    Live {
+        width: u32,
+        height: u32,
+        /// Names of the tools; `null` where it is not tracked, and then `why` says why not.
+        tools: Option<Vec<String>>,
+        why: Option<String>,
+    },
+    /// A frame was tracked.
+    Frame(Frame),
+    /// Features so far, and the light.
+    Features {
+        features: Vec<LiveFeature>,
+        light: Option<Light>,
+    },
+    /// The watcher was too slow for so many messages.
+    Missed { count: u64 },
+    /// The recording is whole: the session stands so.
+    Ended { status: SessionStatus },
+}
+
+#[derive(Debug, Serialize)]
+struct Frame {
+    frame: u64,
+    time_s: f64,
+    tools: Vec<Tool>,
+    /// Between two tips, with its standard deviation, mm.
+    distance_mm: Option<[f64; 2]>,
+}
+
+/// The scene's light against the first frame's.
+#[derive(Debug, Serialize)]
+struct Light {
+    luma_ratio: f64,
+    chroma_shift: [f64; 2],
+}
+
+#[derive(Debug, Serialize)]
+struct Tool {
+    /// `seen`, `bridged` (by motion alone, for a moment), `left_view` or `lost`.
+    state: &'static str,
+    /// Why it was not measured on this frame.
+    reason: Option<&'static str>,
+    tip_mm: Option<[f64; 3]>,
+    /// Standard deviations across and along the line of sight.
+    sigma_mm: Option<[f64; 2]>,
+    speed_mm_s: Option<f64>,
+    tip_px: Option<[f32; 2]>,
+    borders_px: Option<[[f32; 4]; 2]>,
+}
+
+impl From<&FollowedTool> for Tool {
+    fn from(FollowedTool { seen, path, left_view }: &FollowedTool) -> Self {
+        let state = match path {
+            Some(row) if row.observed => "seen",
+            Some(_) => "bridged",
+            None if *left_view => "left_view",
+            None => "lost",
+        };
+        let sigmas = |row: &PathRow| Some([row.sigma_xy_mm?, row.sigma_z_mm?]);
+        Self {
+            state,
+            reason: seen.reason.map(|reason| Reason::from(reason).name()),
+            tip_mm: path.map(|row| row.tip_mm),
+            sigma_mm: path.as_ref().and_then(sigmas),
+            speed_mm_s: path.and_then(|row| row.velocity_mm_s).map(|v| Vector3::from(v).norm()),
+            tip_px: seen.tip_px,
+            borders_px: seen.borders_px,
+        }
+    }
+}
+
+impl From<&FollowedFrame> for Frame {
+    fn from(FollowedFrame { frame, time_s, tools }: &FollowedFrame) -> Self {
+        let distance_mm = match &tools[..] {
+            [FollowedTool { path: Some(one), .. }, FollowedTool { path: Some(other), .. }] => distance(one, other),
+            _ => None,
+        };
+        Self { frame: *frame, time_s: *time_s, tools: tools.iter().map(Tool::from).collect(), distance_mm }
+    }
+}
+
+/// The distance of two tips and its standard deviation, mm, to first order; `None` where they cannot be told apart.
+fn distance(one: &PathRow, other: &PathRow) -> Option<[f64; 2]> {
+    let between = Vector3::from(one.tip_mm) - Vector3::from(other.tip_mm);
+    let towards = between.try_normalize(1e-6)?;
+    let variance = |row: &PathRow| {
+        let (across, along) = (row.sigma_xy_mm?, row.sigma_z_mm?);
+        Some(Vector3::new(across, across, along).component_mul(&towards).norm_squared())
+    };
+    Some([between.norm(), (variance(one)? + variance(other)?).sqrt()])
+}
+
+/// Watch a session while it arrives
+///
+/// A WebSocket; `docs/live.md` describes what is said on it.
+#[utoipa::path(get, path = "/sessions/{id}/live", tag = "sessions",
+    params(("id" = String, Path, description = "id")),
+    responses((status = 101, description = "The connection is a WebSocket from here on")))]
+pub async fn live(
+    State(app): State<App>,
+    by: Member,
+    at: At,
+    headers: HeaderMap,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Answer<Response> {
+    let upgrade = upgrade.map_err(|_| {
+        Refusal::BadRequest.with("This is a WebSocket: open it as one. docs/live.md describes what is said on it.")
+    })?;
+    origin::refuse_foreign(&headers)?;
+    let session = app.store.sessions().get(&by.scope, at.id()?).await?.id;
+    let full = |_| busy("Too many pages watch at once. Close one that you no longer need, then try again.");
+    let place = app.streams.clone().try_acquire_owned().map_err(full)?;
+    let watcher = Watcher { app, scope: by.scope, headers, session };
+    // A watcher says nothing.
+    let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);
+    Ok(upgrade.on_upgrade(move |socket| async move {
+        let shutdown = watcher.app.shutdown.clone();
+        let _ = shutdown.spawn(async move { watcher.talk(socket).await }).await; // a panic is logged where it happened
+        drop(place);
+    }))
+}
+
+/// One watcher.
+struct Watcher {
+    app: App,
+    scope: Scope,
+    headers: HeaderMap,
+    session: SessionId,
+}
+
+/// Why a watcher is told nothing more.
+struct Gone;
+
+/// Why a recording is not watched any more, for the moment.
+enum Pause {
+    /// Nobody has it open.
+    Closed,
+    /// It is over: the watcher has gone, signed out, or the service ends.
+    Over,
+}
+
+impl Watcher {
+    async fn talk(&self, mut socket: WebSocket) {
+        let ending = self.app.shutdown.begun();
+        tokio::select! {
+            _ = self.tell(&mut socket) => {}
+            () = ending => {}
+        }
+        let frame = CloseFrame { code: 1000, reason: "".into() };
+        let _ = timeout(PATIENCE, socket.send(Message::Close(Some(frame)))).await; // whoever has gone does not hear it
+    }
+
+    /// Tells all there is until the recording has ended.
+    async fn tell(&self, socket: &mut WebSocket) -> Result<(), Gone> {
+        let mut is_waiting = false;
+        loop {
+            let session = self.app.store.sessions().get(&self.scope, self.session).await.map_err(|_| Gone)?;
+            let status = session.status();
+            if status != SessionStatus::Receiving {
+                return say(socket, &Word::Ended { status }).await;
+            }
+            if let Some(watch) = self.app.feeds.watch(self.session).await {
+                is_waiting = false;
+                match self.accompany(socket, watch).await {
+                    Pause::Closed => {}
+                    Pause::Over => return Err(Gone),
+                }
+            } else if !is_waiting {
+                is_waiting = true;
+                say(socket, &Word::Waiting).await?;
+            }
+            self.rest(socket).await?;
+        }
+    }
+
+    /// Waits a moment, and hears whether the watcher is still there.
+    async fn rest(&self, socket: &mut WebSocket) -> Result<(), Gone> {
+        let rested = tokio::time::sleep(LOOK_EVERY);
+        tokio::pin!(rested);
+        loop {
+            tokio::select! {
+                () = &mut rested => break,
+                heard = socket.recv() => if !is_there(heard) { return Err(Gone) },
+            }
+        }
+        if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
+    }
+
+    /// Tells what the frames show for as long as the recording is open.
+    async fn accompany(&self, socket: &mut WebSocket, mut watch: Watch) -> Pause {
+        let mut still_signed_in = interval(STILL_SIGNED_IN);
+        watch.following.mark_changed();
+        loop {
+            let said = tokio::select! {
+                biased;
+                heard = socket.recv() => if is_there(heard) { Ok(()) } else { Err(Gone) },
+                _ = still_signed_in.tick() => {
+                    if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
+                }
+                // Closed only together with the news, of which there may be some left.
+                Ok(()) = watch.following.changed() => say(socket, &live_word(&mut watch)).await,
+                news = watch.news.recv() => match news {
+                    Ok(followed) => tell_of(socket, &followed, &watch).await,
+                    Err(RecvError::Lagged(count)) => say(socket, &Word::Missed { count }).await,
+                    Err(RecvError::Closed) => return Pause::Closed,
+                },
+            };
+            if said.is_err() {
+                return Pause::Over;
+            }
+        }
+    }
+}
+
+fn live_word(watch: &mut Watch) -> Word {
+    let (tools, why) = match &*watch.following.borrow_and_update() {
+        Following::NotYet => (None, None),
+        Following::Tools(tools) => (Some(tools.clone()), None),
+        Following::Not(why) => (None, Some(why.clone())),
+    };
+    Word::Live { width: watch.row.width, height: watch.row.height, tools, why }
+}
+
+async fn tell_of(socket: &mut WebSocket, followed: &Arc<Followed>, watch: &Watch) -> Result<(), Gone> {
+    for frame in &followed.frames {
+        say(socket, &Word::Frame(Frame::from(frame))).await?;
+    }
+    let tools = match &*watch.following.borrow() {
+        Following::Tools(tools) => tools.clone(),
+        Following::NotYet | Following::Not(_) => Vec::new(),
+    };
+    if let Some(rows) = &followed.running {
+        let light = followed.light.map(|[luma_ratio, blue, red]| Light { luma_ratio, chroma_shift: [blue, red] });
+        say(socket, &Word::Features { features: live_features(rows, &tools), light }).await?;
+    }
+    if let Some((frame, jpeg)) = &followed.picture {
+        let mut bytes = Vec::with_capacity(PICTURE_HEAD + jpeg.len());
+        bytes.extend(frame.to_be_bytes());
+        bytes.extend(jpeg);
+        send(socket, Message::Binary(bytes.into())).await?;
+    }
+    Ok(())
+}
+
+/// Whatever a watcher says means only that it is there.
+fn is_there(heard: Option<Result<Message, axum::Error>>) -> bool {
+    !matches!(heard, None | Some(Err(_) | Ok(Message::Close(_))))
+}
+
+async fn say(socket: &mut WebSocket, word: &Word) -> Result<(), Gone> {
+    let text = serde_json::to_string(word).map_err(|_| Gone)?;
+    send(socket, Message::Text(text.into())).await
+}
+
+async fn send(socket: &mut WebSocket, message: Message) -> Result<(), Gone> {
+    match timeout(PATIENCE, socket.send(message)).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) | Err(_) => Err(Gone),
+    }
+}

@@ -1,0 +1,311 @@
+//! Following: while a recording arrives, a child tracks it, and whoever watches is told at once.
+//!
+//! ```text
+//! record ─▶ log ─▶ its place ─pipe─▶ child: decode, track ─▶ news ─▶ watchers
+//! ```
+//! Frames wait in the log, so a slow child costs no memory. What is too fast for it is slowed: a connection reads no further
+//! while [`Follower::has_room`] says no. A child that dies costs the recording nothing: another goes on from the next frame,
+//! three times in all. A slow watcher loses old news, never the feed.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{PipeWriter, Write, pipe};
+use std::os::fd::OwnedFd;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use metrics::{counter, histogram};
+use tokio::sync::{Notify, broadcast, watch};
+use tokio::task::JoinHandle;
+use tokio::time::{interval, timeout};
+
+use super::{Feed, Feeds};
+use crate::analysis::protocol::{FollowWork, Followed, Place, Request, RunningRow, Work, live_features};
+use crate::analysis::{self, Attempt, Failure, attempt};
+use crate::domain::feed::TimeBase;
+use crate::domain::session::LiveFeature;
+use crate::sandbox::{Budget, Stop};
+use crate::store;
+
+/// Records that a child may be behind; then the feed is slowed. Half a second of a camera: the rehearsal at a recording's
+/// beginning needs it, nothing else should.
+const MOST_BEHIND: usize = 16;
+
+/// Frames between two key frames of which a child can still begin with the first.
+const MOST_RECENT: usize = 1024;
+
+/// News that a watcher may be behind before it loses the oldest.
+const NEWS_KEPT: usize = 64;
+
+/// Children that may die of one recording.
+const MOST_CRASHES: u32 = 3;
+
+/// Between two pictures for watchers: as many as eyes need, and no more.
+const PICTURE_EVERY: Duration = Duration::from_millis(80);
+
+/// A child that hears nothing for so long is asked whether it lives.
+const BEAT: Duration = Duration::from_secs(10);
+
+/// How long a child may take for what it is behind when the recording ends.
+const LAST_WORDS: Duration = Duration::from_secs(10);
+
+/// What a child may say of four hours: positions, and a picture for every one that is asked for.
+const OUTPUT_BYTES: u64 = 64 << 30;
+
+/// Is a recording being tracked while it arrives?
+#[derive(Clone, Debug, PartialEq)]
+pub enum Following {
+    /// Its first frame has not come.
+    NotYet,
+    /// Yes, with these tools.
+    Tools(Vec<String>),
+    /// No, for this reason; it is tracked once it is whole.
+    Not(String),
+}
+
+/// Follows one recording. Clones are the same.
+#[derive(Clone)]
+pub(super) struct Follower(Arc<Parts>);
+
+struct Parts {
+    news: broadcast::Sender<Arc<Followed>>,
+    following: watch::Sender<Following>,
+    room: Notify,
+    child: Mutex<Child>,
+}
+
+/// The child and what it was told of.
+#[derive(Default)]
+struct Child {
+    places: Option<PipeWriter>,
+    /// Where the frames since the last key frame lie, bytes: what a child needs to begin with.
+    recent: Vec<(u64, u32)>,
+    /// When each record arrived that it is not done with.
+    behind: VecDeque<Instant>,
+    picture_at: Option<Instant>,
+    /// The features that it told last.
+    last: Option<Vec<RunningRow>>,
+    task: Option<JoinHandle<()>>,
+}
+
+/// A watcher's end.
+pub struct Watch {
+    /// The recording.
+    pub row: store::Feed,
+    /// The clock of its frames.
+    pub time_base: TimeBase,
+    /// Whether it is tracked.
+    pub following: watch::Receiver<Following>,
+    /// What its frames show.
+    pub news: broadcast::Receiver<Arc<Followed>>,
+}
+
+impl Follower {
+    pub(super) fn new() -> Self {
+        Self(Arc::new(Parts {
+            news: broadcast::Sender::new(NEWS_KEPT),
+            following: watch::Sender::new(Following::NotYet),
+            room: Notify::new(),
+            child: Mutex::default(),
+        }))
+    }
+
+    /// Begins to follow, unless somebody does already. What keeps it from following is asked anew at each connection.
+    pub(super) fn begin(&self, feeds: &Feeds, feed: &Feed) {
+        let mut child = self.child();
+        if child.task.as_ref().is_some_and(|task| !task.is_finished()) {
+            return;
+        }
+        let (follower, feeds, row, time_base) = (self.clone(), feeds.clone(), feed.row.clone(), feed.time_base);
+        child.task = Some(feeds.0.shutdown.clone().spawn(async move {
+            let why = follower.follow(&feeds, row, time_base).await;
+            if let Err(why) = why {
+                follower.0.following.send_replace(Following::Not(why));
+            }
+            follower.let_go();
+        }));
+    }
+
+    /// Is there a child, or will there be one soon, for which records must be written at once?
+    pub(super) fn is_following(&self) -> bool {
+        self.child().task.as_ref().is_some_and(|task| !task.is_finished())
+    }
+
+    /// A frame lies at this place in the log.
+    pub(super) fn came(&self, offset: u64, bytes: usize, is_key: bool) {
+        let mut child = self.child();
+        if is_key || child.recent.len() == MOST_RECENT {
+            child.recent.clear();
+        }
+        let place = (offset, bytes as u32); // checked: at most a record's
+        if is_key || !child.recent.is_empty() {
+            child.recent.push(place);
+        }
+        child.tell(place, self.0.news.receiver_count() > 0);
+    }
+
+    /// May another record come?
+    pub(super) fn has_room(&self) -> bool {
+        self.child().behind.len() < MOST_BEHIND
+    }
+
+    /// Waits until another record may come.
+    pub(super) async fn room(&self) {
+        loop {
+            let changed = self.0.room.notified();
+            if self.has_room() {
+                return;
+            }
+            changed.await;
+        }
+    }
+
+    /// No more records come: hears what the child is behind, and the features at its end.
+    pub(super) async fn end(&self) -> Option<Vec<LiveFeature>> {
+        let task = {
+            let mut child = self.child();
+            child.places = None;
+            child.task.take()
+        };
+        if let Some(mut task) = task
+            && timeout(LAST_WORDS, &mut task).await.is_err()
+        {
+            tracing::warn!("a child that follows a feed did not come to its end");
+            task.abort(); // its stop is pulled as it goes
+        }
+        let rows = self.child().last.take()?;
+        match &*self.0.following.borrow() {
+            Following::Tools(tools) => Some(live_features(&rows, tools)),
+            Following::NotYet | Following::Not(_) => None,
+        }
+    }
+
+    /// A watcher's end.
+    pub(super) fn watch(&self, feed: &Feed) -> Watch {
+        Watch {
+            row: feed.row.clone(),
+            time_base: feed.time_base,
+            following: self.0.following.subscribe(),
+            news: self.0.news.subscribe(),
+        }
+    }
+
+    /// Ends the child once it has heard what it was told.
+    pub(super) fn let_go(&self) {
+        let mut child = self.child();
+        child.places = None;
+        child.behind.clear();
+        self.0.room.notify_waiters();
+    }
+
+    /// Runs children until one comes to its end, or tells why there is none.
+    async fn follow(&self, feeds: &Feeds, row: store::Feed, time_base: TimeBase) -> Result<(), String> {
+        for _ in 0..MOST_CRASHES {
+            match self.run_child(feeds, &row, time_base).await {
+                Ok(()) | Err(Failure::Stopped) => return Ok(()),
+                Err(Failure::Explained(problem)) => return Err(problem.detail),
+                Err(Failure::Crashed(why)) => tracing::warn!(feed = %row.id, why, "a child that follows a feed died"),
+            }
+            counter!("trocar_feed_followers_died_total").increment(1);
+        }
+        Err("the process that tracked it died again and again".to_owned())
+    }
+
+    async fn run_child(&self, feeds: &Feeds, row: &store::Feed, time_base: TimeBase) -> Result<(), Failure> {
+        let lost = |error: &dyn std::fmt::Display| Failure::Crashed(format!("met {error}"));
+        let track = analysis::track_in(row.box_id, &feeds.0.store).await.map_err(|why| lost(&why))?;
+        let track = track.map_err(Failure::Explained)?;
+        let tools = track.tools.iter().map(|tool| tool.name.clone()).collect();
+        let work = FollowWork { track, codec: row.codec, size: (row.width, row.height), time_base };
+        let request = Request { threads: 1, work: Work::Follow(work) };
+        let (log, _) = feeds.0.vault.read_feed(row.id).await.map_err(|error| lost(&error))?;
+        let (theirs, ours) = pipe().map_err(|error| lost(&error))?;
+        let inputs = vec![log, File::from(OwnedFd::from(theirs))];
+        let budget = Budget { output_bytes: OUTPUT_BYTES, ..feeds.0.analysis.budget() };
+        let stop = PulledWhenGone(Stop::new().map_err(|error| lost(&error))?);
+        let (program, stopping, follower) = (feeds.0.program.clone(), stop.0.clone(), self.clone());
+        self.child().begin(ours);
+        self.0.following.send_replace(Following::Tools(tools));
+        let mut child = tokio::task::spawn_blocking(move || {
+            let what = Attempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
+            attempt(what, |news| {
+                if let analysis::News::Followed(followed) = news {
+                    follower.heard(followed);
+                }
+            })
+            .0
+        });
+        let mut beat = interval(BEAT);
+        let ended = loop {
+            tokio::select! {
+                ended = &mut child => break ended,
+                () = feeds.0.shutdown.begun() => { stop.0.pull(); break child.await }
+                _ = beat.tick() => self.beat(),
+            }
+        };
+        self.let_go();
+        ended.map_err(|panic| Failure::Crashed(panic.to_string()))?.map(drop)
+    }
+
+    fn beat(&self) {
+        let mut child = self.child();
+        if child.behind.is_empty()
+            && let Some(places) = &mut child.places
+        {
+            let _ = places.write_all(&Place::Beat.to_bytes()); // a broken pipe is a child that has ended
+        }
+    }
+
+    /// The child is done with a record, and this is what it showed.
+    fn heard(&self, followed: Followed) {
+        let mut child = self.child();
+        if let Some(came) = child.behind.pop_front() {
+            self.0.room.notify_waiters();
+            if !followed.frames.is_empty() {
+                histogram!("trocar_feed_followed_seconds").record(came.elapsed().as_secs_f64());
+            }
+        }
+        if let Some(rows) = &followed.running {
+            child.last = Some(rows.clone());
+        }
+        drop(child);
+        let _ = self.0.news.send(Arc::new(followed)); // an error means only that nobody watches
+    }
+
+    fn child(&self) -> MutexGuard<'_, Child> {
+        self.0.child.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Child {
+    /// Begins with what came since the last key frame.
+    fn begin(&mut self, places: PipeWriter) {
+        (self.places, self.behind) = (Some(places), VecDeque::new());
+        for place in self.recent.clone() {
+            self.tell(place, false);
+        }
+    }
+
+    fn tell(&mut self, (offset, bytes): (u64, u32), is_watched: bool) {
+        let now = Instant::now();
+        let wants_picture = is_watched && self.picture_at.is_none_or(|at| now.duration_since(at) >= PICTURE_EVERY);
+        let Some(places) = &mut self.places else { return };
+        // Far fewer places wait in a pipe than it holds, so this does not block; a broken one belongs to a child that ended.
+        let place = Place::Record { offset, bytes, wants_picture };
+        if places.write_all(&place.to_bytes()).is_ok() {
+            self.behind.push_back(now);
+            if wants_picture {
+                self.picture_at = Some(now);
+            }
+        }
+    }
+}
+
+/// Ends a child whose task is dropped.
+struct PulledWhenGone(Stop);
+
+impl Drop for PulledWhenGone {
+    fn drop(&mut self) {
+        self.0.pull();
+    }
+}

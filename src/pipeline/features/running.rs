@@ -1,0 +1,255 @@
+//! Features while a feed goes on: sums over all that was seen so far, from each sample once.
+//!
+//! **In:** samples of the causal path as they come. **Out:** the features of [`FEATURES`] that are sums or means. **Law:** after
+//! [`Running::end`] each equals the same feature measured on the whole path at once ([`Motion::of_samples`]), but for the
+//! order of sums. The path goes on the same grid: an instant counts once no later sample can change its fit, which is 0.15 s
+//! after it, or seven frames.
+//!
+//! Over all that was seen, not over the task: when the task ends is known at its end only.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+
+use super::fit::{MIN_SAMPLES, NEIGHBOURS};
+use super::motion::{Interval, Node, check_enough, node_at};
+use super::path::{DEPTH_TRAVELLED, PATH_LENGTH};
+use super::speed::MEAN_VELOCITY;
+use super::time::{NOT_SEEN_SHARE, THINKING_TIME, share_below};
+use super::{Feature, FeatureSettings, FeatureValue, NotEnough, Space};
+use crate::pipeline::trajectory::{Sample, SampleState};
+
+/// The features that can be told while a feed goes on, in the order in which people read them.
+pub static LIVE: [&Feature; 5] = [&PATH_LENGTH, &DEPTH_TRAVELLED, &MEAN_VELOCITY, &THINKING_TIME, &NOT_SEEN_SHARE];
+
+/// Running features of some tools.
+pub struct Running {
+    settings: FeatureSettings,
+    tools: Vec<Growing>,
+}
+
+impl Running {
+    /// Nothing seen yet of so many tools.
+    pub fn new(tools: usize, settings: FeatureSettings) -> Self {
+        Self { tools: (0..tools).map(|_| Growing::default()).collect(), settings }
+    }
+
+    /// Takes a tool's next sample, in time order; one of a tool that is not there is ignored.
+    pub fn take(&mut self, sample: &Sample) {
+        if let Some(tool) = self.tools.get_mut(sample.tool) {
+            tool.take(*sample, &self.settings);
+        }
+    }
+
+    /// The path has ended: what waited for samples to come counts now.
+    pub fn end(&mut self) {
+        self.tools.iter_mut().for_each(|tool| tool.end_run(&self.settings));
+    }
+
+    /// Each tool's features over all that was seen of it so far, or why there is none.
+    pub fn values(&self) -> Vec<FeatureValue> {
+        let of_tool = |(tool, growing): (usize, &Growing)| {
+            let values = growing.sums.values(&self.settings);
+            let value = move |(feature, value)| FeatureValue { feature, tool: Some(tool), space: Space::ThreeD, value };
+            LIVE.into_iter().zip(values).map(value)
+        };
+        self.tools.iter().enumerate().flat_map(of_tool).collect()
+    }
+}
+
+/// One tool's path while it grows.
+#[derive(Default)]
+struct Growing {
+    /// Samples since the run began that a fit to come may still need; the last is an observation.
+    run: VecDeque<Sample>,
+    /// Samples that the run has had.
+    length: usize,
+    /// Predicted since the last observation: they count once there is another.
+    predicted: Vec<Sample>,
+    /// The next instant of the grid, and the node before it in the same span.
+    next: Option<i64>,
+    before: Option<Node>,
+    sums: Sums,
+}
+
+impl Growing {
+    fn take(&mut self, sample: Sample, settings: &FeatureSettings) {
+        if sample.state != SampleState::Observed {
+            if !self.run.is_empty() {
+                self.predicted.push(sample);
+            }
+            return;
+        }
+        if self.run.back().is_some_and(|last| sample.time_s - last.time_s > settings.max_gap_s) {
+            self.end_run(settings);
+        }
+        self.length += self.predicted.len() + 1;
+        self.run.extend(self.predicted.drain(..));
+        self.run.push_back(sample);
+        self.next.get_or_insert_with(|| (sample.time_s / settings.step_s).ceil() as i64);
+        self.grow(settings, sample.time_s, false);
+    }
+
+    /// What is left of the run counts, and a new one begins.
+    fn end_run(&mut self, settings: &FeatureSettings) {
+        if let Some(last_s) = self.run.back().map(|last| last.time_s) {
+            self.grow(settings, last_s, true);
+        }
+        (self.length, self.next, self.before) = (0, None, None);
+        self.run.clear();
+        self.predicted.clear();
+    }
+
+    /// Adds the instants up to the last sample whose fits are final.
+    fn grow(&mut self, settings: &FeatureSettings, last_s: f64, is_whole: bool) {
+        let FeatureSettings { step_s, fit_half_window_s: half_s, .. } = *settings;
+        if self.length < MIN_SAMPLES {
+            return;
+        }
+        let samples = self.run.make_contiguous();
+        while let Some(instant) = self.next.filter(|next| *next <= (last_s / step_s).floor() as i64) {
+            let at_s = instant as f64 * step_s;
+            let behind = samples.len() - samples.partition_point(|sample| sample.time_s <= at_s);
+            if !is_whole && (behind < NEIGHBOURS || last_s - at_s < half_s) {
+                break;
+            }
+            if let Some(node) = node_at(samples, at_s, half_s) {
+                self.sums.add(self.before, node, instant, settings);
+                self.before = Some(node);
+            }
+            self.next = Some(instant + 1);
+        }
+        // A fit reaches back over half a window, or to the farthest of its nearest neighbours.
+        let needed_s = self.next.map_or(last_s, |next| next as f64 * step_s) - half_s;
+        let old = samples.partition_point(|sample| sample.time_s <= needed_s);
+        self.run.drain(..old.saturating_sub(NEIGHBOURS));
+    }
+}
+
+/// What is added up over a path's steps.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    /// First and last instant of the grid.
+    extent: Option<Interval>,
+    steps: u64,
+    length_mm: f64,
+    depth_mm: f64,
+    /// Of the mean speed of each step.
+    speeds_mm_s: f64,
+    /// Shares of steps below the thinking speed.
+    slow_steps: f64,
+}
+
+impl Sums {
+    fn add(&mut self, before: Option<Node>, node: Node, instant: i64, settings: &FeatureSettings) {
+        let Some(before) = before else { return }; // a span has a length only from its second node on
+        let step = Interval { first: instant - 1, last: instant };
+        self.extent = Some(self.extent.map_or(step, |extent| extent.hull(step)));
+        let moved: Vector3<f64> = node.position - before.position;
+        let speeds = [before, node].map(|node| node.velocity.norm());
+        self.steps += 1;
+        self.length_mm += moved.norm();
+        self.depth_mm += moved.z.abs();
+        self.speeds_mm_s += 0.5 * (speeds[0] + speeds[1]);
+        self.slow_steps += share_below(speeds[0], speeds[1], settings.thinking_speed_mm_s);
+    }
+
+    /// The values of [`LIVE`].
+    fn values(&self, settings: &FeatureSettings) -> [Result<f64, NotEnough>; LIVE.len()] {
+        let Some(extent) = self.extent else { return [Err(NotEnough::NeverSeen); LIVE.len()] };
+        let observed_s = self.steps as f64 * settings.step_s;
+        let share = self.steps as f64 / extent.steps() as f64;
+        let enough = check_enough(observed_s, share, self.length_mm, settings);
+        let sum = |value: f64| enough.map(|()| value);
+        [
+            sum(self.length_mm),
+            sum(self.depth_mm),
+            sum(self.speeds_mm_s / self.steps as f64),
+            sum(self.slow_steps * settings.step_s),
+            if observed_s < settings.min_observed_s { enough.map(|()| 0.0) } else { Ok(1.0 - share) },
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::pipeline::features;
+    use crate::pipeline::features::motion::Motion;
+
+    /// A path with uneven frames, each observed or not: a hand that circles, and rests now and then.
+    fn path(steps_s: &[f64], seen: &[bool]) -> Vec<Sample> {
+        let mut time_s = 0.0;
+        let frames = steps_s.iter().zip(seen).enumerate();
+        let samples = frames.map(|(frame, (step_s, seen))| {
+            time_s += step_s;
+            let moving_s = if time_s % 4.0 < 3.0 { time_s } else { time_s - time_s % 4.0 + 3.0 };
+            let at = |t: f64| Vector3::new(20.0 * t.cos(), 20.0 * (1.3 * t).sin(), 150.0 + 9.0 * (0.7 * t).sin());
+            Sample {
+                frame: frame as u64,
+                time_s,
+                tool: 0,
+                tip_mm: Point3::from(at(moving_s)),
+                velocity_mm_s: Some((at(moving_s + 1e-4) - at(moving_s)) * 1e4),
+                axis: None,
+                tip_px: None,
+                sigma_xy_mm: None,
+                sigma_z_mm: None,
+                state: if *seen { SampleState::Observed } else { SampleState::Predicted },
+            }
+        });
+        samples.collect()
+    }
+
+    proptest! {
+        #[test]
+        fn sums_over_a_feed_are_those_over_the_whole_path(
+            steps_s in prop::collection::vec(0.015f64..0.06, 60..300),
+            lost in prop::collection::vec((0usize..300, 1usize..14), 0..5),
+        ) {
+            let mut seen = vec![true; steps_s.len()];
+            for (first, length) in lost {
+                let first = first.min(seen.len());
+                let end = (first + length).min(seen.len());
+                seen[first..end].fill(false);
+            }
+            let samples = path(&steps_s, &seen);
+            let settings = FeatureSettings::default();
+            let mut running = Running::new(1, settings.clone());
+            samples.iter().for_each(|sample| running.take(sample));
+            running.end();
+            let motion = Motion::of_samples(&samples, &settings);
+            let whole = features::measure(&[motion], &settings, |feature| LIVE.contains(&feature));
+            for live in running.values() {
+                let batch = whole.iter().find(|v| v.feature == live.feature && v.space == live.space).unwrap();
+                match (live.value, batch.value) {
+                    (Ok(live), Ok(batch)) => prop_assert!((live - batch).abs() <= 1e-9 * (1.0 + batch.abs())),
+                    (live, batch) => prop_assert_eq!(live.is_err(), batch.is_err(), "{:?} {:?}", live, batch),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_feed_of_an_hour_keeps_no_more_than_a_moment_of_it() {
+        let samples = path(&vec![0.04; 3000], &vec![true; 3000]);
+        let mut running = Running::new(1, FeatureSettings::default());
+        for sample in &samples {
+            running.take(sample);
+            assert!(running.tools[0].run.len() < 40, "{}", running.tools[0].run.len());
+        }
+    }
+
+    #[test]
+    fn too_little_is_said_to_be_so() {
+        let samples = path(&[0.04; 20], &[true; 20]);
+        let mut running = Running::new(2, FeatureSettings::default());
+        samples.iter().for_each(|sample| running.take(sample));
+        let values = running.values();
+        assert_eq!(values.len(), 2 * LIVE.len());
+        assert!(values.iter().all(|value| value.value.is_err()), "{values:?}");
+    }
+}
