@@ -4,8 +4,8 @@
 //! are checked here; what is accepted can be stored and shown.
 
 use super::protocol::{
-    self, Answer, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape, PathRow, QualityShape,
-    RunningRow, SeenRow, Work,
+    self, Answer, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape, PathRow,
+    QualityShape, RunningRow, SeenRow, Work,
 };
 use crate::domain::feed::MOST_FRAMES;
 use crate::domain::palette::PaletteReport;
@@ -207,8 +207,9 @@ impl Receipt {
             }
             self.followed = Some((frame.frame, frame.time_s));
         }
-        let is_running =
-            |row: &RunningRow| (row.tool as usize) < self.tools && (row.feature as usize) < LIVE.len() && row.value.is_none_or(sensible);
+        let is_running = |row: &RunningRow| {
+            (row.tool as usize) < self.tools && (row.feature as usize) < LIVE.len() && row.value.is_none_or(sensible)
+        };
         let is_picture = |jpeg: &[u8]| jpeg.len() <= PREVIEW_BYTES && jpeg.starts_with(&[0xff, 0xd8]);
         let consistent = followed.frames.len() as u64 <= MOST_AT_A_TIME
             && followed.running.iter().flatten().count() <= self.tools * LIVE.len()

@@ -16,6 +16,8 @@ pub struct Problem {
 impl Problem {
     /// Nothing in a recording can be decoded.
     pub const NO_FRAMES: &'static str = "no-frames";
+    /// The picture changes its size.
+    pub const SIZE_CHANGES: &'static str = "size-changes";
 
     /// A problem of this kind.
     pub fn new(slug: &str, title: &str, detail: impl Into<String>) -> Self {

@@ -135,6 +135,7 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
             biased;
             () = &mut ending => return Err(service_ends()),
             farewell = feed.superseded() => return Err(farewell.into()),
+            farewell = feed.refused() => return Err(farewell.into()),
             _ = still_signed_in.tick() => {
                 if !SignedIn::still(app, headers).await {
                     return Err(Farewell::new(Code::SignedOut, "the sign-in has ended: sign in again").into());

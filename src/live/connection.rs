@@ -123,6 +123,11 @@ impl Connection {
         }
     }
 
+    /// Resolves once a frame has come that does not fit the recording.
+    pub async fn refused(&self) -> Farewell {
+        Farewell::new(Code::DoesNotBelong, self.feed.follower.refused().await)
+    }
+
     /// Something was heard.
     pub fn heard(&self) {
         self.feed.heard_ms.store(self.feeds.0.clock.now_ms(), Ordering::Release);

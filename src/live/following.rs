@@ -11,6 +11,7 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{PipeWriter, Write, pipe};
 use std::os::fd::OwnedFd;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -23,6 +24,7 @@ use super::{Feed, Feeds};
 use crate::analysis::protocol::{FollowWork, Followed, Place, Request, RunningRow, Work, live_features};
 use crate::analysis::{self, Attempt, Failure, attempt};
 use crate::domain::feed::TimeBase;
+use crate::domain::problem::Problem;
 use crate::domain::session::LiveFeature;
 use crate::sandbox::{Budget, Stop};
 use crate::store;
@@ -61,6 +63,8 @@ pub enum Following {
     Tools(Vec<String>),
     /// No, for this reason; it is tracked once it is whole.
     Not(String),
+    /// No, and no frame of its sender is of use any more, for this reason.
+    Refused(String),
 }
 
 /// Follows one recording. Clones are the same.
@@ -70,6 +74,8 @@ pub(super) struct Follower(Arc<Parts>);
 struct Parts {
     news: broadcast::Sender<Arc<Followed>>,
     following: watch::Sender<Following>,
+    /// Watchers that want pictures.
+    viewers: Arc<AtomicUsize>,
     room: Notify,
     child: Mutex<Child>,
 }
@@ -98,6 +104,24 @@ pub struct Watch {
     pub following: watch::Receiver<Following>,
     /// What its frames show.
     pub news: broadcast::Receiver<Arc<Followed>>,
+    /// Whether pictures are wanted.
+    pub viewer: Option<Viewer>,
+}
+
+/// One that wants pictures, for as long as it is kept.
+pub struct Viewer(Arc<AtomicUsize>); // not the follower itself: its news would never end
+
+impl Viewer {
+    fn new(of: &Follower) -> Self {
+        of.0.viewers.fetch_add(1, Ordering::AcqRel);
+        Self(of.0.viewers.clone())
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
 }
 
 impl Follower {
@@ -105,6 +129,7 @@ impl Follower {
         Self(Arc::new(Parts {
             news: broadcast::Sender::new(NEWS_KEPT),
             following: watch::Sender::new(Following::NotYet),
+            viewers: Arc::default(),
             room: Notify::new(),
             child: Mutex::default(),
         }))
@@ -118,9 +143,8 @@ impl Follower {
         }
         let (follower, feeds, row, time_base) = (self.clone(), feeds.clone(), feed.row.clone(), feed.time_base);
         child.task = Some(feeds.0.shutdown.clone().spawn(async move {
-            let why = follower.follow(&feeds, row, time_base).await;
-            if let Err(why) = why {
-                follower.0.following.send_replace(Following::Not(why));
+            if let Err(not) = follower.follow(&feeds, row, time_base).await {
+                follower.0.following.send_replace(not);
             }
             follower.let_go();
         }));
@@ -141,7 +165,7 @@ impl Follower {
         if is_key || !child.recent.is_empty() {
             child.recent.push(place);
         }
-        child.tell(place, self.0.news.receiver_count() > 0);
+        child.tell(place, self.0.viewers.load(Ordering::Acquire) > 0);
     }
 
     /// May another record come?
@@ -176,17 +200,31 @@ impl Follower {
         let rows = self.child().last.take()?;
         match &*self.0.following.borrow() {
             Following::Tools(tools) => Some(live_features(&rows, tools)),
-            Following::NotYet | Following::Not(_) => None,
+            Following::NotYet | Following::Not(_) | Following::Refused(_) => None,
         }
     }
 
-    /// A watcher's end.
-    pub(super) fn watch(&self, feed: &Feed) -> Watch {
+    /// Resolves once no frame is of use any more, with the reason.
+    pub(super) async fn refused(&self) -> String {
+        let mut following = self.0.following.subscribe();
+        loop {
+            if let Following::Refused(why) = &*following.borrow_and_update() {
+                return why.clone();
+            }
+            if following.changed().await.is_err() {
+                std::future::pending().await // its sender lives as long as this
+            }
+        }
+    }
+
+    /// A watcher's end. Without one that wants pictures none are made.
+    pub(super) fn watch(&self, feed: &Feed, wants_pictures: bool) -> Watch {
         Watch {
             row: feed.row.clone(),
             time_base: feed.time_base,
             following: self.0.following.subscribe(),
             news: self.0.news.subscribe(),
+            viewer: wants_pictures.then(|| Viewer::new(self)),
         }
     }
 
@@ -199,16 +237,19 @@ impl Follower {
     }
 
     /// Runs children until one comes to its end, or tells why there is none.
-    async fn follow(&self, feeds: &Feeds, row: store::Feed, time_base: TimeBase) -> Result<(), String> {
+    async fn follow(&self, feeds: &Feeds, row: store::Feed, time_base: TimeBase) -> Result<(), Following> {
         for _ in 0..MOST_CRASHES {
             match self.run_child(feeds, &row, time_base).await {
                 Ok(()) | Err(Failure::Stopped) => return Ok(()),
-                Err(Failure::Explained(problem)) => return Err(problem.detail),
+                Err(Failure::Explained(problem)) if problem.slug == Problem::SIZE_CHANGES => {
+                    return Err(Following::Refused(problem.detail));
+                }
+                Err(Failure::Explained(problem)) => return Err(Following::Not(problem.detail)),
                 Err(Failure::Crashed(why)) => tracing::warn!(feed = %row.id, why, "a child that follows a feed died"),
             }
             counter!("trocar_feed_followers_died_total").increment(1);
         }
-        Err("the process that tracked it died again and again".to_owned())
+        Err(Following::Not("the process that tracked it died again and again".to_owned()))
     }
 
     async fn run_child(&self, feeds: &Feeds, row: &store::Feed, time_base: TimeBase) -> Result<(), Failure> {

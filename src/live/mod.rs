@@ -186,9 +186,9 @@ impl Feeds {
     }
 
     /// Watches the recording of a session that arrives; `None` while no service has it open.
-    pub async fn watch(&self, session: SessionId) -> Option<Watch> {
+    pub async fn watch(&self, session: SessionId, wants_pictures: bool) -> Option<Watch> {
         let open = self.0.open.0.lock().await;
-        open.values().find(|feed| feed.row.session_id == session).map(|feed| feed.follower.watch(feed))
+        open.values().find(|feed| feed.row.session_id == session).map(|feed| feed.follower.watch(feed, wants_pictures))
     }
 
     /// Ends what was abandoned and clears up, again and again until the service ends.

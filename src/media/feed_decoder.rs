@@ -7,6 +7,7 @@ use ff::{Dictionary, Packet, Rational, codec};
 use ffmpeg_next as ff;
 
 use super::file::check_size;
+use super::frame_size::frame_size;
 use super::picture::Picture;
 use super::picture_maker::{PictureMaker, Rotation};
 use super::{Limits, MediaError};
@@ -17,6 +18,7 @@ const MOST_KEPT_BACK: usize = 32;
 
 /// The decoder of one feed.
 pub struct FeedDecoder {
+    codec: FrameCodec,
     decoder: ff::decoder::Video,
     maker: PictureMaker,
     time_base: TimeBase,
@@ -37,23 +39,29 @@ impl FeedDecoder {
             FrameCodec::Jpeg => codec::Id::MJPEG,
             FrameCodec::H264 => codec::Id::H264,
         };
-        let decoder = codec::decoder::find(id).ok_or_else(|| MediaError::Codec(id.name().to_owned()))?;
+        let found = codec::decoder::find(id).ok_or_else(|| MediaError::Codec(id.name().to_owned()))?;
         let mut options = Dictionary::new();
         options.set("threads", "1");
         options.set("max_pixels", &(u64::from(limits.width) * u64::from(limits.height)).to_string());
-        let mut context = codec::Context::new_with_codec(decoder).decoder();
+        let mut context = codec::Context::new_with_codec(found).decoder();
         let (num, den) = time_base.fraction();
         context.set_packet_time_base(Rational(num as i32, den as i32)); // checked: at most 100,000
         let decoder = context
-            .open_as_with(decoder, options)
+            .open_as_with(found, options)
             .and_then(|opened| opened.video())
             .map_err(failed("opening the decoder"))?;
         let maker = PictureMaker::new(Rotation::None);
-        Ok(Self { decoder, maker, time_base, size, limits, inside: Vec::new(), last_time: None })
+        Ok(Self { codec, decoder, maker, time_base, size, limits, inside: Vec::new(), last_time: None })
     }
 
     /// Takes the next frame: its number, the moment it is shown, ticks, and its bytes. Take the pictures before the next one.
-    pub fn take(&mut self, number: u64, time: i64, bytes: &[u8]) {
+    ///
+    /// # Errors
+    /// A picture of another size than was agreed.
+    pub fn take(&mut self, number: u64, time: i64, bytes: &[u8]) -> Result<(), MediaError> {
+        if let Some(size) = frame_size(self.codec, bytes).filter(|size| *size != self.size) {
+            return Err(MediaError::SizeChanged { from: self.size, to: size, frame: number });
+        }
         let mut packet = Packet::copy(bytes);
         packet.set_pts(Some(time));
         if self.decoder.send_packet(&packet).is_ok() {
@@ -62,6 +70,7 @@ impl FeedDecoder {
             }
             self.inside.push((time, number));
         }
+        Ok(())
     }
 
     /// The next picture, if one is ready. A picture whose time does not come after the one before is left out.

@@ -52,11 +52,12 @@ impl Parts {
         let (to_width, to_height) = ((width / step).max(2) & !1, (height / step).max(2) & !1);
         let to = format::Pixel::YUVJ420P;
         // Not the fast bilinear scaler: it makes machine code as it goes, which a confined child must not.
-        let scaler =
-            scaling::Context::get(full.format(), width, height, to, to_width, to_height, scaling::Flags::AREA)
-                .map_err(failed("shrinking a picture"))?;
-        let jpeg = encoder::find(codec::Id::MJPEG).ok_or_else(|| failed("encoding a picture")(ff::Error::EncoderNotFound))?;
-        let mut video = codec::Context::new_with_codec(jpeg).encoder().video().map_err(failed("preparing the encoder"))?;
+        let scaler = scaling::Context::get(full.format(), width, height, to, to_width, to_height, scaling::Flags::AREA)
+            .map_err(failed("shrinking a picture"))?;
+        let jpeg =
+            encoder::find(codec::Id::MJPEG).ok_or_else(|| failed("encoding a picture")(ff::Error::EncoderNotFound))?;
+        let mut video =
+            codec::Context::new_with_codec(jpeg).encoder().video().map_err(failed("preparing the encoder"))?;
         video.set_width(to_width);
         video.set_height(to_height);
         video.set_format(to);

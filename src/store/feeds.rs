@@ -182,8 +182,7 @@ impl Feeds<'_> {
             sees_trainee!("session.trainee_id"),
             " ORDER BY feed.id DESC LIMIT 1"
         ));
-        let row: Option<Json<Vec<LiveFeature>>> =
-            row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?;
+        let row: Option<Json<Vec<LiveFeature>>> = row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(row.map(|Json(features)| features))
     }
 

@@ -1,7 +1,7 @@
 //! A feed's log into a recording: frames in their order, times as they were told, nothing decoded.
 //!
-//! What could not be decoded is left out: frames of H.264 before the first key frame, and after a hole until the next;
-//! frames whose time is not after the one before.
+//! What could not be decoded or shown is left out: frames of H.264 before the first key frame, and after a hole until the next;
+//! frames whose time is not after the one before; pictures of another size than the recording's.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -13,7 +13,7 @@ use crate::analysis::protocol::{Answer, AssembleWork};
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{Body, HEAD, read_all};
 use crate::domain::problem::Problem;
-use crate::media::{CodedFrame, Muxer, Stream, can_begin_with};
+use crate::media::{CodedFrame, Muxer, Stream, can_begin_with, frame_size};
 
 /// Frames between two words to the parent.
 const WORD_EVERY: usize = 250;
@@ -35,8 +35,9 @@ pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Repo
     };
     let all = frames_of(&log, reporter)?;
     let came = all.len() as u64;
-    let mut frames = playable(all, work.codec);
     let mut bytes = Vec::new();
+    let fitting = of_size(&log, all, &work, &mut bytes)?;
+    let mut frames = playable(fitting, work.codec);
     let Some(first) = first_to_begin_with(&log, &frames, work.codec, &mut bytes)? else {
         return Err(Halt::Explained(nothing_playable(came)));
     };
@@ -97,6 +98,25 @@ impl From<Unread> for Halt {
             Unread::Silenced(error) => Halt::Silenced(error),
         }
     }
+}
+
+/// The frames without the pictures of another size. Frames of H.264 behind such a key frame lack theirs, and are left out as
+/// those behind a hole are.
+fn of_size(log: &File, all: Vec<Place>, work: &AssembleWork, bytes: &mut Vec<u8>) -> Result<Vec<Place>, Halt> {
+    /// Where a JPEG's frame header lies at the latest: behind tables and what cameras say of themselves.
+    const HEADER: usize = 1 << 16;
+    let mut fitting = Vec::with_capacity(all.len());
+    for frame in all {
+        let says_its_size = work.codec == FrameCodec::Jpeg || frame.is_key;
+        if says_its_size {
+            let head = if work.codec == FrameCodec::Jpeg { frame.bytes.min(HEADER) } else { frame.bytes };
+            read(log, &Place { bytes: head, ..frame }, bytes)?;
+        }
+        if !says_its_size || frame_size(work.codec, bytes).is_none_or(|size| size == work.size) {
+            fitting.push(frame);
+        }
+    }
+    Ok(fitting)
 }
 
 /// The frames that can be decoded and shown.
@@ -166,8 +186,8 @@ fn unreadable(error: std::io::Error) -> Halt {
 
 fn nothing_playable(came: u64) -> Problem {
     let detail = format!(
-        "{came} frames came, but none that can be decoded: H.264 must begin with a key frame and repeat its parameter \
-         sets with every one"
+        "{came} frames came, but none that can be decoded: pictures must be of the size that was agreed, and H.264 must \
+         begin with a key frame and repeat its parameter sets with every one"
     );
     Problem::new(Problem::NO_FRAMES, "No frame can be decoded", detail)
 }

@@ -20,7 +20,7 @@ impl Explain for MediaError {
             MediaError::NoVideo => ("no-video-stream", "The file holds no picture"),
             MediaError::Codec(_) => ("codec-not-accepted", "The video codec is not accepted"),
             MediaError::OverLimit { .. } => ("recording-too-large", "The recording is larger than accepted"),
-            MediaError::SizeChanged { .. } => ("size-changes", "The picture changes its size"),
+            MediaError::SizeChanged { .. } => (Problem::SIZE_CHANGES, "The picture changes its size"),
             MediaError::NoFrames => (Problem::NO_FRAMES, "No frame can be decoded"),
             MediaError::Memory => ("too-much-memory", "The recording needs too much memory"),
             MediaError::Photo(_) => ("not-a-photo", "The file is not a photo that can be read"),

@@ -8,7 +8,9 @@ use std::os::unix::fs::FileExt;
 
 use super::reporter::Reporter;
 use super::{Halt, explain, track};
-use crate::analysis::protocol::{Answer, FollowWork, Followed, FollowedFrame, FollowedTool, Place, RunningRow, TrackWork};
+use crate::analysis::protocol::{
+    Answer, FollowWork, Followed, FollowedFrame, FollowedTool, Place, RunningRow, TrackWork,
+};
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{Body, MOST_BYTES, Record};
 use crate::media::{FeedDecoder, Limits, Picture, StillMaker};
@@ -23,7 +25,12 @@ const FEATURES_EVERY_S: f64 = 1.0;
 /// Frames between two times that the past is forgotten.
 const FORGET_EVERY: u64 = 1024;
 
-pub(super) fn run(work: FollowWork, mut inputs: Vec<File>, limits: Limits, reporter: &mut Reporter) -> Result<(), Halt> {
+pub(super) fn run(
+    work: FollowWork,
+    mut inputs: Vec<File>,
+    limits: Limits,
+    reporter: &mut Reporter,
+) -> Result<(), Halt> {
     let (Some(mut places), Some(log)) = (inputs.pop(), inputs.pop()) else {
         return Err(Halt::Explained(explain::no_input()));
     };
@@ -101,7 +108,7 @@ impl Follower {
             self.decoder.start_over();
         }
         self.next = Some(number + 1);
-        self.decoder.take(number, time, payload);
+        self.decoder.take(number, time, payload)?;
         self.look()
     }
 

@@ -12,9 +12,10 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::HeaderMap;
 use axum::response::Response;
 use nalgebra::Vector3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{interval, timeout};
+use utoipa::IntoParams;
 
 use crate::analysis::protocol::{Followed, FollowedFrame, FollowedTool, PathRow, live_features};
 use crate::domain::scope::Scope;
@@ -22,7 +23,7 @@ use crate::domain::session::{LiveFeature, SessionStatus};
 use crate::http::auth::origin;
 use crate::http::auth::signed_in::{Member, SignedIn};
 use crate::http::error::{Answer, Refusal, busy};
-use crate::http::read::At;
+use crate::http::read::{At, Params};
 use crate::http::state::App;
 use crate::ids::SessionId;
 use crate::live::{Following, Watch};
@@ -54,10 +55,7 @@ enum Word {
     /// A frame was tracked.
     Frame(Frame),
     /// Features so far, and the light.
-    Features {
-        features: Vec<LiveFeature>,
-        light: Option<Light>,
-    },
+    Features { features: Vec<LiveFeature>, light: Option<Light> },
     /// The watcher was too slow for so many messages.
     Missed { count: u64 },
     /// The recording is whole: the session stands so.
@@ -136,16 +134,32 @@ fn distance(one: &PathRow, other: &PathRow) -> Option<[f64; 2]> {
     Some([between.norm(), (variance(one)? + variance(other)?).sqrt()])
 }
 
+/// What is watched.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Watched {
+    /// Small pictures too; `false` for programs that want the numbers alone.
+    #[serde(default = "yes")]
+    #[param(default = true)]
+    pictures: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
 /// Watch a session while it arrives
 ///
 /// A WebSocket; `docs/live.md` describes what is said on it.
 #[utoipa::path(get, path = "/sessions/{id}/live", tag = "sessions",
-    params(("id" = String, Path, description = "id")),
+    params(("id" = String, Path, description = "id"), Watched),
     responses((status = 101, description = "The connection is a WebSocket from here on")))]
 pub async fn live(
     State(app): State<App>,
     by: Member,
     at: At,
+    Params(watched): Params<Watched>,
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Answer<Response> {
@@ -156,7 +170,7 @@ pub async fn live(
     let session = app.store.sessions().get(&by.scope, at.id()?).await?.id;
     let full = |_| busy("Too many pages watch at once. Close one that you no longer need, then try again.");
     let place = app.streams.clone().try_acquire_owned().map_err(full)?;
-    let watcher = Watcher { app, scope: by.scope, headers, session };
+    let watcher = Watcher { app, scope: by.scope, headers, session, pictures: watched.pictures };
     // A watcher says nothing.
     let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);
     Ok(upgrade.on_upgrade(move |socket| async move {
@@ -172,6 +186,7 @@ struct Watcher {
     scope: Scope,
     headers: HeaderMap,
     session: SessionId,
+    pictures: bool,
 }
 
 /// Why a watcher is told nothing more.
@@ -205,7 +220,7 @@ impl Watcher {
             if status != SessionStatus::Receiving {
                 return say(socket, &Word::Ended { status }).await;
             }
-            if let Some(watch) = self.app.feeds.watch(self.session).await {
+            if let Some(watch) = self.app.feeds.watch(self.session, self.pictures).await {
                 is_waiting = false;
                 match self.accompany(socket, watch).await {
                     Pause::Closed => {}
@@ -262,7 +277,7 @@ fn live_word(watch: &mut Watch) -> Word {
     let (tools, why) = match &*watch.following.borrow_and_update() {
         Following::NotYet => (None, None),
         Following::Tools(tools) => (Some(tools.clone()), None),
-        Following::Not(why) => (None, Some(why.clone())),
+        Following::Not(why) | Following::Refused(why) => (None, Some(why.clone())),
     };
     Word::Live { width: watch.row.width, height: watch.row.height, tools, why }
 }
@@ -273,13 +288,13 @@ async fn tell_of(socket: &mut WebSocket, followed: &Arc<Followed>, watch: &Watch
     }
     let tools = match &*watch.following.borrow() {
         Following::Tools(tools) => tools.clone(),
-        Following::NotYet | Following::Not(_) => Vec::new(),
+        Following::NotYet | Following::Not(_) | Following::Refused(_) => Vec::new(),
     };
     if let Some(rows) = &followed.running {
         let light = followed.light.map(|[luma_ratio, blue, red]| Light { luma_ratio, chroma_shift: [blue, red] });
         say(socket, &Word::Features { features: live_features(rows, &tools), light }).await?;
     }
-    if let Some((frame, jpeg)) = &followed.picture {
+    if let Some((frame, jpeg)) = followed.picture.as_ref().filter(|_| watch.viewer.is_some()) {
         let mut bytes = Vec::with_capacity(PICTURE_HEAD + jpeg.len());
         bytes.extend(frame.to_be_bytes());
         bytes.extend(jpeg);

@@ -11,7 +11,7 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 use trocar::domain::feed::record::{Body, Record};
 
-use super::scene::{SIZE, Scene, causal_path};
+use super::scene::{SIZE, Scene, causal_path, furnish};
 use super::sender::{Heard, Sender, hello, open};
 use super::{ANOTHER, RECORDING};
 use crate::api::centre::{Centre, session};
@@ -67,7 +67,7 @@ impl Watcher {
 
 async fn centre(scene: &Scene) -> Centre {
     let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
-    scene.furnish(&centre).await;
+    furnish(&centre.administrator, "box-1", &scene.folder).await;
     centre
 }
 
@@ -233,4 +233,31 @@ async fn a_hole_and_late_frames_cost_live_positions_only() {
     assert!(numbers.iter().all(|number| *number < 20 || live(number)), "{numbers:?}");
     let whole = done(&centre.instructor, &id).await;
     assert_eq!(whole["video"]["frames"], all, "the recording has them all");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_box_that_sends_another_size_is_told_and_what_came_before_is_kept() {
+    let Some(scene) = Scene::new(2) else { return };
+    let centre = centre(&scene).await;
+    let (mut sender, id) = begin(&centre, &scene, RECORDING).await;
+    let mut watcher = Watcher::open(&centre, &centre.instructor, &id).await.unwrap();
+    while watcher.word("live").await["tools"].is_null() {}
+    send(&mut sender, &scene, 0..25).await;
+    let wrong = super::scene::one_of_another_size(&scene);
+    let body = Body::Frame { time: scene.frames[24].time + 9_000, is_key: true, payload: &wrong };
+    sender.record(Record { epoch: sender.epoch, number: 25, body }).await;
+    assert_eq!(sender.closed().await, 4422);
+    let why = loop {
+        if let Some(why) = watcher.word("live").await["why"].as_str() {
+            break why.to_owned();
+        }
+    };
+    assert!(why.contains("640×360") && why.contains("320×180"), "{why}");
+    let (mut sender, _) = begin(&centre, &scene, RECORDING).await;
+    sender.say(&json!({"type": "end", "frames": 26})).await;
+    soon("the end", async {
+        while sender.answer().await != Heard::Closed(1000, "the recording is whole".to_owned()) {}
+    })
+    .await;
+    assert_eq!(done(&centre.instructor, &id).await["video"]["frames"], 25);
 }

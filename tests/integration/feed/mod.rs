@@ -1,6 +1,7 @@
 //! Feeds over real connections to the real service: what is acknowledged stays, what is late or wrong is refused by name.
 
 mod live;
+mod load;
 mod scene;
 pub mod sender;
 
@@ -298,4 +299,19 @@ async fn a_recording_that_nobody_ends_ends_with_what_came() {
     let id = session.rsplit('/').next().unwrap();
     let administrator = centre.service.administrator().await;
     assert_eq!(frames_of(&administrator, id).await, (0..10).chain(15..20).collect::<Vec<_>>());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pictures_of_another_size_are_left_out() {
+    let centre = Centre::open().await;
+    let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frames(0..5).await;
+    let mut other = std::io::Cursor::new(Vec::new());
+    image::RgbImage::new(80, 60).write_to(&mut other, image::ImageFormat::Jpeg).unwrap();
+    let body =
+        trocar::domain::feed::record::Body::Frame { time: 5 * FRAME_TICKS, is_key: true, payload: other.get_ref() };
+    sender.record(trocar::domain::feed::record::Record { epoch: sender.epoch, number: 5, body }).await;
+    sender.frames(6..9).await;
+    let session = sender.end(9).await;
+    assert_eq!(frames_of(&centre.instructor, &session).await, [0, 1, 2, 3, 4, 6, 7, 8]);
 }

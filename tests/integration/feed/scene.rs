@@ -8,15 +8,15 @@ use reqwest::multipart::{Form, Part};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::api::centre::Centre;
-use crate::support::{read, soon};
+use crate::process::program;
+use crate::support::{Client, read, soon};
 
 /// Width and height of its pictures, pixels.
 pub const SIZE: (u32, u32) = (640, 360);
 
 /// A scene on disk, and its frames.
 pub struct Scene {
-    folder: TempDir,
+    pub folder: Folder,
     pub frames: Vec<Frame>,
     /// Denominator of a tick, of which it lasts one.
     pub ticks_per_s: u32,
@@ -29,57 +29,114 @@ pub struct Frame {
     pub bytes: Vec<u8>,
 }
 
-impl Scene {
-    /// A scene of so many seconds; `None`, said loudly, without the programs that take a recording apart.
-    pub fn new(seconds: u32) -> Option<Self> {
+/// Where a scene's files lie.
+pub struct Folder(TempDir);
+
+impl Folder {
+    fn simulated(seconds: u32, size: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let order = format!("simulate --quiet --scene pegs --seed 5 --seconds {seconds} --size 640x360 --boards 0 --out");
-        let made = Command::new(env!("CARGO_BIN_EXE_trocar")).args(order.split(' ')).arg(folder.path()).status();
-        assert!(made.unwrap().success());
-        let clip = folder.path().join("clip.mp4");
-        let raw = folder.path().join("clip.h264");
-        // A delimiter before each frame shows where it begins.
-        let units = ["-c", "copy", "-bsf:v", "h264_mp4toannexb,h264_metadata=aud=insert", "-f", "h264"];
-        run(Command::new("ffmpeg").args(["-v", "error", "-y", "-i"]).arg(&clip).args(units).arg(&raw))?;
-        let entries = ["-v", "error", "-select_streams", "v", "-show_entries", "packet=pts,flags:stream=time_base"];
-        let told = run(Command::new("ffprobe").args(entries).args(["-of", "json"]).arg(&clip))?;
-        let told: Value = serde_json::from_slice(&told).unwrap();
-        let time_base = told["streams"][0]["time_base"].as_str().unwrap().strip_prefix("1/").unwrap();
-        let packets = told["packets"].as_array().unwrap();
-        let units = access_units(&std::fs::read(&raw).unwrap());
-        assert_eq!(units.len(), packets.len());
-        let frame = |(packet, bytes): (&Value, Vec<u8>)| Frame {
-            time: packet["pts"].as_i64().unwrap(),
-            is_key: packet["flags"].as_str().unwrap().starts_with('K'),
-            bytes,
-        };
-        let ticks_per_s = time_base.parse().unwrap();
-        Some(Self { frames: packets.iter().zip(units).map(frame).collect(), ticks_per_s, folder })
+        let order =
+            format!("simulate --quiet --scene pegs --seed 5 --seconds {seconds} --size {size} --boards 0 --out");
+        assert!(program().args(order.split(' ')).arg(folder.path()).status().unwrap().success());
+        Self(folder)
     }
 
     pub fn file(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+        self.0.path().join(name)
+    }
+}
+
+impl Scene {
+    /// A scene of so many seconds; `None`, said loudly, without the programs that take a recording apart.
+    pub fn new(seconds: u32) -> Option<Self> {
+        let folder = Folder::simulated(seconds, "640x360");
+        let (frames, ticks_per_s) = frames_of_h264(&folder.file("clip.mp4"))?;
+        Some(Self { frames, ticks_per_s, folder })
     }
 
-    /// Gives a centre's box the scene's camera and colours.
-    pub async fn furnish(&self, centre: &Centre) {
-        let camera = std::fs::read(self.file("camera.json")).unwrap();
-        let request = centre.administrator.request(Method::PUT, "/api/v1/boxes/box-1/camera");
-        let put = request.header("content-type", "application/json").body(camera).send().await.unwrap();
-        assert!(put.status().is_success());
-        let form = Form::new()
-            .text("annotations", std::fs::read_to_string(self.file("annotations.json")).unwrap())
-            .part("video", Part::bytes(std::fs::read(self.file("clip.mp4")).unwrap()));
-        let request = centre.administrator.request(Method::PUT, "/api/v1/boxes/box-1/palette").multipart(form);
-        let queued = read(request.send().await.unwrap(), reqwest::StatusCode::ACCEPTED).await;
-        let job = format!("/api/v1/jobs/{}", queued["job"].as_str().unwrap());
-        soon("the colours", async {
-            while centre.administrator.read(&job).await["state"] != "done" {
-                tokio::time::sleep(std::time::Duration::from_millis(50)).await;
-            }
-        })
-        .await;
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.folder.file(name)
     }
+}
+
+/// A scene of 1080p, coded anew.
+pub struct Clip {
+    pub scene: Folder,
+    pub file: PathBuf,
+    pub is_jpeg: bool,
+    pub frames: Vec<Frame>,
+}
+
+impl Clip {
+    /// Codes a scene with these options of `ffmpeg`, into a folder.
+    pub fn new(folder: &Path, coding: &str) -> Option<Self> {
+        let scene = Folder::simulated(8, "1920x1080");
+        let is_jpeg = coding.contains("mjpeg");
+        let file = folder.join(if is_jpeg { "clip.avi" } else { "clip.mp4" });
+        let mut code = Command::new("ffmpeg");
+        code.args(["-v", "error", "-y", "-i"]).arg(scene.file("clip.mp4")).args(coding.split(' ')).arg(&file);
+        run(&mut code)?;
+        let frames = if is_jpeg { frames_of_jpeg(&file, folder)? } else { frames_of_h264(&file)?.0 };
+        Some(Self { scene, file, is_jpeg, frames })
+    }
+
+    /// Bits a second at this frame rate, millions.
+    pub fn mbit_s(&self, fps: u64) -> f64 {
+        let bytes: usize = self.frames.iter().map(|frame| frame.bytes.len()).sum();
+        8e-6 * bytes as f64 / self.frames.len() as f64 * fps as f64
+    }
+}
+
+fn frames_of_jpeg(clip: &Path, folder: &Path) -> Option<Vec<Frame>> {
+    let pictures = folder.join("%05d.jpg");
+    run(Command::new("ffmpeg")
+        .args(["-v", "error", "-y", "-i"])
+        .arg(clip)
+        .args(["-c", "copy", "-f", "image2"])
+        .arg(pictures))?;
+    let read = |number: usize| std::fs::read(folder.join(format!("{number:05}.jpg"))).ok();
+    let frame = |(number, bytes): (i64, Vec<u8>)| Frame { time: 3600 * number, is_key: true, bytes };
+    Some((0..).zip((1_usize..).map_while(read)).map(frame).collect())
+}
+
+fn frames_of_h264(clip: &Path) -> Option<(Vec<Frame>, u32)> {
+    let raw = clip.with_extension("h264");
+    // A delimiter before each frame shows where it begins.
+    let units = ["-c", "copy", "-bsf:v", "h264_mp4toannexb,h264_metadata=aud=insert", "-f", "h264"];
+    run(Command::new("ffmpeg").args(["-v", "error", "-y", "-i"]).arg(clip).args(units).arg(&raw))?;
+    let entries = ["-v", "error", "-select_streams", "v", "-show_entries", "packet=pts,flags:stream=time_base"];
+    let told = run(Command::new("ffprobe").args(entries).args(["-of", "json"]).arg(clip))?;
+    let told: Value = serde_json::from_slice(&told).unwrap();
+    let time_base = told["streams"][0]["time_base"].as_str().unwrap().strip_prefix("1/").unwrap();
+    let packets = told["packets"].as_array().unwrap();
+    let units = access_units(&std::fs::read(&raw).unwrap());
+    assert_eq!(units.len(), packets.len());
+    let frame = |(packet, bytes): (&Value, Vec<u8>)| Frame {
+        time: packet["pts"].as_i64().unwrap(),
+        is_key: packet["flags"].as_str().unwrap().starts_with('K'),
+        bytes,
+    };
+    Some((packets.iter().zip(units).map(frame).collect(), time_base.parse().unwrap()))
+}
+
+/// Gives a box a scene's camera and colours.
+pub async fn furnish(administrator: &Client, in_box: &str, scene: &Folder) {
+    let camera = std::fs::read(scene.file("camera.json")).unwrap();
+    let request = administrator.request(Method::PUT, &format!("/api/v1/boxes/{in_box}/camera"));
+    let put = request.header("content-type", "application/json").body(camera).send().await.unwrap();
+    assert!(put.status().is_success());
+    let form = Form::new()
+        .text("annotations", std::fs::read_to_string(scene.file("annotations.json")).unwrap())
+        .part("video", Part::bytes(std::fs::read(scene.file("clip.mp4")).unwrap()));
+    let request = administrator.request(Method::PUT, &format!("/api/v1/boxes/{in_box}/palette")).multipart(form);
+    let queued = read(request.send().await.unwrap(), reqwest::StatusCode::ACCEPTED).await;
+    let job = format!("/api/v1/jobs/{}", queued["job"].as_str().unwrap());
+    soon("the colours", async {
+        while administrator.read(&job).await["state"] != "done" {
+            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+        }
+    })
+    .await;
 }
 
 fn run(command: &mut Command) -> Option<Vec<u8>> {
@@ -89,7 +146,10 @@ fn run(command: &mut Command) -> Option<Vec<u8>> {
             Some(output.stdout)
         }
         Err(error) => {
-            eprintln!("SKIPPED: {:?} cannot be run ({error}); install ffmpeg to try feeds of H.264", command.get_program());
+            eprintln!(
+                "SKIPPED: {:?} cannot be run ({error}); install ffmpeg to try feeds of H.264",
+                command.get_program()
+            );
             None
         }
     }
@@ -107,7 +167,7 @@ fn access_units(stream: &[u8]) -> Vec<Vec<u8>> {
 /// The causal path of a scene, by the command: frame and tool, and tip in mm.
 pub fn causal_path(scene: &Scene) -> Vec<(u64, String, [f64; 3])> {
     let out = scene.file("causal.csv");
-    let track = Command::new(env!("CARGO_BIN_EXE_trocar"))
+    let track = program()
         .args(["track", "--causal", "--camera"])
         .arg(scene.file("camera.json"))
         .arg("--annotations")
@@ -125,7 +185,8 @@ fn rows(csv: &Path) -> Vec<(u64, String, [f64; 3])> {
     let text = std::fs::read_to_string(csv).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let head: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let column = |name: &str| head.iter().position(|column| *column == name).unwrap_or_else(|| panic!("{name}: {head:?}"));
+    let column =
+        |name: &str| head.iter().position(|column| *column == name).unwrap_or_else(|| panic!("{name}: {head:?}"));
     let [frame, tool, x, y, z] = ["frame", "tool", "x_mm", "y_mm", "z_mm"].map(column);
     let row = |line: &str| {
         let cells: Vec<&str> = line.split(',').collect();
@@ -133,4 +194,13 @@ fn rows(csv: &Path) -> Vec<(u64, String, [f64; 3])> {
         Some((cells[frame].parse().unwrap(), cells[tool].to_owned(), [number(x)?, number(y)?, number(z)?]))
     };
     lines.filter_map(row).collect()
+}
+
+/// A key frame of half the size.
+pub fn one_of_another_size(scene: &Scene) -> Vec<u8> {
+    let small = scene.file("small.h264");
+    let code = ["-frames:v", "1", "-s", "320x180", "-c:v", "libx264", "-f", "h264"];
+    run(Command::new("ffmpeg").args(["-v", "error", "-y", "-i"]).arg(scene.file("clip.mp4")).args(code).arg(&small))
+        .unwrap();
+    std::fs::read(small).unwrap()
 }

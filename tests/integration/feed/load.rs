@@ -1,0 +1,177 @@
+//! How many boxes this machine sustains, against bare decoding of the same frames in the same run, and how long a frame takes
+//! to become a position. `make live-load` prints it; nothing here judges by time.
+
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use futures_util::StreamExt;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tokio_tungstenite::connect_async;
+use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use trocar::domain::feed::record::{Body, Record};
+
+use super::scene::{Clip, furnish};
+use super::sender::{Heard, hello, open_at};
+use crate::process::Process;
+use crate::support::{ADMINISTRATOR, Client};
+
+/// Frames of a box in a second.
+const FPS: u64 = 25;
+/// Boxes that send as fast as they may, to see what the machine can do.
+const FLAT_OUT: usize = 6;
+/// How long each load lasts, and how much of its beginning does not count.
+const LASTS: Duration = Duration::from_secs(20);
+const BEGINS: Duration = Duration::from_secs(6);
+/// Share of what can be sustained at which latency is measured.
+const SHARE: f64 = 0.8;
+
+/// What the boxes of a load share.
+struct Load {
+    host: String,
+    client: Client,
+    clip: Arc<Clip>,
+    counts: AtomicBool,
+    ends: AtomicBool,
+    tracked: AtomicU64,
+    latencies_ms: Mutex<Vec<f64>>,
+}
+
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "measures for minutes: make live-load"]
+async fn boxes_that_this_machine_sustains() {
+    println!("1080p at {FPS} frames a second, every frame tracked; sender, service and watchers on this machine");
+    println!(
+        "| frames | Mbit/s a box | bare decoding, boxes | sustained, boxes | share | boxes at once | latency, ms: median, 99 % |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    let folder = tempfile::tempdir().unwrap();
+    for (name, coding) in [
+        ("H.264", "-c:v libx264 -preset veryfast -tune zerolatency -b:v 4M -maxrate 4M -bufsize 4M -g 50"),
+        ("H.264", "-c:v libx264 -preset veryfast -tune zerolatency -b:v 8M -maxrate 8M -bufsize 8M -g 50"),
+        ("JPEG", "-c:v mjpeg -pix_fmt yuvj420p -q:v 5"),
+    ] {
+        let Some(clip) = Clip::new(folder.path(), coding) else { return };
+        let clip = Arc::new(clip);
+        let bare = bare_fps(&clip);
+        let full = run(&clip, FLAT_OUT, None).await;
+        let full_fps = full.0 / (LASTS - BEGINS).as_secs_f64();
+        let boxes = ((SHARE * full_fps / FPS as f64).floor() as usize).max(1);
+        let (_, mut latencies) = run(&clip, boxes, Some(FPS)).await;
+        latencies.sort_by(f64::total_cmp);
+        let at = |share: f64| latencies[((latencies.len() - 1) as f64 * share) as usize];
+        println!(
+            "| {name} | {:.1} | {:.1} | {:.1} | {:.0} % | {boxes} | {:.1}, {:.1} |",
+            clip.mbit_s(FPS),
+            bare / FPS as f64,
+            full_fps / FPS as f64,
+            100.0 * full_fps / bare,
+            at(0.5),
+            at(0.99)
+        );
+    }
+}
+
+/// Frames that decoders of one thread each decode in a second, as many at a time as boxes send.
+fn bare_fps(clip: &Clip) -> f64 {
+    const LOOPS: usize = 3;
+    let started = Instant::now();
+    let decode = || {
+        let loops = (LOOPS - 1).to_string();
+        let mut command = Command::new("ffmpeg");
+        command.args(["-v", "error", "-nostdin", "-threads", "1", "-stream_loop", &loops, "-i"]).arg(&clip.file);
+        command.args(["-f", "null", "-"]).spawn().unwrap()
+    };
+    let decoders: Vec<_> = (0..FLAT_OUT).map(|_| decode()).collect();
+    decoders.into_iter().for_each(|mut decoder| assert!(decoder.wait().unwrap().success()));
+    (FLAT_OUT * LOOPS * clip.frames.len()) as f64 / started.elapsed().as_secs_f64()
+}
+
+/// A service with so many boxes that send at this rate, or as fast as they may: frames tracked, and latencies, ms.
+async fn run(clip: &Arc<Clip>, boxes: usize, fps: Option<u64>) -> (f64, Vec<f64>) {
+    let data = TempDir::new().unwrap();
+    let process = Process::start(&data.path().join("data"));
+    let base = format!("http://{}", process.address);
+    let client = Client::of(base).signed_in(ADMINISTRATOR.0, process.password.as_deref().unwrap()).await;
+    client.make("/api/v1/tasks", json!({"name": "Peg transfer", "code": "peg"})).await;
+    client.make("/api/v1/trainees", json!({"name": "Ada", "code": "ada"})).await;
+    for number in 0..boxes {
+        client.make("/api/v1/boxes", json!({"name": format!("Box {number}"), "code": format!("box-{number}")})).await;
+        furnish(&client, &format!("box-{number}"), &clip.scene).await;
+    }
+    let load = Arc::new(Load {
+        host: process.address.clone(),
+        client,
+        clip: clip.clone(),
+        counts: AtomicBool::new(false),
+        ends: AtomicBool::new(false),
+        tracked: AtomicU64::new(0),
+        latencies_ms: Mutex::default(),
+    });
+    let senders: Vec<_> = (0..boxes).map(|number| tokio::spawn(send(load.clone(), number, fps))).collect();
+    tokio::time::sleep(BEGINS).await;
+    load.counts.store(true, Ordering::Release);
+    tokio::time::sleep(LASTS - BEGINS).await;
+    load.counts.store(false, Ordering::Release);
+    load.ends.store(true, Ordering::Release);
+    for sender in senders {
+        sender.await.unwrap();
+    }
+    let latencies = std::mem::take(&mut *load.latencies_ms.lock().unwrap());
+    (load.tracked.load(Ordering::Acquire) as f64, latencies)
+}
+
+async fn send(load: Arc<Load>, number: usize, fps: Option<u64>) {
+    let mut sender = open_at(&load.host, load.client.headers(), &format!("box-{number}")).await.unwrap();
+    let mut word = hello(&format!("0198c1f2-6a10-7d3e-9f00-{number:012x}"));
+    let codec = if load.clip.is_jpeg { "jpeg" } else { "h264" };
+    (word["codec"], word["width"], word["height"]) = (json!(codec), json!(1920), json!(1080));
+    sender.say(&word).await;
+    let Heard::Word(welcome) = sender.hear().await else { panic!("no welcome") };
+    assert_eq!(welcome["type"], "welcome", "{welcome}");
+    sender.epoch = welcome["epoch"].as_u64().unwrap() as u32;
+    let sent: Arc<Mutex<Vec<Instant>>> = Arc::default();
+    let watcher = tokio::spawn(watch(load.clone(), welcome["session"].as_str().unwrap().to_owned(), sent.clone()));
+    let started = Instant::now();
+    // Boxes do not begin in step.
+    let phase = Duration::from_millis(7 * number as u64 % 40);
+    for at in 0.. {
+        if load.ends.load(Ordering::Acquire) {
+            break;
+        }
+        let frame = &load.clip.frames[at % load.clip.frames.len()];
+        if let Some(fps) = fps {
+            let due = started + phase + Duration::from_nanos(1_000_000_000 / fps * at as u64);
+            tokio::time::sleep_until(due.into()).await;
+        }
+        sent.lock().unwrap().push(Instant::now());
+        let body = Body::Frame { time: at as i64 * 3600, is_key: frame.is_key, payload: &frame.bytes };
+        sender.record(Record { epoch: sender.epoch, number: at as u64, body }).await;
+    }
+    watcher.abort();
+}
+
+/// Counts the positions that are told, and how long after their frames.
+async fn watch(load: Arc<Load>, session: String, sent: Arc<Mutex<Vec<Instant>>>) {
+    let address = format!("ws://{}/api/v1/sessions/{session}/live?pictures=false", load.host);
+    let mut request = address.into_client_request().unwrap();
+    request.headers_mut().extend(load.client.headers().clone());
+    let (mut socket, _) = connect_async(request).await.unwrap();
+    while let Some(Ok(message)) = socket.next().await {
+        let Message::Text(text) = message else { continue };
+        if !load.counts.load(Ordering::Acquire) {
+            continue;
+        }
+        let word: Value = serde_json::from_str(&text).unwrap();
+        if word["type"] == "frame" {
+            load.tracked.fetch_add(1, Ordering::AcqRel);
+            let frame = word["frame"].as_u64().unwrap() as usize;
+            let took = sent.lock().unwrap()[frame].elapsed();
+            load.latencies_ms.lock().unwrap().push(took.as_secs_f64() * 1e3);
+        }
+        assert_ne!(word["type"], "missed", "the watcher is slow, not the service");
+    }
+}
