@@ -239,7 +239,8 @@ fn start_log(filter: &str) -> Result<(), Failure> {
         clear_line();
         stderr()
     };
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer).init();
+    let on_a_terminal = stderr().is_terminal();
+    tracing_subscriber::fmt().with_env_filter(filter).with_ansi(on_a_terminal).with_writer(writer).init();
     Ok(())
 }
 

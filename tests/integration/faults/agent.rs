@@ -172,8 +172,9 @@ async fn until(what: &str, mut is_so: impl FnMut() -> bool) {
 /// The clip as MJPEG: each frame can be decoded without the others.
 fn jpegs(clip: &Path, folder: &Path) -> PathBuf {
     let path = folder.join("clip.avi");
-    let made = Command::new("ffmpeg").args(["-v", "error", "-i"]).arg(clip).args(["-c:v", "mjpeg", "-q:v", "3"]);
-    assert!(made.arg(&path).status().unwrap().success());
+    let mut ffmpeg = Command::new("ffmpeg");
+    ffmpeg.args(["-v", "error", "-i"]).arg(clip).args(["-c:v", "mjpeg", "-q:v", "3"]);
+    assert!(ffmpeg.arg(&path).status().unwrap().success());
     path
 }
 
