@@ -65,7 +65,8 @@ impl Server {
     /// # Errors
     /// The address is none, in words for people.
     pub fn new(address: &str, in_box: &str, token_file: &Path) -> Result<Self, String> {
-        let expected = || format!("`{address}` is no server's address; expected http://HOST[:PORT] or https://HOST[:PORT]");
+        let expected =
+            || format!("`{address}` is no server's address; expected http://HOST[:PORT] or https://HOST[:PORT]");
         let uri: Uri = address.parse().map_err(|_| expected())?;
         let scheme = match uri.scheme_str() {
             Some("http") => "ws",
@@ -286,7 +287,9 @@ fn parting_by_code(number: u16, why: &str) -> Parting {
             return again(format!("{why} ({number})"));
         }
         Some(Code::SignedOut) => "put a new token into the token file and start the agent again",
-        Some(Code::Unknown) => "make the box, trainee or task on the server, or name another, and start the agent again",
+        Some(Code::Unknown) => {
+            "make the box, trainee or task on the server, or name another, and start the agent again"
+        }
         Some(Code::Superseded) => "see that no other agent sends this recording",
         Some(Code::TooMuch | Code::DoesNotBelong) => "the server takes no more of this recording; begin another",
         Some(Code::NotUnderstood) => "see that agent and server are of one version",
@@ -300,7 +303,9 @@ fn parting_at_the_door(status: u16, token_file: &str) -> Parting {
         401 => Parting::Refused(format!("the token in {token_file} does not count: put a new one there (401)")),
         403 => Parting::Refused(format!("the token in {token_file} may not send recordings of this box (403)")),
         404 => Parting::Refused("the token knows no such box, or the address leads elsewhere (404)".into()),
-        400..500 if status != 408 && status != 429 => Parting::Refused(format!("the server refuses with status {status}")),
+        400..500 if status != 408 && status != 429 => {
+            Parting::Refused(format!("the server refuses with status {status}"))
+        }
         _ => again(format!("the server is busy (status {status})")),
     }
 }
@@ -330,10 +335,15 @@ mod tests {
         let feed = "/api/v1/boxes/box-1/feed";
         assert_eq!(address("http://127.0.0.1:8080", "box-1").unwrap(), format!("ws://127.0.0.1:8080{feed}"));
         assert_eq!(address("https://a.example/trocar/", "box-1").unwrap(), format!("wss://a.example/trocar{feed}"));
-        for (server, in_box) in [("a.example", "box-1"), ("ftp://a", "box-1"), ("http://u@a", "b"), ("http://a", "b/../c")] {
+        for (server, in_box) in
+            [("a.example", "box-1"), ("ftp://a", "box-1"), ("http://u@a", "b"), ("http://a", "b/../c")]
+        {
             assert!(address(server, in_box).is_err(), "{server} {in_box}");
         }
         let is_open = |server| Server::new(server, "b", Path::new("t")).unwrap().is_open_to_all();
-        assert_eq!([is_open("http://a.example"), is_open("https://a.example"), is_open("http://[::1]:80")], [true, false, false]);
+        assert_eq!(
+            [is_open("http://a.example"), is_open("https://a.example"), is_open("http://[::1]:80")],
+            [true, false, false]
+        );
     }
 }

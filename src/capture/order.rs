@@ -51,7 +51,8 @@ impl Order {
         if let Some(next) = self.next_asked(recording) {
             return Some(next);
         }
-        self.live = self.live.max(recording.durable.missing_below(recording.end).first().map_or(0, |[first, _]| *first));
+        self.live =
+            self.live.max(recording.durable.missing_below(recording.end).first().map_or(0, |[first, _]| *first));
         let lag = recording.end.saturating_sub(self.live);
         if is_live && lag > MOST_LAG && recording.durable.ranges().len() < MOST_PIECES {
             self.live = self.live.max(recording.newest_key().unwrap_or(0));

@@ -105,7 +105,12 @@ fn append(agent: &Agent, number: u64, frame: &CapturedFrame, time_base: TimeBase
         Body::Frame { time: *time, is_key: *is_key, payload: bytes }
     } else {
         let time_s = time_base.seconds(*time);
-        tracing::warn!(number, time_s, bytes = bytes.len(), "a frame that cannot be sent: damaged, too long or out of time");
+        tracing::warn!(
+            number,
+            time_s,
+            bytes = bytes.len(),
+            "a frame that cannot be sent: damaged, too long or out of time"
+        );
         Body::Gap { last: number, reason: GapReason::Camera }
     };
     if let Err(error) = block_in_place(|| agent.spool().append(&Record { epoch: 0, number, body })) {

@@ -76,7 +76,8 @@ pub struct Args {
 pub fn run(args: Args) -> Result<(), Failure> {
     start_log(&args.log)?;
     keep_to_ourselves();
-    let server = Server::new(&args.server, &args.in_box, &args.token_file).map_err(|why| Failure::Input(anyhow!(why)))?;
+    let server =
+        Server::new(&args.server, &args.in_box, &args.token_file).map_err(|why| Failure::Input(anyhow!(why)))?;
     if server.is_open_to_all() {
         tracing::warn!("the token and the recording travel in the clear: give the server TLS, and say https");
     }
@@ -196,7 +197,10 @@ fn say_what_it_is(info: &SourceInfo, address: &str) {
     let ((width, height), codec) = (info.size, info.codec.name());
     tracing::info!(width, height, codec, "capturing");
     if let Some(from) = &info.coded_from {
-        tracing::warn!(from, "frames are decoded and coded anew as JPEGs: a camera that gives H.264 or MJPEG saves that");
+        tracing::warn!(
+            from,
+            "frames are decoded and coded anew as JPEGs: a camera that gives H.264 or MJPEG saves that"
+        );
     }
     if info.is_camera {
         tracing::warn!(

@@ -226,9 +226,9 @@ impl Stamps {
                 let ahead = ahead.get_or_insert(shown);
                 if let Some(last) = *last {
                     let step_s = decoded.saturating_sub(last) as f64 * self.seconds_per_tick;
-                    match step_s < -JITTER_S || step_s > GAP_S {
-                        true => *ahead = ahead.saturating_add(decoded - last - *step),
-                        false => *step = decoded - last,
+                    match (-JITTER_S..=GAP_S).contains(&step_s) {
+                        true => *step = decoded - last,
+                        false => *ahead = ahead.saturating_add(decoded - last - *step),
                     }
                 }
                 *last = packet.dts().or(*last);

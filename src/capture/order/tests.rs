@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use tempfile::TempDir;
 
 use super::*;
-use crate::capture::spool::testing::{add_groups, add_sized, spool};
 use crate::capture::spool::Spool;
+use crate::capture::spool::testing::{add_groups, add_sized, spool};
 use crate::ids::FeedId;
 
 /// A spool with this many frames, a key frame every ten.
@@ -33,10 +33,13 @@ fn after_an_outage_live_goes_out_first_from_a_key_frame_and_the_rest_behind_it()
     spool.acknowledge(id, numbers(&[[0, 99]])).unwrap();
     let mut order = Order::new();
     let recording = spool.get(id).unwrap();
-    let sent: Vec<u64> = (0..20).map_while(|_| order.next(recording, true)).map(|next| match next {
-        Next::Record(entry) => entry.number,
-        Next::Lost(_) => panic!(),
-    }).collect();
+    let sent: Vec<u64> = (0..20)
+        .map_while(|_| order.next(recording, true))
+        .map(|next| match next {
+            Next::Record(entry) => entry.number,
+            Next::Lost(_) => panic!(),
+        })
+        .collect();
     assert_eq!(sent, (500..505).chain(100..115).collect::<Vec<_>>());
     add_groups(&mut spool, 505..507, 10);
     let rest = all(&mut order, spool.get(id).unwrap(), true);

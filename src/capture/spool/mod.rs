@@ -143,10 +143,13 @@ impl Spool {
         }
     }
 
+    /// Gives up the oldest frames; those of the live recording last, whatever the clock said when it began.
     fn drop_oldest(&mut self) -> io::Result<bool> {
-        for recording in self.recordings.values_mut() {
-            if recording.drop_oldest()? {
-                return Ok(true);
+        for is_live in [false, true] {
+            for (id, recording) in &mut self.recordings {
+                if (self.live == Some(*id)) == is_live && recording.drop_oldest()? {
+                    return Ok(true);
+                }
             }
         }
         Ok(false)

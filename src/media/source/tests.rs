@@ -25,8 +25,7 @@ fn shown(bytes: Vec<u8>) -> Vec<(u64, f64, u64)> {
 fn assembled(info: &SourceInfo, frames: &[CapturedFrame]) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording.mp4");
-    let stream =
-        Stream { codec: info.codec, size: info.size, time_base: info.time_base, first: &frames[0].bytes };
+    let stream = Stream { codec: info.codec, size: info.size, time_base: info.time_base, first: &frames[0].bytes };
     let mut muxer = Muxer::create(File::create(&path).unwrap(), stream).unwrap();
     let mut times: Vec<i64> = frames.iter().map(|frame| frame.time).collect();
     times.sort_unstable();
@@ -57,7 +56,10 @@ fn a_clip_of_ours_comes_out_as_it_went_in() {
     std::fs::write(&path, &clip).unwrap();
     let (info, frames) = captured(&path);
     assert_eq!((info.codec, info.coded_from.clone(), info.is_file), (FrameCodec::H264, None, true));
-    assert!(frames.windows(2).any(|pair| pair[1].time < pair[0].time), "frames are shown in another order than decoded");
+    assert!(
+        frames.windows(2).any(|pair| pair[1].time < pair[0].time),
+        "frames are shown in another order than decoded"
+    );
     assert!(frames.windows(2).all(|pair| pair[0].due_s < pair[1].due_s));
     assert_eq!(shown(assembled(&info, &frames)), shown(clip));
 }
@@ -80,7 +82,10 @@ fn every_form_of_a_clip_keeps_its_frames_and_times() {
         let [sent, clip] = [assembled(&info, &frames), std::fs::read(&path).unwrap()].map(shown);
         assert_eq!(sent.len(), 60, "{name}");
         for (sent, clip) in sent.iter().zip(&clip) {
-            assert!((sent.0, sent.2) == (clip.0, clip.2) && (sent.1 - clip.1).abs() < 1e-5, "{name}: {sent:?} {clip:?}");
+            assert!(
+                (sent.0, sent.2) == (clip.0, clip.2) && (sent.1 - clip.1).abs() < 1e-5,
+                "{name}: {sent:?} {clip:?}"
+            );
         }
     }
 }
