@@ -14,6 +14,7 @@ use crate::domain::files::trajectory::read_csv;
 use crate::pipeline::trajectory::Trajectory;
 
 mod admin;
+mod agent;
 mod calibrate;
 mod child;
 mod demonstration;
@@ -39,6 +40,8 @@ pub struct Cli {
 enum Command {
     /// Run the whole service: HTTP, dashboard, queue and workers.
     Serve(serve::Args),
+    /// Stand beside a box: send what its camera sees while it is recorded.
+    Agent(agent::Args),
     /// Make a camera.json from photos or a video of a checkerboard.
     Calibrate(calibrate::Args),
     /// Find the best tape for a box, or judge the colours that were marked.
@@ -62,6 +65,7 @@ enum Command {
 pub fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
         Command::Serve(args) => serve::run(args),
+        Command::Agent(args) => agent::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Palette(args) => palette::run(args),
         Command::Track(args) => track::run(args),

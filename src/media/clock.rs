@@ -17,10 +17,10 @@
 //! The interval is the container's frame rate; without one, the last interval seen; at first 1/25 s.
 
 /// A step back of up to this much is disorder among neighbours; beyond it, the clock was set.
-const JITTER_S: f64 = 1.0;
+pub(super) const JITTER_S: f64 = 1.0;
 
 /// A step forward of up to this much is a gap in the recording; beyond it, the clock was set.
-const GAP_S: f64 = 600.0;
+pub(super) const GAP_S: f64 = 600.0;
 
 /// Frame rates that a container may claim and be believed, Hz.
 const CREDIBLE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;

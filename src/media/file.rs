@@ -25,7 +25,7 @@ const DECODERS: &str = "h264,hevc,vp8,vp9,libdav1d,av1,mjpeg,mpeg4,mpeg2video";
 const MOST_OPENED_STREAMS: &str = "64";
 
 /// Reads of a demuxer that may fail in a row; one that fails for ever must not hold us.
-const MOST_FAILED_READS: u32 = 1_000;
+pub(super) const MOST_FAILED_READS: u32 = 1_000;
 
 /// Packets in a row that may give no picture. Ten seconds' wait for a key frame, with sound, is under 2,000.
 const MOST_FRUITLESS_PACKETS: u32 = 50_000;
@@ -84,19 +84,19 @@ impl VideoFile {
             NO_MEMORY => MediaError::Memory,
             other => MediaError::Container(other.to_string()),
         })?;
-        Self::from_input(input, limits)
+        match input.streams().best(media::Type::Video).map(|stream| stream.parameters().id()) {
+            Some(id) if !CODECS.contains(&id) => Err(MediaError::Codec(id.name().to_owned())),
+            _ => Self::from_input(input, limits),
+        }
     }
 
-    fn from_input(input: format::context::Input, limits: Limits) -> Result<Self, MediaError> {
+    /// The same of an input that is open already, whatever its codec: for sources that are the person's own.
+    pub(super) fn from_input(input: format::context::Input, limits: Limits) -> Result<Self, MediaError> {
         let streams = input.streams().count();
         if streams > limits.streams {
             return Err(over("the number of streams", streams, limits.streams));
         }
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
-        let id = stream.parameters().id();
-        if !CODECS.contains(&id) {
-            return Err(MediaError::Codec(id.name().to_owned()));
-        }
         let (width, height) = stated_size(&stream)?;
         check_size(width, height, limits)?;
         let rate = f64::from(stream.avg_frame_rate());
@@ -151,6 +151,11 @@ impl VideoFile {
             }
         }
         self.end()
+    }
+
+    /// Gives back a packet that was read ahead.
+    pub(super) fn unread(&mut self, packet: ff::Packet) {
+        self.pending = Some(packet);
     }
 
     /// Takes back a picture that is done with: its memory serves one to come.
@@ -225,7 +230,7 @@ const NO_MEMORY: ff::Error = ff::Error::Other { errno: ff::error::ENOMEM };
 const AGAIN: ff::Error = ff::Error::Other { errno: ff::error::EAGAIN };
 
 /// The picture's size, as probing found it.
-fn stated_size(stream: &format::stream::Stream<'_>) -> Result<(u32, u32), MediaError> {
+pub(super) fn stated_size(stream: &format::stream::Stream<'_>) -> Result<(u32, u32), MediaError> {
     let parameters = stream.parameters();
     // SAFETY: the parameters live as long as `parameters`, and FFmpeg does not write to them after probing.
     let (width, height) = unsafe { ((*parameters.as_ptr()).width, (*parameters.as_ptr()).height) };
@@ -245,7 +250,7 @@ fn is_borne_out(duration_s: f64, frames_listed: Option<u64>) -> bool {
     frames_listed.is_some_and(|frames| duration_s <= frames as f64)
 }
 
-fn clock_of(stream: &format::stream::Stream<'_>, rate_hz: f64) -> Result<FrameClock, MediaError> {
+pub(super) fn clock_of(stream: &format::stream::Stream<'_>, rate_hz: f64) -> Result<FrameClock, MediaError> {
     let seconds_per_tick = f64::from(stream.time_base());
     if !(seconds_per_tick.is_finite() && seconds_per_tick > 0.0) {
         return Err(MediaError::Container("its video stream has no unit of time".into()));
@@ -268,7 +273,7 @@ fn open_decoder(stream: &format::stream::Stream<'_>, limits: Limits) -> Result<f
         .map_err(failed("opening the decoder"))
 }
 
-fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {
+pub(super) fn rotation_of(stream: &format::stream::Stream<'_>) -> Rotation {
     let matrix = stream.side_data().find(|d| d.kind() == codec::packet::side_data::Type::DisplayMatrix);
     let Some(bytes) = matrix.as_ref().map(|d| d.data()).filter(|d| d.len() >= 36) else { return Rotation::None };
     let entry = |i: usize| i32::from_ne_bytes([bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]);

@@ -20,7 +20,7 @@ fn jpeg_size(mut bytes: &[u8]) -> Option<(u32, u32)> {
         match marker {
             0xff => bytes = &bytes[1..], // fill
             0x01 | 0xd0..=0xd7 => bytes = rest,
-            0xda | 0xd8 | 0xd9 => return None, // coded data: no frame header came
+            0xd8..=0xda => return None, // coded data: no frame header came
             _ => {
                 let length = usize::from(u16::from_be_bytes(*rest.first_chunk()?));
                 if matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc) {

@@ -4,22 +4,27 @@
 //! open descriptor), and budgets for pixels, frames, streams and time bound what a file can do; the process around it
 //! is confined by [`crate::sandbox`].
 //!
+//! A [`Source`] is a person's own: a camera, file or address from which a box's agent captures frames, coded as they are.
+//!
 //! A [`VideoFile`] decodes when it is asked; a [`ReadAhead`] does so on a thread of its own while its user looks at the
 //! picture before.
 
 mod ahead;
+mod annexb;
 mod clock;
+mod device;
 mod encode;
 mod feed_decoder;
 mod fields;
 mod file;
 mod frame_size;
+mod jpeg;
 mod limits;
 mod mux;
 pub mod photo;
 mod picture;
 mod picture_maker;
-mod still;
+mod source;
 #[cfg(test)]
 mod testing;
 
@@ -28,10 +33,11 @@ pub use encode::{EncodeError, Samples, TICKS_PER_S, VideoSettings, VideoWriter, 
 pub use feed_decoder::FeedDecoder;
 pub use file::{RecordingInfo, VideoFile};
 pub use frame_size::frame_size;
+pub use jpeg::{JpegMaker, JpegStyle};
 pub use limits::Limits;
 pub use mux::{CodedFrame, MuxError, Muxer, Stream, can_begin_with};
 pub use picture::Picture;
-pub use still::StillMaker;
+pub use source::{CapturedFrame, Source, SourceError, SourceInfo};
 
 /// Why a recording cannot be read, or not further.
 #[derive(Debug, thiserror::Error)]

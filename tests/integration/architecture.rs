@@ -45,6 +45,7 @@ const ROOMS: &[Room] = &[
     Room { name: "analysis", layer: 4, banned: SERVICE },
     Room { name: "intake", layer: 4, banned: SERVICE },
     Room { name: "live", layer: 4, banned: SERVICE },
+    Room { name: "capture", layer: 4, banned: SERVICE },
     Room { name: "events", layer: 4, banned: SERVICE },
     Room { name: "upkeep", layer: 4, banned: SERVICE },
     Room { name: "events", layer: 4, banned: SERVICE },

@@ -13,7 +13,7 @@ use crate::analysis::protocol::{
 };
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{Body, MOST_BYTES, Record};
-use crate::media::{FeedDecoder, Limits, Picture, StillMaker};
+use crate::media::{FeedDecoder, JpegMaker, JpegStyle, Limits, Picture};
 use crate::pipeline::features::FeatureSettings;
 use crate::pipeline::features::running::Running;
 use crate::pipeline::frame::Frame;
@@ -68,7 +68,7 @@ struct Follower {
     running: Running,
     features_at_s: f64,
     since_forgotten: u64,
-    stills: StillMaker,
+    stills: JpegMaker,
     last: Option<Picture>,
     told: Followed,
 }
@@ -88,7 +88,7 @@ impl Follower {
             next: None,
             features_at_s: 0.0,
             since_forgotten: 0,
-            stills: StillMaker::default(),
+            stills: JpegMaker::new(JpegStyle::SMALL),
             last: None,
             told: Followed::default(),
         })
@@ -178,7 +178,7 @@ impl Follower {
     /// The last picture, small. Without it a page is poorer, not wrong.
     fn still(&mut self) -> Option<(u64, Vec<u8>)> {
         let frame = self.last.as_ref().or(self.first.last())?.frame();
-        self.stills.jpeg(&frame).ok().map(|jpeg| (frame.index, jpeg))
+        self.stills.code(&frame).ok().map(|jpeg| (frame.index, jpeg))
     }
 
     /// What there is to tell since the last time.

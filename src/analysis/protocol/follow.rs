@@ -12,6 +12,7 @@ use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::LiveFeature;
 use crate::pipeline::features::FeatureValue;
 use crate::pipeline::features::running::LIVE;
+use crate::pipeline::reason::Reason;
 use crate::pipeline::tracker::{Absence, ToolReport};
 
 /// What following a recording needs besides its frames.
@@ -123,6 +124,11 @@ impl FollowedTool {
             path: report.filtered.as_ref().map(PathRow::from),
             left_view: report.absence == Some(Absence::LeftView),
         }
+    }
+
+    /// Why it was not measured on this frame, as files, API and pages name it.
+    pub fn reason(&self) -> Option<&'static str> {
+        self.seen.reason.map(|reason| Reason::from(reason).name())
     }
 }
 

@@ -175,6 +175,14 @@ impl<'a> Record<'a> {
         Ok((Self { epoch, number, body }, rest))
     }
 
+    /// Its length, bytes.
+    pub fn bytes(&self) -> usize {
+        match self.body {
+            Body::Frame { payload, .. } => HEAD + payload.len(),
+            Body::Gap { .. } => HEAD + GAP_BYTES,
+        }
+    }
+
     /// The last number that it speaks of.
     pub fn last(&self) -> u64 {
         match self.body {

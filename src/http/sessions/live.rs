@@ -27,7 +27,6 @@ use crate::http::read::{At, Params};
 use crate::http::state::App;
 use crate::ids::SessionId;
 use crate::live::{Following, Watch};
-use crate::pipeline::reason::Reason;
 
 /// How often it is looked whether a recording that nobody sends goes on, or has ended.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -93,7 +92,8 @@ struct Tool {
 }
 
 impl From<&FollowedTool> for Tool {
-    fn from(FollowedTool { seen, path, left_view }: &FollowedTool) -> Self {
+    fn from(tool: &FollowedTool) -> Self {
+        let FollowedTool { seen, path, left_view } = tool;
         let state = match path {
             Some(row) if row.observed => "seen",
             Some(_) => "bridged",
@@ -103,7 +103,7 @@ impl From<&FollowedTool> for Tool {
         let sigmas = |row: &PathRow| Some([row.sigma_xy_mm?, row.sigma_z_mm?]);
         Self {
             state,
-            reason: seen.reason.map(|reason| Reason::from(reason).name()),
+            reason: tool.reason(),
             tip_mm: path.map(|row| row.tip_mm),
             sigma_mm: path.as_ref().and_then(sigmas),
             speed_mm_s: path.and_then(|row| row.velocity_mm_s).map(|v| Vector3::from(v).norm()),

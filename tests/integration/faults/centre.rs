@@ -90,6 +90,11 @@ impl Centre {
         &self.token
     }
 
+    /// The service's folder.
+    pub fn data(&self) -> &Path {
+        &self.data
+    }
+
     /// The service's process.
     pub fn process(&self) -> &Process {
         self.process.as_ref().expect("it runs")

@@ -2,6 +2,7 @@
 //!
 //! | file | claims |
 //! |---|---|
+//! | `agent.rs` | a box's agent brings its recording home, whoever dies on the way |
 //! | `feeds.rs` | no acknowledged frame is lost or doubled, whatever happens between a box and the service |
 //! | `kills.rs` | nothing acknowledged is lost when service or children are killed |
 //! | `order.rs` | no acknowledgement leaves before its bytes and names were synced |
@@ -11,6 +12,7 @@
 //!
 //! A kill cannot show a missing sync, since the system's cache outlives the process: that is what `order` and `power` are for.
 
+mod agent;
 mod centre;
 mod feeds;
 mod kills;

@@ -1,0 +1,119 @@
+//! Frames as they come, numbered, into the spool.
+
+use std::time::Duration;
+
+use tokio::sync::mpsc;
+use tokio::task::block_in_place;
+use tokio::time::{Instant, interval, sleep_until};
+
+use super::Agent;
+use crate::domain::feed::record::{Body, GapReason, Record};
+use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD, TimeBase};
+use crate::media::{CapturedFrame, Source};
+use crate::shutdown::Shutdown;
+
+/// Longest recording, s.
+const LONGEST_S: f64 = 4.0 * 3600.0;
+/// Frames that may wait for the disk; a camera's own queue comes before them.
+const MOST_WAITING: usize = 32;
+/// How often what was captured is made durable. A power cut costs so much of what the server does not have, and what a
+/// sync takes.
+const SYNC_EVERY: Duration = Duration::from_millis(400);
+
+/// How long a source may give nothing; one that is unplugged may hold its reader for ever.
+const SOURCE_SILENCE: Duration = Duration::from_secs(30);
+
+/// How a recording is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    /// Are frames taken at the times that they bear, as a camera would give them?
+    pub is_paced: bool,
+    /// The recording ends after so many seconds.
+    pub seconds: Option<f64>,
+    /// The clock of the frames' times.
+    pub time_base: TimeBase,
+}
+
+/// Reads a source on a thread of its own until it ends or nobody wants more.
+pub fn frames_of(mut source: Source) -> mpsc::Receiver<CapturedFrame> {
+    let (sender, frames) = mpsc::channel(MOST_WAITING);
+    std::thread::spawn(move || {
+        loop {
+            match source.next_frame() {
+                Ok(Some(frame)) => {
+                    if sender.blocking_send(frame).is_err() {
+                        return; // nobody wants more
+                    }
+                }
+                Ok(None) => return,
+                Err(error) => return tracing::error!(%error, "the source fails: the recording ends here"),
+            }
+        }
+    });
+    frames
+}
+
+/// Appends frames to the live recording until the source, the time or `ending` ends it. Returns how many there were.
+pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, rules: Rules, ending: &Shutdown) -> u64 {
+    let seconds = rules.seconds.unwrap_or(LONGEST_S).min(LONGEST_S);
+    let mut silent_at = Instant::now() + SOURCE_SILENCE;
+    let mut first = None;
+    let mut number = 0;
+    let mut sync = interval(SYNC_EVERY);
+    loop {
+        let frame = tokio::select! {
+            biased;
+            () = ending.begun() => break,
+            _ = sync.tick() => { agent.sync().await; continue; }
+            frame = frames.recv() => frame,
+            () = sleep_until(silent_at) => {
+                tracing::error!("the source gives nothing any more: the recording ends here");
+                break;
+            }
+        };
+        let Some(frame) = frame else { break };
+        silent_at = Instant::now() + SOURCE_SILENCE;
+        let first = *first.get_or_insert_with(Instant::now);
+        if frame.due_s >= seconds || number == MOST_FRAMES {
+            tracing::info!(seconds, number, "the recording has its length");
+            break;
+        }
+        let due = first + Duration::from_secs_f64(frame.due_s.max(0.0));
+        while rules.is_paced && Instant::now() < due && !ending.is_begun() {
+            tokio::select! {
+                () = ending.begun() => {}
+                _ = sync.tick() => agent.sync().await,
+                () = sleep_until(due) => {}
+            }
+        }
+        append(agent, number, &frame, rules.time_base);
+        number += 1;
+        agent.status().captured = number;
+        agent.has_changed();
+    }
+    agent.sync().await;
+    agent.spool().end();
+    agent.has_changed();
+    number
+}
+
+/// Appends a frame; one that no feed can have is a gap.
+fn append(agent: &Agent, number: u64, frame: &CapturedFrame, time_base: TimeBase) {
+    let CapturedFrame { time, is_key, bytes, .. } = frame;
+    let fits = (1..=MOST_PAYLOAD).contains(&bytes.len()) && (0.0..=LONGEST_S).contains(&time_base.seconds(*time));
+    let body = if fits {
+        Body::Frame { time: *time, is_key: *is_key, payload: bytes }
+    } else {
+        let time_s = time_base.seconds(*time);
+        tracing::warn!(
+            number,
+            time_s,
+            bytes = bytes.len(),
+            "a frame that cannot be sent: damaged, too long or out of time"
+        );
+        Body::Gap { last: number, reason: GapReason::Camera }
+    };
+    if let Err(error) = block_in_place(|| agent.spool().append(&Record { epoch: 0, number, body })) {
+        tracing::error!(number, %error, "a frame is lost: the spool cannot be written");
+    }
+}

@@ -1,0 +1,185 @@
+//! A file of records, some MB of them, and where each of them lies.
+
+use std::fs::{self, File};
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::domain::feed::numbers::Numbers;
+use crate::domain::feed::record::{Body, GapReason, Record, read_all};
+
+/// How the names of segments end.
+const SUFFIX: &str = "records";
+
+/// Where a record lies, and what it speaks of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// The frame's number, or the gap's first.
+    pub number: u64,
+    /// The last number that it speaks of.
+    pub last: u64,
+    /// Is it a frame that can be decoded without the ones before?
+    pub is_key: bool,
+    /// Its length, bytes.
+    pub bytes: usize,
+    gap: Option<GapReason>,
+    offset: u64,
+}
+
+impl Entry {
+    fn of(record: &Record<'_>, offset: u64, bytes: usize) -> Self {
+        let (is_key, gap) = match record.body {
+            Body::Frame { is_key, .. } => (is_key, None),
+            Body::Gap { reason, .. } => (false, Some(reason)),
+        };
+        Self { number: record.number, last: record.last(), is_key, bytes, gap, offset }
+    }
+
+    /// Is it a frame, and no gap?
+    pub fn is_frame(&self) -> bool {
+        self.gap.is_none()
+    }
+
+    /// Is all that it speaks of among these?
+    pub fn is_in(&self, numbers: &Numbers) -> bool {
+        numbers.contains_all(self.number, self.last)
+    }
+}
+
+/// A file of records in rising order of their numbers.
+#[derive(Debug)]
+pub(super) struct Segment {
+    path: PathBuf,
+    pub(super) entries: Vec<Entry>,
+    pub(super) bytes: u64,
+}
+
+impl Segment {
+    /// A new one, and its file to append to.
+    pub(super) fn create(folder: &Path, serial: u64) -> io::Result<(Self, Arc<File>)> {
+        let path = folder.join(format!("{serial:08}.{SUFFIX}"));
+        let file = File::create_new(&path)?;
+        sync_folder(folder)?;
+        Ok((Self { path, entries: Vec::new(), bytes: 0 }, Arc::new(file)))
+    }
+
+    /// One that is there already. What is no whole record at its end is cut off.
+    pub(super) fn open(path: PathBuf) -> io::Result<Self> {
+        let file = File::options().read(true).write(true).open(&path)?;
+        let mut entries: Vec<Entry> = Vec::new();
+        let bytes = read_all(&file, |place, record| {
+            let mut written = Vec::new();
+            record.write(&mut written);
+            entries.push(Entry::of(&record, place, written.len()));
+            io::Result::Ok(())
+        })?;
+        file.set_len(bytes)?;
+        file.sync_data()?;
+        Ok(Self { path, entries, bytes })
+    }
+
+    /// The segments of a folder, each with its serial number, in order.
+    pub(super) fn paths_in(folder: &Path) -> io::Result<Vec<(u64, PathBuf)>> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(folder)? {
+            let path = entry?.path();
+            let serial = path.file_stem().and_then(|stem| stem.to_str()?.parse().ok());
+            if let Some(serial) = serial.filter(|_| path.extension().is_some_and(|suffix| suffix == SUFFIX)) {
+                found.push((serial, path));
+            }
+        }
+        found.sort();
+        Ok(found)
+    }
+
+    /// Appends a record; if that fails, the segment is as it was.
+    pub(super) fn append(&mut self, file: &File, record: &Record<'_>) -> io::Result<()> {
+        let mut written = Vec::new();
+        record.write(&mut written);
+        if let Err(error) = file.write_all_at(&written, self.bytes) {
+            file.set_len(self.bytes)?;
+            return Err(error);
+        }
+        self.entries.push(Entry::of(record, self.bytes, written.len()));
+        self.bytes += written.len() as u64;
+        Ok(())
+    }
+
+    /// The bytes of a record.
+    pub(super) fn read(&self, entry: Entry) -> io::Result<Vec<u8>> {
+        let mut bytes = vec![0; entry.bytes];
+        File::open(&self.path)?.read_exact_at(&mut bytes, entry.offset)?;
+        Ok(bytes)
+    }
+
+    /// The number after its last.
+    pub(super) fn end(&self) -> u64 {
+        self.entries.last().map_or(0, |entry| entry.last + 1)
+    }
+
+    /// Is there a frame in it?
+    pub(super) fn has_frames(&self) -> bool {
+        self.entries.iter().any(Entry::is_frame)
+    }
+
+    /// The one gap that is all it holds, if it tells of a spool that was full.
+    pub(super) fn only_gap(&self) -> Option<[u64; 2]> {
+        match self.entries[..] {
+            [Entry { number, last, gap: Some(GapReason::SpoolFull), .. }] => Some([number, last]),
+            _ => None,
+        }
+    }
+
+    /// Gives up its frames: what is left are gaps for those that are not durable elsewhere. They are written over the
+    /// segment's own beginning, for which even a full disk has room; a power cut in between leaves gaps and no record
+    /// behind them. A gap right before them is joined to them, and `true` the answer.
+    pub(super) fn become_gaps(&mut self, durable: &Numbers, before: Option<[u64; 2]>) -> io::Result<bool> {
+        let mut gaps: Vec<(u64, u64, GapReason)> = Vec::new();
+        for entry in self.entries.iter().filter(|entry| !entry.is_in(durable)) {
+            let reason = entry.gap.unwrap_or(GapReason::SpoolFull);
+            match gaps.last_mut() {
+                Some(gap) if gap.1 + 1 == entry.number && gap.2 == reason => gap.1 = entry.last,
+                _ => gaps.push((entry.number, entry.last, reason)),
+            }
+        }
+        let joined = match (before, gaps.first_mut()) {
+            (Some([from, last]), Some(gap)) if gap.0 == last + 1 && gap.2 == GapReason::SpoolFull => {
+                gap.0 = from;
+                true
+            }
+            _ => false,
+        };
+        let (mut bytes, mut entries) = (Vec::new(), Vec::new());
+        for (number, last, reason) in gaps {
+            let record = Record { epoch: 0, number, body: Body::Gap { last, reason } };
+            let offset = bytes.len();
+            record.write(&mut bytes);
+            entries.push(Entry::of(&record, offset as u64, bytes.len() - offset));
+        }
+        let file = File::options().write(true).open(&self.path)?;
+        file.write_all_at(&bytes, 0)?;
+        file.set_len(bytes.len() as u64)?;
+        file.sync_data()?;
+        (self.entries, self.bytes) = (entries, bytes.len() as u64);
+        Ok(joined)
+    }
+
+    /// Its folder has another name now.
+    pub(super) fn move_to(&mut self, folder: &Path) {
+        self.path = self.path.file_name().map_or_else(|| self.path.clone(), |name| folder.join(name));
+    }
+
+    /// Removes its file; one that is gone already is as good.
+    pub(super) fn remove(&self) -> io::Result<()> {
+        match fs::remove_file(&self.path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            done => done,
+        }
+    }
+}
+
+/// The names in the folder are on the disk.
+pub(super) fn sync_folder(path: &Path) -> io::Result<()> {
+    File::open(path)?.sync_all()
+}

@@ -1,0 +1,173 @@
+//! Laws of the spool: nothing that is in it is lost by a cut, and what a full one gives up is told.
+
+use std::fs;
+use std::path::PathBuf;
+
+use proptest::prelude::*;
+
+use super::testing::{add, hello, payload, spool};
+use super::*;
+use crate::domain::feed::record::{Body, GapReason};
+
+/// Of a spool whose segments hold ten frames each.
+const SMALL: u64 = 8 * 10 * 132;
+
+fn numbers(ranges: &[[u64; 2]]) -> Numbers {
+    let mut numbers = Numbers::default();
+    ranges.iter().for_each(|[first, last]| numbers.add(*first, *last).unwrap());
+    numbers
+}
+
+/// Numbers of the frames that can be read, whole, and those that are told as gaps, with their reasons.
+fn held(spool: &mut Spool, id: FeedId) -> (Numbers, Vec<(u64, u64, GapReason)>) {
+    let (mut frames, mut gaps, mut next) = (Numbers::default(), Vec::new(), 0);
+    while let Some(entry) = spool.get(id).and_then(|recording| recording.at_or_after(next)) {
+        let bytes = spool.read(id, entry).unwrap();
+        let record = Record::read(&bytes).unwrap();
+        match record.body {
+            Body::Frame { payload: read, .. } => {
+                assert_eq!(read, payload(record.number));
+                frames.add(record.number, record.number).unwrap();
+            }
+            Body::Gap { last, reason } => gaps.push((record.number, last, reason)),
+        }
+        next = entry.last + 1;
+    }
+    (frames, gaps)
+}
+
+/// The recording's files of records, in order.
+fn files(spool: &Spool, id: FeedId) -> Vec<PathBuf> {
+    let mut paths: Vec<PathBuf> = fs::read_dir(spool.path(id)).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|suffix| suffix == "records"));
+    paths.sort();
+    paths
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever the last file is cut to, what lies before the cut is there, and what the server has is not asked for.
+    #[test]
+    fn a_cut_costs_only_what_lies_behind_it(frames in 1u64..40, acknowledged in 0u64..40, cut in 0.0f64..=1.0) {
+        let (folder, mut spool, id) = spool(SMALL);
+        add(&mut spool, 0..frames);
+        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged.min(frames) - 1]]) } else { Numbers::default() };
+        spool.acknowledge(id, durable.clone()).unwrap();
+        let (before, _) = held(&mut spool, id);
+        let last = files(&spool, id).pop().unwrap();
+        let whole = fs::metadata(&last).unwrap().len();
+        let cut = (whole as f64 * cut) as u64;
+        drop(spool);
+        fs::File::options().write(true).open(&last).unwrap().set_len(cut).unwrap();
+
+        let mut spool = Spool::open(folder.path(), SMALL).unwrap();
+        let (after, gaps) = held(&mut spool, id);
+        let lost = whole.div_ceil(132) - cut / 132;
+        for number in 0..frames - lost {
+            prop_assert!(after.contains(number) || durable.contains(number), "{number} of {after:?}");
+        }
+        for number in (0..frames).filter(|number| after.contains(*number)) {
+            prop_assert!(before.contains(number));
+        }
+        prop_assert!(gaps.is_empty());
+        // And it can be gone on with.
+        spool.live = Some(id);
+        add(&mut spool, frames..frames + 3);
+        prop_assert!(held(&mut spool, id).0.contains_all(frames, frames + 2));
+    }
+
+    /// A spool that is full keeps what is newest, and every number is a frame, durable, or told as a gap.
+    #[test]
+    fn a_full_spool_keeps_the_newest_and_tells_of_the_rest(frames in 81u64..400, acknowledged in 0u64..30, reopened: bool) {
+        let (folder, mut spool, id) = spool(SMALL);
+        add(&mut spool, 0..60);
+        let durable = if acknowledged > 0 { numbers(&[[0, acknowledged - 1]]) } else { Numbers::default() };
+        spool.acknowledge(id, durable.clone()).unwrap();
+        add(&mut spool, 60..60 + frames);
+        if reopened {
+            drop(spool);
+            spool = Spool::open(folder.path(), SMALL).unwrap();
+        }
+        let end = 60 + frames;
+        prop_assert!(spool.bytes() <= SMALL);
+        let (kept, gaps) = held(&mut spool, id);
+        prop_assert!(kept.contains_all(end - 60, end - 1), "{kept:?}");
+        let mut told = durable;
+        kept.ranges().iter().for_each(|[first, last]| told.add(*first, *last).unwrap());
+        for (first, last, reason) in &gaps {
+            prop_assert_eq!(*reason, GapReason::SpoolFull);
+            prop_assert!((*first..=*last).all(|number| !kept.contains(number)));
+            told.add(*first, *last).unwrap();
+        }
+        prop_assert_eq!(told.missing_below(end), Vec::<[u64; 2]>::new());
+        prop_assert!(gaps.len() <= 2, "gaps that touch are one: {:?}", gaps);
+    }
+}
+
+#[test]
+fn what_is_acknowledged_goes_in_whole_segments() {
+    let (_folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..35);
+    assert_eq!(files(&spool, id).len(), 4);
+    spool.acknowledge(id, numbers(&[[0, 4], [10, 24]])).unwrap();
+    assert_eq!(files(&spool, id).len(), 3, "the second, of 10 to 19, alone is whole on the server");
+    assert_eq!(held(&mut spool, id).0, numbers(&[[0, 9], [20, 34]]));
+    assert_eq!(spool.get(id).unwrap().waiting(), (15, 15 * 132));
+    spool.acknowledge(id, numbers(&[[0, 34]])).unwrap();
+    assert_eq!(held(&mut spool, id).0, numbers(&[[30, 34]]), "the one that is written to stays");
+    assert_eq!(spool.get(id).unwrap().end, 35);
+}
+
+#[test]
+fn the_oldest_recording_goes_first() {
+    let (_folder, mut spool, old) = spool(SMALL);
+    add(&mut spool, 0..30);
+    let new = spool.begin(hello(1_000)).unwrap(); // by a clock that was set back
+    add(&mut spool, 0..60);
+    assert_eq!(held(&mut spool, old), (numbers(&[[20, 29]]), vec![(0, 19, GapReason::SpoolFull)]));
+    assert_eq!(held(&mut spool, new).0, numbers(&[[0, 59]]));
+}
+
+#[test]
+fn a_damaged_frame_is_a_hole_and_no_frame() {
+    let (folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..12);
+    let first = files(&spool, id).remove(0);
+    let mut bytes = fs::read(&first).unwrap();
+    bytes[3 * 132 + 50] ^= 1;
+    fs::write(&first, bytes).unwrap();
+    let entry = spool.get(id).unwrap().at_or_after(3).unwrap();
+    assert_eq!(spool.read(id, entry), None);
+    assert_eq!(held(&mut spool, id).0, numbers(&[[0, 2], [4, 11]]));
+    drop(spool);
+    let mut spool = Spool::open(folder.path(), SMALL).unwrap();
+    assert_eq!(held(&mut spool, id).0, numbers(&[[0, 2], [4, 11]]));
+}
+
+#[test]
+fn a_recording_that_the_server_ended_too_early_goes_on_as_another() {
+    let (folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..15);
+    let new = FeedId::at(1_795_000_009_000);
+    spool.renew(id, new).unwrap();
+    add(&mut spool, 15..20);
+    assert_eq!(spool.get(new).unwrap().hello.recording, new);
+    drop(spool);
+    let mut spool = Spool::open(folder.path(), SMALL).unwrap();
+    assert_eq!((spool.ids(), held(&mut spool, new).0), (vec![new], numbers(&[[0, 19]])));
+}
+
+#[test]
+fn one_agent_at_a_time_has_a_spool_and_what_is_removed_is_gone() {
+    let (folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..3);
+    assert!(Spool::open(folder.path(), SMALL).is_err());
+    spool.close(id).unwrap();
+    drop(spool);
+    let mut spool = Spool::open(folder.path(), SMALL).unwrap();
+    assert!(spool.get(id).unwrap().is_closing());
+    spool.remove(id).unwrap();
+    drop(spool);
+    assert_eq!(Spool::open(folder.path(), SMALL).unwrap().ids(), []);
+}

@@ -1,0 +1,84 @@
+//! H.264 as containers hold it, into Annex B form: FFmpeg's filter `h264_mp4toannexb`.
+
+use std::ptr;
+
+use ff::packet::{Mut, Ref};
+use ff::{Packet, Rational, codec, ffi};
+use ffmpeg_next as ff;
+
+use super::mux::can_begin_with;
+use crate::domain::feed::FrameCodec;
+
+/// Turns packets into access units of Annex B form whose key frames bear their parameter sets. Those that are in that
+/// form already pass as they are.
+pub(super) struct AnnexB(*mut ffi::AVBSFContext);
+
+// SAFETY: a filter is bound to no thread, and only whoever owns it can use it.
+unsafe impl Send for AnnexB {}
+
+impl AnnexB {
+    /// A filter for a stream of these parameters.
+    pub(super) fn new(parameters: &codec::Parameters, time_base: Rational) -> Result<Self, ff::Error> {
+        let mut context = ptr::null_mut();
+        // SAFETY: the name is a C string; the filter that is found is static; the context is made by it before anything is
+        // written to it, the copied parameters live while they are copied, and `Drop` frees the context whatever fails.
+        unsafe {
+            let filter = ffi::av_bsf_get_by_name(c"h264_mp4toannexb".as_ptr());
+            if filter.is_null() {
+                return Err(ff::Error::BsfNotFound);
+            }
+            done(ffi::av_bsf_alloc(filter, &raw mut context))?;
+            let made = Self(context);
+            done(ffi::avcodec_parameters_copy((*context).par_in, parameters.as_ptr()))?;
+            (*context).time_base_in = time_base.into();
+            done(ffi::av_bsf_init(context))?;
+            Ok(made)
+        }
+    }
+
+    /// The access unit of a packet.
+    pub(super) fn access_unit(&mut self, mut packet: Packet) -> Result<Vec<u8>, ff::Error> {
+        let is_key = packet.is_key();
+        let mut filtered = Packet::empty();
+        // SAFETY: the context was initialised; both packets are whole, and the filter takes over what the first refers to.
+        unsafe {
+            done(ffi::av_bsf_send_packet(self.0, packet.as_mut_ptr()))?;
+            done(ffi::av_bsf_receive_packet(self.0, filtered.as_mut_ptr()))?;
+        }
+        let unit = filtered.data().unwrap_or_default();
+        if is_key && !can_begin_with(FrameCodec::H264, unit) {
+            return Ok([self.parameter_sets(), unit].concat());
+        }
+        Ok(unit.to_vec())
+    }
+
+    /// The parameter sets that the container states, in Annex B form.
+    fn parameter_sets(&self) -> &[u8] {
+        // SAFETY: the filter's output parameters live as long as it does, and are not written to after its initialisation.
+        unsafe {
+            let stated = (*self.0).par_out;
+            let length = usize::try_from((*stated).extradata_size).unwrap_or(0);
+            match (*stated).extradata.is_null() {
+                true => &[],
+                false => std::slice::from_raw_parts((*stated).extradata, length),
+            }
+        }
+    }
+}
+
+impl Drop for AnnexB {
+    fn drop(&mut self) {
+        // SAFETY: the context is this value's own, and nobody uses it afterwards.
+        unsafe { ffi::av_bsf_free(&raw mut self.0) }
+    }
+}
+
+fn done(result: i32) -> Result<(), ff::Error> {
+    if result < 0 { Err(ff::Error::from(result)) } else { Ok(()) }
+}
+
+/// Is the frame needed to decode others, and not to be shown?
+pub(super) fn is_hidden(packet: &Packet) -> bool {
+    // SAFETY: the packet is whole, and lives as long as it is looked at.
+    unsafe { (*packet.as_ptr()).flags & ffi::AV_PKT_FLAG_DISCARD != 0 }
+}

@@ -1,0 +1,284 @@
+//! Where a box's agent captures: a camera, a file or an address. Frames come coded as they are, if the feed knows their
+//! codec; others are decoded, turned upright, and coded as good JPEGs.
+//!
+//! | source | frames |
+//! |---|---|
+//! | H.264 | as they are, in Annex B form, parameter sets with every key frame |
+//! | MJPEG | as they are |
+//! | H.264 without times of showing, or that begins with frames not to be shown; pictures to be turned; any other codec; raw pictures | JPEG |
+
+use std::ffi::CString;
+use std::os::unix::fs::FileTypeExt;
+
+use ff::{Dictionary, Packet, codec, format, media};
+use ffmpeg_next as ff;
+
+use super::annexb::{AnnexB, is_hidden};
+use super::clock::{FrameClock, GAP_S, JITTER_S};
+use super::encode::EncodeError;
+use super::file::{MOST_FAILED_READS, clock_of, rotation_of, stated_size};
+use super::jpeg::{JpegMaker, JpegStyle};
+use super::picture_maker::Rotation;
+use super::{Limits, MediaError, VideoFile, device};
+use crate::domain::feed::{FrameCodec, TimeBase};
+
+/// Why nothing can be captured, or no more.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// An address that cannot be one.
+    #[error("the source's name holds a zero byte")]
+    Address,
+    /// Cameras cannot be read.
+    #[error("{0}")]
+    Device(String),
+    /// FFmpeg cannot open it.
+    #[error("it cannot be opened ({0})")]
+    Open(ff::Error),
+    /// It cannot be read any more.
+    #[error("it cannot be read any more ({0})")]
+    Read(ff::Error),
+    /// What it holds cannot be used.
+    #[error(transparent)]
+    Media(#[from] MediaError),
+    /// Its pictures cannot be coded.
+    #[error("its pictures cannot be coded: {0}")]
+    Encode(#[from] EncodeError),
+}
+
+/// What a source gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceInfo {
+    /// How its frames are coded when they come from here.
+    pub codec: FrameCodec,
+    /// Width and height of the picture, pixels.
+    pub size: (u32, u32),
+    /// The clock of [`CapturedFrame::time`]: the source's own if a feed can have it.
+    pub time_base: TimeBase,
+    /// The codec that its frames had, if they are coded anew.
+    pub coded_from: Option<String>,
+    /// Is it a file, read as fast as one likes?
+    pub is_file: bool,
+    /// Is it a camera?
+    pub is_camera: bool,
+}
+
+/// A frame, in the order of decoding.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CapturedFrame {
+    /// When it is shown, ticks since the recording's start; not checked against a feed's limits.
+    pub time: i64,
+    /// When it is due, in order of decoding, s since the first frame.
+    pub due_s: f64,
+    /// Can it be decoded without the ones before?
+    pub is_key: bool,
+    /// Its bytes; none if it was damaged.
+    pub bytes: Vec<u8>,
+}
+
+/// An open source.
+pub struct Source {
+    info: SourceInfo,
+    frames: Frames,
+}
+
+enum Frames {
+    Passed(Passed),
+    Coded { video: Box<VideoFile>, coder: JpegMaker },
+}
+
+struct Passed {
+    input: format::context::Input,
+    stream: usize,
+    first: Option<Packet>,
+    annex_b: Option<AnnexB>,
+    stamps: Stamps,
+}
+
+impl Source {
+    /// Opens a source, with options for FFmpeg. Reading it ends soon after `is_over` says so.
+    pub fn open(
+        address: &str,
+        options: &[(String, String)],
+        is_over: impl FnMut() -> bool + Send + 'static,
+    ) -> Result<Self, SourceError> {
+        CString::new(address).map_err(|_| SourceError::Address)?; // FFmpeg's wrapper panics on it
+        ff::init().map_err(SourceError::Open)?;
+        ff::log::set_level(ff::log::Level::Quiet);
+        let mut dictionary = Dictionary::new();
+        dictionary.set("rtsp_transport", "tcp"); // over UDP frames are lost without a word
+        options.iter().for_each(|(key, value)| dictionary.set(key, value));
+        let kind = std::fs::metadata(address).map(|found| found.file_type());
+        let (is_file, is_camera) = kind.map_or((false, false), |kind| (kind.is_file(), kind.is_char_device()));
+        let input = if is_camera {
+            // Times as the kernel has them, from its monotonic clock.
+            dictionary.set("timestamps", "default");
+            let camera = ff::Format::Input(device::format(device::CAMERA).map_err(SourceError::Device)?);
+            format::open_with(address, &camera, dictionary).map_err(SourceError::Open)?.input()
+        } else {
+            let address = if is_file { format!("file:{address}") } else { address.to_owned() };
+            format::input_with_interrupt_and_dictionary(&address, is_over, dictionary).map_err(SourceError::Open)?
+        };
+        Self::of(input, is_file, is_camera)
+    }
+
+    fn of(mut input: format::context::Input, is_file: bool, is_camera: bool) -> Result<Self, SourceError> {
+        let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
+        let (index, id, turn) = (stream.index(), stream.parameters().id(), rotation_of(&stream));
+        let size = stated_size(&stream)?;
+        let ticks = stream.time_base();
+        let time_base = feed_time_base(ticks)?;
+        let reorders = id == codec::Id::H264 && may_reorder(&stream);
+        let stamps = Stamps::new(&stream, reorders, time_base)?;
+        let annex_b = (id == codec::Id::H264).then(|| AnnexB::new(&stream.parameters(), ticks)).transpose();
+        let annex_b = annex_b.map_err(SourceError::Open)?;
+        let first = read_packet(&mut input, index)?.ok_or(MediaError::NoFrames)?;
+        let is_plain = turn == Rotation::None && !is_hidden(&first) && (!reorders || first.pts().is_some());
+        let codec = match id {
+            codec::Id::H264 if is_plain => FrameCodec::H264,
+            _ => FrameCodec::Jpeg,
+        };
+        if is_plain && [codec::Id::H264, codec::Id::MJPEG].contains(&id) {
+            let info = SourceInfo { codec, size, time_base, coded_from: None, is_file, is_camera };
+            let passed = Passed { input, stream: index, first: Some(first), annex_b, stamps };
+            return Ok(Self { info, frames: Frames::Passed(passed) });
+        }
+        // One thread: others would hold frames back.
+        let mut video = Box::new(VideoFile::from_input(input, Limits { threads: 1, ..Limits::default() })?);
+        video.unread(first);
+        let size = (video.info().width, video.info().height);
+        let coded_from = Some(id.name().to_owned());
+        let info = SourceInfo { codec, size, time_base, coded_from, is_file, is_camera };
+        Ok(Self { info, frames: Frames::Coded { video, coder: JpegMaker::new(JpegStyle::FULL) } })
+    }
+
+    /// What it gives.
+    pub fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    /// The next frame, or `None` at its end.
+    pub fn next_frame(&mut self) -> Result<Option<CapturedFrame>, SourceError> {
+        match &mut self.frames {
+            Frames::Passed(passed) => passed.next_frame(),
+            Frames::Coded { video, coder } => {
+                let Some(picture) = video.next_picture()? else { return Ok(None) };
+                let bytes = coder.code(&picture.frame())?;
+                let due_s = picture.frame().time_s;
+                video.take_back(picture);
+                Ok(Some(CapturedFrame { time: in_ticks(due_s, self.info.time_base), due_s, is_key: true, bytes }))
+            }
+        }
+    }
+}
+
+impl Passed {
+    fn next_frame(&mut self) -> Result<Option<CapturedFrame>, SourceError> {
+        let packet = match self.first.take() {
+            Some(packet) => Some(packet),
+            None => read_packet(&mut self.input, self.stream)?,
+        };
+        let Some(packet) = packet else { return Ok(None) };
+        let (time, due_s) = self.stamps.of(&packet);
+        let is_key = packet.is_key() || self.annex_b.is_none();
+        let bytes = match &mut self.annex_b {
+            Some(filter) => filter.access_unit(packet).unwrap_or_default(), // damaged
+            None => packet.data().unwrap_or_default().to_vec(),
+        };
+        Ok(Some(CapturedFrame { time, due_s, is_key, bytes }))
+    }
+}
+
+/// From a packet's stamps to the time of its frame, as [`VideoFile`] will find it again.
+struct Stamps {
+    order: Order,
+    seconds_per_tick: f64,
+    time_base: TimeBase,
+}
+
+enum Order {
+    /// Frames are shown as they are decoded.
+    AsDecoded(FrameClock),
+    /// They are not. What the stream's stamps are ahead of the recording's times, ticks of the stream, changes where those
+    /// of decoding jump because a clock was set; `last` is the latest of those, and `step` the latest step.
+    Reordered { ahead: Option<i64>, last: Option<i64>, step: i64 },
+}
+
+impl Stamps {
+    fn new(stream: &format::stream::Stream<'_>, reorders: bool, time_base: TimeBase) -> Result<Self, MediaError> {
+        let start = Some(stream.start_time()).filter(|&start| start != ff::ffi::AV_NOPTS_VALUE);
+        let order = match reorders {
+            true => Order::Reordered { ahead: start, last: None, step: 0 },
+            false => Order::AsDecoded(clock_of(stream, f64::from(stream.avg_frame_rate()))?),
+        };
+        Ok(Self { order, seconds_per_tick: f64::from(stream.time_base()), time_base })
+    }
+
+    /// When a frame is shown, ticks of the feed, and when it is due, s.
+    fn of(&mut self, packet: &Packet) -> (i64, f64) {
+        let (shown_s, due_s) = match &mut self.order {
+            Order::AsDecoded(clock) => {
+                let time_s = clock.time_s(packet.pts().or(packet.dts()));
+                (time_s, time_s)
+            }
+            Order::Reordered { ahead, last, step } => {
+                let decoded = packet.dts().or(*last).or(packet.pts()).unwrap_or(0);
+                let shown = packet.pts().unwrap_or(decoded);
+                let ahead = ahead.get_or_insert(shown);
+                if let Some(last) = *last {
+                    let step_s = decoded.saturating_sub(last) as f64 * self.seconds_per_tick;
+                    match (-JITTER_S..=GAP_S).contains(&step_s) {
+                        true => *step = decoded - last,
+                        false => *ahead = ahead.saturating_add(decoded - last - *step),
+                    }
+                }
+                *last = packet.dts().or(*last);
+                let seconds = |stamp: i64| stamp.saturating_sub(*ahead) as f64 * self.seconds_per_tick;
+                (seconds(shown), seconds(decoded))
+            }
+        };
+        (in_ticks(shown_s, self.time_base), due_s)
+    }
+}
+
+fn in_ticks(time_s: f64, time_base: TimeBase) -> i64 {
+    let (num, den) = time_base.fraction();
+    (time_s * f64::from(den) / f64::from(num)).round() as i64
+}
+
+/// The stream's own clock; a finer one that holds its ticks exactly where it is too coarse; else that of video.
+fn feed_time_base(ticks: ff::Rational) -> Result<TimeBase, MediaError> {
+    const FINEST: u32 = 100_000;
+    const VIDEO: u32 = 90_000;
+    let own = u32::try_from(ticks.denominator()).ok().filter(|den| (1..=FINEST).contains(den));
+    let den = match (ticks.numerator(), own) {
+        (1, Some(den @ 1000..)) => den,
+        (_, Some(den)) => den * (FINEST / den),
+        (_, None) => VIDEO,
+    };
+    TimeBase::try_from([1, den]).map_err(|error| MediaError::Container(error.to_string()))
+}
+
+/// May frames be shown in another order than that in which they are decoded?
+fn may_reorder(stream: &format::stream::Stream<'_>) -> bool {
+    let parameters = stream.parameters();
+    // SAFETY: the parameters live as long as `parameters`, and FFmpeg does not write to them after probing.
+    unsafe { (*parameters.as_ptr()).video_delay > 0 }
+}
+
+/// The next packet of a stream, or `None` at the end. A damaged one is passed over.
+fn read_packet(input: &mut format::context::Input, stream: usize) -> Result<Option<Packet>, SourceError> {
+    let mut failures = 0;
+    loop {
+        let mut packet = Packet::empty();
+        match packet.read(input) {
+            Ok(()) if packet.stream() == stream => return Ok(Some(packet)),
+            Ok(()) => {}
+            Err(ff::Error::Eof | ff::Error::Exit) => return Ok(None),
+            Err(ff::Error::InvalidData) if failures < MOST_FAILED_READS => failures += 1,
+            Err(error) => return Err(SourceError::Read(error)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

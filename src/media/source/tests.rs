@@ -1,0 +1,131 @@
+//! What comes from a source is what an upload of it would hold.
+
+use std::fs::File;
+use std::io::Cursor;
+use std::path::Path;
+use std::process::Command;
+
+use super::*;
+use crate::media::testing::{recording, seen};
+use crate::media::{CodedFrame, Muxer, Samples, Stream};
+
+fn captured(path: &Path) -> (SourceInfo, Vec<CapturedFrame>) {
+    let mut source = Source::open(path.to_str().unwrap(), &[], || false).unwrap();
+    let frames = std::iter::from_fn(|| source.next_frame().unwrap()).collect();
+    (source.info().clone(), frames)
+}
+
+/// All that can be seen of a recording.
+fn shown(bytes: Vec<u8>) -> Vec<(u64, f64, u64)> {
+    let mut video = VideoFile::open(Cursor::new(bytes), Limits::default()).unwrap();
+    std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| seen(&picture.frame())).collect()
+}
+
+/// The frames, put together as the server does.
+fn assembled(info: &SourceInfo, frames: &[CapturedFrame]) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording.mp4");
+    let stream = Stream { codec: info.codec, size: info.size, time_base: info.time_base, first: &frames[0].bytes };
+    let mut muxer = Muxer::create(File::create(&path).unwrap(), stream).unwrap();
+    let mut times: Vec<i64> = frames.iter().map(|frame| frame.time).collect();
+    times.sort_unstable();
+    let delay = times.iter().zip(frames).map(|(time, frame)| time - frame.time).max().unwrap();
+    for (frame, time) in frames.iter().zip(&times) {
+        let CapturedFrame { is_key, bytes, .. } = frame;
+        let coded = CodedFrame { pts: frame.time, dts: time - delay, duration: 1, is_key: *is_key, bytes };
+        muxer.write(coded).unwrap();
+    }
+    muxer.finish().unwrap();
+    std::fs::read(&path).unwrap()
+}
+
+/// A clip of FFmpeg's own, in any form.
+fn made(folder: &Path, name: &str, how: &str) -> std::path::PathBuf {
+    let path = folder.join(name);
+    let mut ffmpeg = Command::new("ffmpeg");
+    ffmpeg.args("-v error -f lavfi -i testsrc2=size=160x96:rate=30:duration=2".split(' '));
+    assert!(ffmpeg.args(how.split(' ')).arg(&path).status().unwrap().success());
+    path
+}
+
+#[test]
+fn a_clip_of_ours_comes_out_as_it_went_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("clip.mp4");
+    let clip = recording(Samples::Yuv420, 60);
+    std::fs::write(&path, &clip).unwrap();
+    let (info, frames) = captured(&path);
+    assert_eq!((info.codec, info.coded_from.clone(), info.is_file), (FrameCodec::H264, None, true));
+    assert!(
+        frames.windows(2).any(|pair| pair[1].time < pair[0].time),
+        "frames are shown in another order than decoded"
+    );
+    assert!(frames.windows(2).all(|pair| pair[0].due_s < pair[1].due_s));
+    assert_eq!(shown(assembled(&info, &frames)), shown(clip));
+}
+
+#[test]
+fn every_form_of_a_clip_keeps_its_frames_and_times() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, how, codec) in [
+        ("b_frames.mkv", "-c:v libx264 -g 20 -bf 3", FrameCodec::H264),
+        ("stream.ts", "-c:v libx264 -g 20 -bf 2 -muxdelay 0.5", FrameCodec::H264),
+        ("live.ts", "-c:v libx264 -g 20 -tune zerolatency -bsf:v filter_units=remove_types=6", FrameCodec::H264),
+        ("pictures.avi", "-c:v mjpeg -q:v 3", FrameCodec::Jpeg),
+    ] {
+        let path = made(folder.path(), name, how);
+        let (info, frames) = captured(&path);
+        assert_eq!((info.codec, info.coded_from.as_deref()), (codec, None), "{name}");
+        let keys = frames.iter().filter(|frame| frame.is_key);
+        assert!(keys.clone().count() >= 3, "{name}");
+        assert!(keys.into_iter().all(|key| crate::media::can_begin_with(codec, &key.bytes)), "{name}");
+        let [sent, clip] = [assembled(&info, &frames), std::fs::read(&path).unwrap()].map(shown);
+        assert_eq!(sent.len(), 60, "{name}");
+        for (sent, clip) in sent.iter().zip(&clip) {
+            assert!(
+                (sent.0, sent.2) == (clip.0, clip.2) && (sent.1 - clip.1).abs() < 1e-5,
+                "{name}: {sent:?} {clip:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_a_feed_does_not_know_becomes_upright_jpegs() {
+    let folder = tempfile::tempdir().unwrap();
+    let turned = folder.path().join("turned.mp4");
+    let mut turn = Command::new("ffmpeg");
+    turn.args(["-v", "error", "-i"]).arg(made(folder.path(), "upright.mp4", "-c:v libx264"));
+    assert!(turn.args("-c copy -metadata:s:v rotate=90".split(' ')).arg(&turned).status().unwrap().success());
+    for (path, from, size) in [
+        (made(folder.path(), "raw.avi", "-c:v rawvideo -pix_fmt yuyv422"), "rawvideo", (160, 96)),
+        (made(folder.path(), "clip.webm", "-c:v libvpx"), "vp8", (160, 96)),
+        (made(folder.path(), "clip.h264", "-c:v libx264 -bf 2"), "h264", (160, 96)),
+        (turned, "h264", (96, 160)),
+    ] {
+        let (info, frames) = captured(&path);
+        let name = path.display();
+        assert_eq!((info.codec, info.coded_from.as_deref(), info.size), (FrameCodec::Jpeg, Some(from), size), "{name}");
+        assert_eq!(frames.len(), 60, "{name}");
+        assert!(frames.windows(2).all(|pair| pair[0].time < pair[1].time), "{name}");
+        assert_eq!(shown(assembled(&info, &frames)).len(), 60, "{name}");
+    }
+}
+
+#[test]
+fn a_source_that_is_none_is_refused_with_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("text.mp4");
+    std::fs::write(&path, "no video at all").unwrap();
+    for address in [path.to_str().unwrap(), "/no/such/file", "a\0b", "/dev/null"] {
+        assert!(Source::open(address, &[], || false).is_err(), "{address:?}");
+    }
+}
+
+#[test]
+fn clocks_are_the_streams_own_where_a_feed_can_have_them() {
+    let base = |num, den| feed_time_base(ff::Rational(num, den)).unwrap().fraction();
+    assert_eq!([base(1, 12_800), base(1, 90_000), base(1, 1000)], [(1, 12_800), (1, 90_000), (1, 1000)]);
+    assert_eq!([base(1, 25), base(1001, 30_000)], [(1, 100_000), (1, 90_000)], "its ticks are whole numbers of these");
+    assert_eq!([base(1, 1_000_000), base(1, 180_000)], [(1, 90_000), (1, 90_000)]);
+}

@@ -1,0 +1,275 @@
+//! The real `trocar agent` with a clip as its camera: what becomes a session is the clip, whatever dies on the way.
+
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
+use trocar::domain::feed::record::read_all;
+use trocar::media::{Limits, VideoFile};
+
+use super::Centre;
+use crate::process::program;
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Number, time and samples of each frame.
+type Seen = Vec<(u64, f64, u64)>;
+
+fn seen(path: &Path) -> Seen {
+    let mut video = VideoFile::open(std::fs::File::open(path).unwrap(), Limits::default()).unwrap();
+    let picture = std::iter::from_fn(|| video.next_picture().unwrap());
+    let seen = picture.map(|picture| {
+        let frame = picture.frame();
+        let mut hasher = DefaultHasher::new();
+        for plane in [frame.y, frame.u, frame.v] {
+            (0..plane.height).for_each(|row| plane.row(row).hash(&mut hasher));
+        }
+        (frame.index, frame.time_s, hasher.finish())
+    });
+    seen.collect()
+}
+
+/// An agent, a place where it finds the service however often that moves, and its spool.
+struct Stand {
+    centre: Centre,
+    folder: tempfile::TempDir,
+    relay: Relay,
+}
+
+impl Stand {
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data");
+        let centre = Centre::open_bare(folder, data, |_| ()).await;
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("token"), centre.token()).unwrap();
+        let relay = Relay::to(centre.host()).await;
+        Self { centre, folder, relay }
+    }
+
+    fn spool(&self) -> PathBuf {
+        self.folder.path().join("spool")
+    }
+
+    /// `trocar agent`, with these words behind what it always needs.
+    fn agent(&self, words: &[&str]) -> Agent {
+        let mut agent = program();
+        agent.args(["agent", "--box", "box-1", "--server", &format!("http://{}", self.relay.host)]);
+        agent.arg("--token-file").arg(self.folder.path().join("token")).arg("--spool").arg(self.spool());
+        Agent(agent.args(words).stderr(Stdio::inherit()).spawn().unwrap())
+    }
+
+    /// One that records a clip.
+    fn records(&self, clip: &Path, words: &[&str]) -> Agent {
+        let clip = clip.to_str().unwrap();
+        self.agent(&[words, &["--trainee", "ada", "--task", "pegs", clip][..]].concat())
+    }
+
+    /// The service is gone, and nobody answers at its place.
+    fn kill_the_service(&mut self) {
+        self.relay.leads.send_replace(None);
+        self.centre.kill();
+    }
+
+    async fn restart_the_service(&mut self) {
+        self.centre.restart().await;
+        self.relay.leads.send_replace(Some(self.centre.host()));
+    }
+
+    /// Bytes that the service has of recordings that arrive.
+    fn arrived(&self) -> u64 {
+        let logs = std::fs::read_dir(self.centre.data().join("feeds")).unwrap();
+        logs.map(|log| log.unwrap().metadata().unwrap().len()).sum()
+    }
+
+    /// Bytes in the spool, as an agent that runs has them.
+    fn spooled(&self) -> u64 {
+        files_in(&self.spool()).iter().map(|file| std::fs::metadata(file).map_or(0, |found| found.len())).sum()
+    }
+
+    /// What the newest session shows.
+    async fn session(&self) -> Seen {
+        let sessions = self.centre.until("/sessions", |list| list["items"][0]["status"] != "receiving").await;
+        let id = sessions["items"][0]["id"].as_str().unwrap();
+        let video = self.centre.get(&format!("/sessions/{id}/video")).await;
+        assert!(video.status().is_success());
+        let path = self.folder.path().join("session.mp4");
+        std::fs::write(&path, video.bytes().await.unwrap()).unwrap();
+        seen(&path)
+    }
+}
+
+fn files_in(spool: &Path) -> Vec<PathBuf> {
+    let folders = std::fs::read_dir(spool).into_iter().flatten().flatten().map(|entry| entry.path());
+    let files = folders.filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten();
+    files.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|suffix| suffix == "records")).collect()
+}
+
+/// A running agent. Dropping it kills it.
+struct Agent(Child);
+
+impl Agent {
+    async fn ended(mut self) -> ExitStatus {
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = self.0.try_wait().unwrap() {
+                return status;
+            }
+            assert!(begun.elapsed() < PATIENCE, "the agent does not end");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+}
+
+impl Drop for Agent {
+    fn drop(&mut self) {
+        let _ = self.0.kill(); // SIGKILL; it may have ended already
+        let _ = self.0.wait();
+    }
+}
+
+/// A place that leads to the service wherever it listens, or nowhere.
+struct Relay {
+    host: String,
+    leads: watch::Sender<Option<String>>,
+}
+
+impl Relay {
+    async fn to(service: String) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let host = listener.local_addr().unwrap().to_string();
+        let (leads, to) = watch::channel(Some(service));
+        tokio::spawn(async move {
+            while let Ok((mut from, _)) = listener.accept().await {
+                let mut to = to.clone();
+                tokio::spawn(async move {
+                    let Some(service) = to.borrow_and_update().clone() else { return };
+                    let Ok(mut service) = TcpStream::connect(service).await else { return };
+                    tokio::select! {
+                        _ = tokio::io::copy_bidirectional(&mut from, &mut service) => {}
+                        _ = to.changed() => {}
+                    }
+                });
+            }
+        });
+        Self { host, leads }
+    }
+}
+
+async fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !is_so() {
+        assert!(begun.elapsed() < PATIENCE, "{what} does not happen");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+}
+
+/// The clip as MJPEG: each frame can be decoded without the others.
+fn jpegs(clip: &Path, folder: &Path) -> PathBuf {
+    let path = folder.join("clip.avi");
+    let mut ffmpeg = Command::new("ffmpeg");
+    ffmpeg.args(["-v", "error", "-i"]).arg(clip).args(["-c:v", "mjpeg", "-q:v", "3"]);
+    assert!(ffmpeg.arg(&path).status().unwrap().success());
+    path
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_clip_as_camera_becomes_the_session_that_its_upload_would_be() {
+    let stand = Stand::new().await;
+    let clip = stand.centre.scene("clip.mp4");
+    assert!(stand.records(&clip, &["--as-fast-as-possible"]).ended().await.success());
+    assert_eq!(stand.session().await, seen(&clip), "the same frames at the same times, to the last bit");
+    assert_eq!(files_in(&stand.spool()), Vec::<PathBuf>::new(), "nothing is kept of what is whole");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_service_that_dies_and_stays_away_costs_nothing() {
+    let mut stand = Stand::new().await;
+    let clip = stand.centre.scene("clip.mp4");
+    let agent = stand.records(&clip, &[]);
+    until("the recording's arrival", || stand.arrived() > 0).await;
+    stand.kill_the_service();
+    let before = stand.spooled();
+    until("the recording going on", || stand.spooled() > before).await;
+    stand.restart_the_service().await;
+    assert!(agent.ended().await.success());
+    assert_eq!(stand.session().await, seen(&clip));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_agent_that_is_killed_loses_nothing_that_was_in_its_spool() {
+    let mut stand = Stand::new().await;
+    let clip = stand.centre.scene("clip.mp4");
+    let agent = stand.records(&clip, &[]);
+    until("the recording's arrival", || stand.arrived() > 0).await;
+    stand.kill_the_service();
+    let before = stand.spooled();
+    until("the recording going on", || stand.spooled() > before).await;
+    drop(agent); // SIGKILL
+    let captured = captured(&stand.spool());
+    assert!(captured > 5, "{captured}");
+
+    stand.restart_the_service().await;
+    assert!(stand.agent(&[]).ended().await.success());
+    let (session, clip) = (stand.session().await, seen(&clip));
+    // The last frames may wait for others that are decoded before them and were not captured any more.
+    assert!(session.len() as u64 > captured - 4 && session.len() as u64 <= captured, "{} of {captured}", session.len());
+    let shown = session.iter().filter(|frame| clip.contains(frame)).count();
+    assert!(shown as u64 > captured - 4, "{shown} of {captured}");
+    assert_eq!(files_in(&stand.spool()), Vec::<PathBuf>::new());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_frame_that_the_disk_lost_is_a_gap_and_costs_itself_alone() {
+    let mut stand = Stand::new().await;
+    let clip = jpegs(&stand.centre.scene("clip.mp4"), stand.folder.path());
+    stand.kill_the_service();
+    let agent = stand.records(&clip, &["--as-fast-as-possible"]);
+    let frames = seen(&clip).len() as u64;
+    until("the capture", || stand.spooled() >= std::fs::metadata(&clip).unwrap().len() * 9 / 10).await;
+    drop(agent);
+    let captured = captured(&stand.spool());
+    assert!(captured > frames / 2);
+    let segment = files_in(&stand.spool()).remove(0);
+    let mut bytes = std::fs::read(&segment).unwrap();
+    bytes[40] ^= 1; // in the first frame
+    let cut = bytes.len() - 7; // and a torn write at the end
+    std::fs::write(&segment, &bytes[..cut]).unwrap();
+
+    stand.restart_the_service().await;
+    assert!(stand.agent(&[]).ended().await.success());
+    let session: Vec<u64> = stand.session().await.iter().map(|frame| (frame.1 * 1e6).round() as u64).collect();
+    let expected = &seen(&clip)[1..captured as usize - 1];
+    let expected: Vec<u64> = expected.iter().map(|frame| ((frame.1 - expected[0].1) * 1e6).round() as u64).collect();
+    let began = session[0];
+    assert_eq!(session.iter().map(|time| time - began).collect::<Vec<_>>(), expected);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_the_server_refuses_is_said_and_stays_in_the_spool() {
+    let stand = Stand::new().await;
+    let clip = stand.centre.scene("clip.mp4");
+    let words = ["--trainee", "nobody", "--task", "pegs", clip.to_str().unwrap()];
+    assert_eq!(stand.agent(&words).ended().await.code(), Some(1));
+    assert_eq!(files_in(&stand.spool()).len(), 1);
+    std::fs::write(stand.folder.path().join("token"), "trc_wrong").unwrap();
+    assert_eq!(stand.agent(&[]).ended().await.code(), Some(1));
+    assert_eq!(files_in(&stand.spool()).len(), 1);
+}
+
+/// One more than the largest number in a spool, by the bytes themselves.
+fn captured(spool: &Path) -> u64 {
+    let mut end = 0;
+    for path in files_in(spool) {
+        let read = read_all(std::fs::File::open(path).unwrap(), |_, record| {
+            end = end.max(record.last() + 1);
+            std::io::Result::Ok(())
+        });
+        read.unwrap();
+    }
+    end
+}
