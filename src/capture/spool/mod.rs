@@ -47,7 +47,14 @@ pub struct Spool {
     recordings: BTreeMap<FeedId, Recording>,
     /// The one that is being recorded.
     live: Option<FeedId>,
-    _lock: File,
+    lock: File,
+}
+
+impl Drop for Spool {
+    /// By itself the lock would outlive this where a child of the process has just been started and holds a copy.
+    fn drop(&mut self) {
+        let _ = self.lock.unlock(); // else it ends with the process
+    }
 }
 
 impl Spool {
@@ -77,7 +84,7 @@ impl Spool {
                 Err(error) => tracing::warn!(folder = %path.display(), %error, "no recording: it is left as it is"),
             }
         }
-        Ok(Self { folder: folder.to_owned(), most_bytes, recordings, live: None, _lock: lock })
+        Ok(Self { folder: folder.to_owned(), most_bytes, recordings, live: None, lock })
     }
 
     /// Begins the recording to which records are appended from now on.
