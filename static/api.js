@@ -111,6 +111,8 @@ export const api = {
     trajectory: (id, kind, signal) =>
       call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),
     diagnostics: (id, signal) => call('GET', ['sessions', id, 'diagnostics'], { signal }),
+    /** What its frames show while it arrives. */
+    watch: id => new WebSocket(`${location.origin.replace(/^http/, 'ws')}${address(['sessions', id, 'live'])}`),
     videoAddress: id => address(['sessions', id, 'video']),
     trajectoryAddress: (id, format) => address(['sessions', id, 'trajectory'], { format, kind: 'smoothed' }),
   },

@@ -23,6 +23,7 @@ const PAGES = [
     at: path => path[0] === 'sessions' && path.length === 2,
     load: () => import('./pages/session.js'),
   },
+  { name: 'wall', at: path => path[0] === 'live', load: () => import('./pages/wall.js'), needs: 'watch' },
   { name: 'upload', at: path => path[0] === 'upload', load: () => import('./pages/upload.js') },
   {
     name: 'trainees',

@@ -10,8 +10,19 @@ const ALLOWED = {
     'see_boxes',
     'edit_boxes',
     'people',
+    'watch',
   ],
-  instructor: ['upload', 'retry', 'delete', 'see_trainees', 'edit_trainees', 'edit_tasks', 'see_boxes', 'edit_boxes'],
+  instructor: [
+    'upload',
+    'retry',
+    'delete',
+    'see_trainees',
+    'edit_trainees',
+    'edit_tasks',
+    'see_boxes',
+    'edit_boxes',
+    'watch',
+  ],
   trainee: ['upload_own'],
 };
 

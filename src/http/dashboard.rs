@@ -74,11 +74,22 @@ fn media_type(path: &str, guessed: &str) -> HeaderValue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::quality::Cause;
 
     #[test]
     fn a_view_is_told_from_a_missing_file() {
         assert!(is_view("sessions/0193"));
         assert!(!is_view("vendor/chart.js"));
         assert!(is_reserved("api/v2/x") && is_reserved("docs/none") && !is_reserved("apiary"));
+    }
+
+    #[test]
+    fn the_live_page_warns_of_the_light_from_where_the_verdict_will() {
+        let script = Pages::get("parts/light.js").unwrap().data;
+        let script = str::from_utf8(&script).unwrap();
+        for (name, cause) in [("MOST_EXPOSURE", Cause::Exposure), ("MOST_WHITE_BALANCE", Cause::WhiteBalance)] {
+            let limit = cause.limits().care.unwrap();
+            assert!(script.contains(&format!("const {name} = {limit};")), "{name} is {limit}");
+        }
     }
 }

@@ -8,6 +8,7 @@ import { may } from '../roles.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
 import { Confirm } from '../parts/dialog.js';
+import { LiveFeatures, LiveView } from '../parts/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Review } from '../parts/review.js';
 import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
@@ -38,7 +39,9 @@ export default function Session({ person, route }) {
     <//>
     <div class="stack">
       <${Announce}>${t.status[stateOf(session)]}<//>
-      ${isMoving(session) && html`<${Waiting} session=${session} progress=${progress} />`}
+      ${session.status === 'receiving' && html`<${LiveView} session=${session} onClosed=${reload} />`}
+      ${isScored(session) && html`<${Waiting} session=${session} progress=${progress} />`}
+      ${isScored(session) && session.live_features && html`<${ToldLive} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} />`}
@@ -46,6 +49,9 @@ export default function Session({ person, route }) {
         start=${Number(route.query.get('t')) || 0} />`}
     </div>`;
 }
+
+/** Is it on its way to a score? */
+const isScored = session => ['queued', 'tracking'].includes(session.status);
 
 const Lead = ({ session, person }) => html`
   ${dateTime(session.recorded_at ?? session.created_at)} · ${session.box?.name} · ${session.filename}
@@ -58,12 +64,20 @@ const Waiting = ({ session, progress }) => html`
     <div class="body stack tight">
       ${session.error && html`<${Notice} tone="warn" title=${session.error.title}>${session.error.detail}<//>`}
       <${Notice}
-        title=${{ queued: words.waiting, tracking: words.tracking, receiving: words.receiving }[session.status]}>
+        title=${{ queued: words.waiting, tracking: words.tracking }[session.status]}>
         ${session.status === 'queued' && Number.isFinite(session.queue_position)
           ? `${t.today.position(session.queue_position)}. ` : ''}${words.waitingBody}
       <//>
       ${session.status === 'tracking' && html`<${ProgressBar} value=${progress} name=${session.filename} />`}
     </div>
+  </section>`;
+
+/** Until the final features are there, those that were told live. */
+const ToldLive = ({ features }) => html`
+  <section class="card">
+    <header><h2>${words.live}</h2></header>
+    <${LiveFeatures} features=${features} />
+    <p class="small muted keys">${words.liveDiffers}</p>
   </section>`;
 
 function Actions({ session, person, onChange }) {
@@ -105,7 +119,7 @@ function Loaded({ session, start }) {
   const [shown, setShown] = useState(null);
   useEffect(() => data && setShown(data), [data]);
 
-  if (!done && (!session.video || session.status === 'receiving')) return null;
+  if (!done && !session.video) return null;
   return html`
     ${problem && html`<${ProblemNotice}
       problem=${{ title: words.noPath, detail: `${problem.title}. ${problem.detail}` }} onRetry=${reload} />`}

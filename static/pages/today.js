@@ -72,11 +72,12 @@ export default function Today({ person }) {
     </dl>
     <div class="columns">
       <${List} title=${words.moving} items=${moving} row=${Moving} empty=${words.emptyQueue}
-        emptyBody=${words.emptyQueueBody} />
+        emptyBody=${words.emptyQueueBody} more=${may(person, 'watch') && count('receiving') > 0 && href(['live'])}
+        moreWords=${words.watch} />
       <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention}
         emptyBody=${words.emptyAttentionBody} />
       <${List} title=${words.recent} items=${data.done.slice(0, SHOWN)} row=${Done} empty=${words.emptyRecent}
-        emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} wide />
+        emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} moreWords=${words.all} wide />
     </div>`;
 }
 
@@ -89,9 +90,9 @@ function LiveState() {
 
 const Figure = ({ name, value }) => html`<div class="card figure"><dt>${name}</dt><dd>${value}</dd></div>`;
 
-const List = ({ title, items, row: Row, empty, emptyBody, more, wide }) => html`
+const List = ({ title, items, row: Row, empty, emptyBody, more, moreWords, wide }) => html`
   <section class=${`card ${wide ? 'wide' : ''}`}>
-    <header><h2>${title}</h2>${more && html`<a href=${more}>${words.all}</a>`}</header>
+    <header><h2>${title}</h2>${more && html`<a href=${more}>${moreWords}</a>`}</header>
     ${items.length ? html`<ul class="queue">${items.map(session => html`<${Row} key=${session.id}
       session=${session} />`)}</ul>` : html`<${Empty} title=${empty} body=${emptyBody} />`}
   </section>`;
@@ -109,7 +110,7 @@ const Moving = ({ session }) => html`
     ${session.status === 'queued'
       ? session.queue_position !== undefined && session.queue_position !== null && html`<p class="why">
       ${words.position(session.queue_position)}</p>`
-      : html`<${ProgressBar} value=${session.progress} name=${session.filename} />`}
+      : session.status === 'tracking' && html`<${ProgressBar} value=${session.progress} name=${session.filename} />`}
   </li>`;
 
 const Failed = ({ session }) => html`

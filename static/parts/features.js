@@ -6,7 +6,7 @@ import { Empty } from './notice.js';
 
 const words = t.session;
 
-/** `[name, title, unit, {tool → feature}]`, in the order in which the service tells them. */
+/** `[name, title, unit, {tool → feature}]`, in the order in which the service tells them; live features have no space. */
 export function featureRows(features, space) {
   const rows = new Map();
   for (const feature of features.filter(feature => feature.space === space)) {
@@ -17,7 +17,7 @@ export function featureRows(features, space) {
   return [...rows.values()];
 }
 
-export function Features({ features, tools, withheld }) {
+export function Features({ features, live, tools, withheld }) {
   const [space, setSpace] = useState('3d');
   if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
   if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
@@ -25,6 +25,7 @@ export function Features({ features, tools, withheld }) {
   const shared = rows.some(row => row.byTool.has(null));
   const columns = [...tools, ...(shared ? [null] : [])];
   const general = generalReasons(rows);
+  const toldLive = new Map(space === '3d' ? featureRows(live ?? []).map(row => [row.name, row.byTool]) : []);
   const spaces = ['3d', 'image'].filter(name => features.some(feature => feature.space === name));
   return html`
     ${spaces.length > 1 && html`
@@ -32,6 +33,7 @@ export function Features({ features, tools, withheld }) {
         ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
           onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
       </div>`}
+    ${toldLive.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
     ${general.map(why => html`<p key=${why} class="small muted chooser">${why}</p>`)}
     <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
       <table class="table dense">
@@ -49,7 +51,7 @@ export function Features({ features, tools, withheld }) {
                   .filter(why => !general.includes(why))
                   .map(why => html`<small key=${why}>${why}</small>`)}</th>
                 ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
-                  feature=${row.byTool.get(tool)} /></td>`)}
+                  feature=${row.byTool.get(tool)} /><${Live} feature=${toldLive.get(row.name)?.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
               </tr>`)}
         </tbody>
@@ -77,3 +79,7 @@ function Value({ feature }) {
   if (!feature) return '';
   return isMissing(feature) ? html`<span class="not-enough">${words.notEnough}</span>` : number(feature.value);
 }
+
+/** What was told while the recording arrived. */
+const Live = ({ feature }) => feature && html`
+  <small class="told-live">${words.toldLive(isMissing(feature) ? words.notEnough : number(feature.value))}</small>`;

@@ -19,6 +19,8 @@ export const icons = {
   warning: icon(['M12 4 2.5 20h19z', 'M12 10v4', 'M12 17v.01']),
   good: icon(['M20 6 9 17l-5-5']),
   info: icon(['M12 21a9 9 0 1 0 0-18 9 9 0 0 0 0 18z', 'M12 11v5', 'M12 8v.01']),
+  bridge: icon(['M3 12h3', 'M10.5 12h3', 'M18 12h3']),
+  leave: icon(['M10 4H4v16h6', 'M9 12h12', 'm16 7 5 5-5 5']),
   close: icon(['m6 6 12 12', 'M18 6 6 18']),
   add: icon(['M12 5v14', 'M5 12h14']),
   sun: icon([

@@ -6,13 +6,15 @@ const DISTANCE = 3.2;
 const MARGIN = 24; // Pixels left free on each side.
 
 export class Orbit {
-  constructor() {
+  /** `zoom`: at first and after a reset. */
+  constructor(zoom = 1) {
+    this.start = zoom;
     this.reset();
   }
 
   reset() {
     [this.yaw, this.pitch] = START;
-    this.zoom = 1;
+    this.zoom = this.start;
   }
 
   look([yaw, pitch]) {

@@ -74,7 +74,7 @@ export function Review({ session, trajectory, diagnostics, start }) {
             <p class="small muted keys">${words.curvesHint}</p>
           </section>`}
         ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header>
-          <${Features} features=${session.features} tools=${session.tools}
+          <${Features} features=${session.features} live=${session.live_features} tools=${session.tools}
             withheld=${session.quality?.verdict === 'refused'} /></section>`}
       </div>
     </div>`;

@@ -12,6 +12,7 @@ const THEME_ICON = { system: icons.system, light: icons.sun, dark: icons.moon };
 function places(person) {
   const all = [
     ['today', []],
+    ['wall', ['live'], ['watch']],
     ['sessions', ['sessions']],
     ['upload', ['upload'], ['upload', 'upload_own']],
     ['trainees', ['trainees'], ['see_trainees']],

@@ -40,27 +40,35 @@ export class SpacePainter {
     pen.lineCap = pen.lineJoin = 'round';
     drawFloor(pen, this.bounds, place);
     const shades = this.by === 'speed' ? ramp() : null;
-    for (const tool of this.tools) drawPath(pen, this.track, tool, place, shades);
+    for (const tool of this.tools) drawPath(pen, this.track, tool, place, { shades });
   }
 }
 
-/** The box round all paths, a little wider, and the ball round it that the view turns. */
+/** The space of all paths. */
 function boundsOf(tools) {
-  const ends = ['x_mm', 'y_mm', 'z_mm'].map(field => {
+  const extent = ['x_mm', 'y_mm', 'z_mm'].map(field => {
     let [low, high] = [Infinity, -Infinity];
     for (const tool of tools)
       for (const value of tool[field])
         if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
-    if (low > high) [low, high] = [-50, 50];
-    const step = 20;
-    return [Math.floor((low - 5) / step) * step, Math.ceil((high + 5) / step) * step];
+    return low > high ? [-50, 50] : [low, high];
   });
+  return boundsRound(extent);
+}
+
+/** The box round a lowest and highest x, y and z, a little wider, and the ball round it that the view turns. */
+export function boundsRound(extent) {
+  const step = 20;
+  const ends = extent.map(([low, high]) => [
+    Math.floor((low - 5) / step) * step,
+    Math.ceil((high + 5) / step) * step + 0, // No −0.
+  ]);
   const radius = Math.hypot(...ends.map(([low, high]) => (high - low) / 2));
   return { ends, radius, centre: ends.map(([low, high]) => (low + high) / 2) };
 }
 
 /** A grid of 20 mm on the far side of depth, and the three axes with their units. */
-function drawFloor(pen, { ends: [x, y, z] }, place) {
+export function drawFloor(pen, { ends: [x, y, z] }, place) {
   const { muted, line } = inkOf();
   const stroke = (from, to, style) => {
     pen.strokeStyle = style;
@@ -97,12 +105,13 @@ function label(pen, words, [x, y], middle) {
 }
 
 /** Segments are gathered by shade and painted shade by shade: a stroke per segment would be too slow. */
-function drawPath(pen, track, tool, place, shades) {
-  const stride = Math.max(1, Math.ceil(track.frames / MOST_SEGMENTS));
+export function drawPath(pen, track, tool, place, { shades, from = 0, to = track.frames } = {}) {
+  const stride = Math.max(1, Math.ceil((to - from) / MOST_SEGMENTS));
   const paths = new Map();
   const top = track.topSpeed || 1;
+  const ink = tool.ink();
   let before = null;
-  for (let i = 0; i < track.frames; i += stride) {
+  for (let i = from; i < to; i += stride) {
     if (tool.state[i] === MISSING || !Number.isFinite(tool.x_mm[i])) {
       before = null;
       continue;
@@ -110,7 +119,7 @@ function drawPath(pen, track, tool, place, shades) {
     const point = place(tool.x_mm[i], tool.y_mm[i], tool.z_mm[i]);
     if (before) {
       const speed = Number.isFinite(tool.speed[i]) ? tool.speed[i] : 0;
-      const style = shades ? shades[Math.min(SHADES - 1, Math.floor((speed / top) * SHADES))] : tool.ink();
+      const style = shades ? shades[Math.min(SHADES - 1, Math.floor((speed / top) * SHADES))] : ink;
       if (!paths.has(style)) paths.set(style, new Path2D());
       const path = paths.get(style);
       path.moveTo(before[0], before[1]);
@@ -125,7 +134,7 @@ function drawPath(pen, track, tool, place, shades) {
   }
 }
 
-function drawTip(pen, tool, frame, place) {
+export function drawTip(pen, tool, frame, place) {
   if (tool.state[frame] === MISSING || !Number.isFinite(tool.x_mm[frame])) return;
   const [x, y] = place(tool.x_mm[frame], tool.y_mm[frame], tool.z_mm[frame]);
   pen.setLineDash(tool.state[frame] === PREDICTED ? [3, 3] : []);

@@ -44,7 +44,8 @@ export function buildTrack(trajectory, diagnostics, frames = 0) {
   };
 }
 
-function emptyTool(name, index, count) {
+/** A tool with its colours and its sign, and room for so many rows. */
+export function emptyTool(name, index, count) {
   const lower = name.toLowerCase();
   const family = KNOWN.includes(lower) ? lower : (ALIASES[lower] ?? KNOWN[(index * 2 + 2) % KNOWN.length]);
   const tool = {

@@ -1,5 +1,5 @@
 // A real Chromium in front of the real service, as a person would use it: sign in, upload a recording, wait for its score
-// without reloading, play the overlay. One scenario in steps; each step needs the ones before it.
+// without reloading, play the overlay, watch a box that sends. One scenario in steps; each step needs the ones before it.
 //
 // Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD, TROCAR_CLIP (a recording that TROCAR_BOX can score);
 // optional TROCAR_BOX, TROCAR_TRAINEE, TROCAR_TASK (names; otherwise the first of each), TROCAR_SCREENSHOTS (a folder),
@@ -11,6 +11,7 @@ import { after, before, test } from 'node:test';
 
 import { chromium } from 'playwright-core';
 
+import { beginFeed, endFeed } from './sender.mjs';
 import { tracesOf } from './watch.mjs';
 
 const need = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
@@ -114,7 +115,7 @@ test('the features on the page are those that REST tells', async () => {
 /** How much is drawn on the overlay, and a number that changes with what is drawn. */
 const overlay = () =>
   page.evaluate(() => {
-    const canvas = document.querySelector('.screen canvas');
+    const canvas = document.querySelector('.screen canvas[aria-hidden]');
     const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
     let [drawn, sum] = [0, 0];
     for (let i = 3; i < data.length; i += 4)
@@ -177,10 +178,82 @@ test('a link to a moment leads to it, in the video and in the curves', async () 
   );
 });
 
+const LOOKS = ['light', 'dark'].flatMap(colorScheme => [
+  { name: `desk-${colorScheme}`, colorScheme, viewport: { width: 1440, height: 900 } },
+  { name: `tablet-${colorScheme}`, colorScheme, viewport: { width: 820, height: 1180 } },
+]);
+
+async function wear({ colorScheme, viewport }) {
+  await page.setViewportSize(viewport);
+  await page.emulateMedia({ colorScheme });
+}
+
+/** How much wider the page is than the screen, pixels. */
+const excess = () =>
+  page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+
+let sender;
+let arriving;
+
+test('a box that sends is on the wall, with the state of its tools', async () => {
+  const { box, trainee, task } = await ask(`sessions/${session}`);
+  sender = await page.context().newPage();
+  await sender.goto(url);
+  arriving = await beginFeed(sender, { recording: session, box: box.code, trainee: trainee.code, task: task.code });
+  await page.goto(`${url}/live`);
+  const tile = page.locator('.tile', { hasText: box.name });
+  await tile.getByText('Seen').first().waitFor({ timeout: patience });
+  for (const look of LOOKS) {
+    await wear(look);
+    await picture(`page-wall-${look.name}`);
+    assert.ok((await excess()) <= 0, `the wall is wider than a ${look.name}`);
+  }
+  await tile.getByRole('link', { name: trainee.name }).click();
+  await page.waitForURL(`**/sessions/${arriving}`);
+});
+
+test('while a session arrives its page shows the tips as they move', async () => {
+  await wear(LOOKS[0]);
+  await page.locator('.live-tool', { hasText: 'Seen' }).first().waitFor({ timeout: patience });
+  let drawn;
+  do drawn = await overlay();
+  while (drawn.drawn < 100); // Where the clip begins anew the tools jump, and are not believed for a moment.
+  const positions = () => page.locator('.live-tool.good .position').first().innerText();
+  const before = await positions();
+  assert.match(before, /x\s+−?\d+\.\d\s+± \d+\.\d\s+mm/);
+  await page.waitForFunction(
+    old => document.querySelector('.live-tool.good .position')?.innerText !== old,
+    before,
+    { timeout: 10_000 },
+  );
+  await page.locator('.live-features td.number', { hasText: /\d/ }).first().waitFor();
+  for (const look of LOOKS) {
+    await wear(look);
+    await picture(`page-live-${look.name}`);
+    assert.ok((await excess()) <= 0, `the live page is wider than a ${look.name}`);
+  }
+  await wear(LOOKS[0]);
+  assert.notEqual((await overlay()).sum, drawn.sum, 'the overlay was drawn anew');
+});
+
+test('when it is whole its page becomes the usual one by itself, live features beside the final ones', async () => {
+  await page.evaluate(() => (window.notReloaded = true));
+  const frames = await endFeed(sender);
+  await sender.close();
+  await page.locator('.plots canvas').first().waitFor({ timeout: patience });
+  assert.equal(await page.evaluate(() => window.notReloaded), true);
+  const told = await ask(`sessions/${arriving}`);
+  assert.equal(told.video.frames, frames, 'every frame is in the recording');
+  const known = told.live_features.filter(feature => feature.value !== null).length;
+  assert.equal(await page.locator('.told-live', { hasText: /\d/ }).count(), known);
+  await picture('05-arrived');
+});
+
 test('every page is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
   const { trainee, box } = await ask(`sessions/${session}`);
   const pages = {
     today: '/',
+    'wall-empty': '/live',
     sessions: '/sessions',
     session: `/sessions/${session}?t=1.5`,
     upload: '/upload',
@@ -192,24 +265,16 @@ test('every page is shown in both themes on a desk and on a tablet, and none is 
     people: '/people',
     account: '/account',
   };
-  for (const [size, viewport] of Object.entries({
-    desk: { width: 1440, height: 900 },
-    tablet: { width: 820, height: 1180 },
-  })) {
-    for (const colorScheme of ['light', 'dark']) {
-      await page.setViewportSize(viewport);
-      await page.emulateMedia({ colorScheme });
-      for (const [name, path] of Object.entries(pages)) {
-        await page.goto(url + path);
-        await page.locator('main h1').waitFor();
-        await page.waitForFunction(() => !document.querySelector('main .loading'));
-        if (name === 'session') await page.locator('.plots canvas').first().waitFor();
-        await picture(`page-${name}-${size}-${colorScheme}`);
-        const over = await page.evaluate(
-          () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
-        );
-        assert.ok(over <= 0, `${name} is ${over} px wider than a ${size}`);
-      }
+  for (const look of LOOKS) {
+    await wear(look);
+    for (const [name, path] of Object.entries(pages)) {
+      await page.goto(url + path);
+      await page.locator('main h1').waitFor();
+      await page.waitForFunction(() => !document.querySelector('main .loading'));
+      if (name === 'session') await page.locator('.plots canvas').first().waitFor();
+      await picture(`page-${name}-${look.name}`);
+      const over = await excess();
+      assert.ok(over <= 0, `${name} is ${over} px wider than a ${look.name}`);
     }
   }
 });

@@ -11,6 +11,9 @@ export function tracesOf(page, origin) {
     const at = request.url();
     if (!at.startsWith(`${origin}/`) && !/^(blob|data):/.test(at)) foreign.push(at);
   });
+  page.on('websocket', socket => {
+    if (!socket.url().startsWith(`${origin.replace(/^http/, 'ws')}/`)) foreign.push(socket.url());
+  });
   page.on('pageerror', error => broken.push(error.message));
   page.on('console', message => {
     if (message.type() === 'error' && !EXPECTED.test(message.text()))

@@ -1,0 +1,132 @@
+// The last seconds of a session that arrives, in the shape from which overlay and space are drawn (`track.js`). Arrays do
+// not grow: when they are full, their newer half moves to the front.
+import { boundsRound } from './space_painter.js';
+import { emptyTool, MISSING, OBSERVED, PREDICTED } from './track.js';
+
+const WINDOW_S = 10;
+const ROOM = 2400; // Rows: 10 s twice, at 120 frames a second.
+const BREAK_S = 0.5; // Over a longer pause no line is drawn.
+const AROUND_MM = 30; // Room round the first tip.
+const STATES = { seen: OBSERVED, bridged: PREDICTED };
+const FIELDS = ['x_mm', 'y_mm', 'z_mm', 'speed', 'tip_u_px', 'tip_v_px', 'sigma_xy_mm', 'sigma_z_mm'];
+/** What changes from frame to frame cannot be read: so long a state, a reason, and what is spoken must last. */
+const HOLD_S = { state: 0.15, reason: 1, spoken: 1 };
+
+export class LiveTrack {
+  /** The window is rows `first` to `frames − 1`. */
+  first = 0;
+  frames = 0;
+  times = new Float64Array(ROOM);
+  numbers = new Float64Array(ROOM);
+  /** Between two tips, with its standard deviation, mm. */
+  distance = null;
+  bounds = boundsRound([
+    [-50, 50],
+    [-50, 50],
+    [100, 200],
+  ]);
+  #extent = null;
+
+  constructor({ width, height, tools }) {
+    Object.assign(this, { width, height, tools: tools.map(toolOf) });
+  }
+
+  /** Is it the same picture with the same tools? Then a connection that comes back goes on with this path. */
+  fits({ width, height, tools }) {
+    const names = this.tools.map(tool => tool.name);
+    return this.width === width && this.height === height && tools?.join() === names.join();
+  }
+
+  get last() {
+    return this.frames - 1;
+  }
+
+  get time() {
+    return this.frames ? this.times[this.last] : NaN;
+  }
+
+  /** The row of a frame; of a frame that is not in the window, the last. */
+  rowOf(number) {
+    let row = this.last;
+    while (row > this.first && this.numbers[row] > number) row--;
+    return this.numbers[row] === number ? row : this.last;
+  }
+
+  push({ frame, time_s, tools, distance_mm }) {
+    if (this.frames && time_s - this.time > BREAK_S) this.#add(frame - 1, this.time, null);
+    this.#add(frame, time_s, tools);
+    this.distance = distance_mm;
+    tools.forEach((seen, index) => this.tools[index]?.told.hear(seen, time_s));
+  }
+
+  #add(number, time, seen) {
+    if (this.frames === ROOM) this.#makeRoom();
+    const row = this.frames++;
+    this.times[row] = time;
+    this.numbers[row] = number;
+    for (const tool of this.tools) {
+      fill(tool, row, seen?.[tool.index]);
+      if (tool.state[row] === OBSERVED) this.#extend(['x_mm', 'y_mm', 'z_mm'].map(field => tool[field][row]));
+    }
+    while (this.times[this.first] < time - WINDOW_S) this.first++;
+  }
+
+  #makeRoom() {
+    const half = ROOM / 2;
+    const arrays = tool => [tool.state, tool.reason, tool.borderA, tool.borderB, ...FIELDS.map(field => tool[field])];
+    for (const array of [this.times, this.numbers, ...this.tools.flatMap(arrays)]) array.copyWithin(0, half);
+    this.frames = half;
+    this.first = Math.max(0, this.first - half);
+  }
+
+  /** The space that is shown grows with the paths and never shrinks: a view that moves by itself cannot be read. */
+  #extend(tip) {
+    if (this.#extent?.every(([low, high], axis) => low <= tip[axis] && tip[axis] <= high)) return;
+    this.#extent = tip.map((at, axis) => {
+      const [low, high] = this.#extent?.[axis] ?? [at - AROUND_MM, at + AROUND_MM];
+      return [Math.min(low, at), Math.max(high, at)];
+    });
+    this.bounds = boundsRound(this.#extent);
+  }
+}
+
+function toolOf(name, index) {
+  const tool = emptyTool(name, index, ROOM);
+  for (const field of ['sigma_xy_mm', 'sigma_z_mm']) tool[field] = new Float64Array(ROOM).fill(NaN);
+  return Object.assign(tool, { told: new Told() });
+}
+
+function fill(tool, row, seen) {
+  tool.state[row] = STATES[seen?.state] ?? MISSING;
+  tool.reason[row] = seen?.state === 'left_view' ? 'left_view' : (seen?.reason ?? null);
+  [tool.borderA[row], tool.borderB[row]] = seen?.borders_px ?? [null, null];
+  const px = seen?.state === 'seen' ? seen.tip_px : null; // What was found and not believed is no tip.
+  const { tip_mm: tip = null, speed_mm_s: speed = null, sigma_mm: sigma = null } = seen ?? {};
+  const values = [tip ?? [NaN, NaN, NaN], speed ?? NaN, px ?? [NaN, NaN], sigma ?? [NaN, NaN]];
+  values.flat().forEach((value, at) => (tool[FIELDS[at]][row] = value));
+}
+
+/** How a tool stands, in words that stay long enough to be read: `state`, `reason`, and `spoken` for screen readers. */
+class Told {
+  state = null;
+  reason = null;
+  spoken = null;
+  #since = { state: 0, reason: 0, spoken: 0 };
+  #next = { state: null, spoken: null };
+
+  hear({ state, reason }, time) {
+    const changed = this.#settle('state', state, time);
+    this.#settle('spoken', state, time);
+    if (state !== this.state || (!changed && time - this.#since.reason < HOLD_S.reason)) return;
+    this.reason = reason;
+    this.#since.reason = time;
+  }
+
+  #settle(what, state, time) {
+    if (this.#next[what] !== state) [this.#next[what], this.#since[what]] = [state, time];
+    if (this[what] === state) return false;
+    if (this[what] !== null && time - this.#since[what] < HOLD_S[what]) return false;
+    this[what] = state;
+    return true;
+  }
+}
