@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::{PipeWriter, Write, pipe};
 use std::os::fd::OwnedFd;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use metrics::{counter, histogram};
@@ -106,6 +106,14 @@ pub struct Watch {
     pub news: broadcast::Receiver<Arc<Followed>>,
     /// Whether pictures are wanted.
     pub viewer: Option<Viewer>,
+    feed: Weak<Feed>, // weak: whoever watches does not keep a recording open
+}
+
+impl Watch {
+    /// Does anybody send the recording?
+    pub fn is_sent(&self) -> bool {
+        self.feed.upgrade().is_some_and(|feed| feed.is_sent())
+    }
 }
 
 /// One that wants pictures, for as long as it is kept.
@@ -141,6 +149,10 @@ impl Follower {
         if child.task.as_ref().is_some_and(|task| !task.is_finished()) {
             return;
         }
+        if matches!(*self.0.following.borrow(), Following::Refused(_)) {
+            child.recent.clear(); // what was refused is among it
+        }
+        self.0.following.send_replace(Following::NotYet);
         let (follower, feeds, row, time_base) = (self.clone(), feeds.clone(), feed.row.clone(), feed.time_base);
         child.task = Some(feeds.0.shutdown.clone().spawn(async move {
             if let Err(not) = follower.follow(&feeds, row, time_base).await {
@@ -218,13 +230,14 @@ impl Follower {
     }
 
     /// A watcher's end. Without one that wants pictures none are made.
-    pub(super) fn watch(&self, feed: &Feed, wants_pictures: bool) -> Watch {
+    pub(super) fn watch(&self, feed: &Arc<Feed>, wants_pictures: bool) -> Watch {
         Watch {
             row: feed.row.clone(),
             time_base: feed.time_base,
             following: self.0.following.subscribe(),
             news: self.0.news.subscribe(),
             viewer: wants_pictures.then(|| Viewer::new(self)),
+            feed: Arc::downgrade(feed),
         }
     }
 

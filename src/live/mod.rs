@@ -149,7 +149,7 @@ impl Feeds {
         let id = new.id;
         // Held from the epoch to the entry, so that of two hellos the one with the higher epoch is entered last.
         let mut open = self.0.open.0.lock().await;
-        let sends = |feed: &&Arc<Feed>| feed.connections.load(Ordering::Acquire) > 0 && feed.row.box_id == new.in_box;
+        let sends = |feed: &&Arc<Feed>| feed.is_sent() && feed.row.box_id == new.in_box;
         if let Some(other) = open.values().find(|feed| feed.row.id != id && sends(feed)) {
             return Err(Farewell::new(
                 Code::Busy,
@@ -185,10 +185,11 @@ impl Feeds {
         Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)))
     }
 
-    /// Watches the recording of a session that arrives; `None` while no service has it open.
+    /// Watches the recording of a session that arrives; `None` while nobody sends it.
     pub async fn watch(&self, session: SessionId, wants_pictures: bool) -> Option<Watch> {
         let open = self.0.open.0.lock().await;
-        open.values().find(|feed| feed.row.session_id == session).map(|feed| feed.follower.watch(feed, wants_pictures))
+        let arrives = |feed: &&Arc<Feed>| feed.row.session_id == session && feed.is_sent();
+        open.values().find(arrives).map(|feed| feed.follower.watch(feed, wants_pictures))
     }
 
     /// Ends what was abandoned and clears up, again and again until the service ends.
@@ -332,8 +333,12 @@ impl Feeds {
 }
 
 impl Feed {
+    fn is_sent(&self) -> bool {
+        self.connections.load(Ordering::Acquire) > 0
+    }
+
     fn is_abandoned(&self, long_ago_ms: i64) -> bool {
-        self.connections.load(Ordering::Acquire) == 0 && self.heard_ms.load(Ordering::Acquire) < long_ago_ms
+        !self.is_sent() && self.heard_ms.load(Ordering::Acquire) < long_ago_ms
     }
 
     /// Ticks of the longest recording: no frame has a later time.

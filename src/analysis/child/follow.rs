@@ -148,6 +148,7 @@ impl Follower {
         let frame = picture.frame();
         let report = tracker.observe(&frame);
         report.tools.iter().filter_map(|tool| tool.filtered.as_ref()).for_each(|sample| self.running.take(sample));
+        self.running.pass(frame.time_s);
         let tools = report.tools.iter().map(|tool| FollowedTool::new(frame.index, tool)).collect();
         self.told.frames.push(FollowedFrame { frame: frame.index, time_s: frame.time_s, tools });
         self.since_forgotten += 1;

@@ -250,14 +250,12 @@ impl Watcher {
     /// Tells what the frames show for as long as the recording is open.
     async fn accompany(&self, socket: &mut WebSocket, mut watch: Watch) -> Pause {
         let mut still_signed_in = interval(STILL_SIGNED_IN);
+        let mut still_sent = interval(LOOK_EVERY);
         watch.following.mark_changed();
         loop {
             let said = tokio::select! {
                 biased;
                 heard = socket.recv() => if is_there(heard) { Ok(()) } else { Err(Gone) },
-                _ = still_signed_in.tick() => {
-                    if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
-                }
                 // Closed only together with the news, of which there may be some left.
                 Ok(()) = watch.following.changed() => say(socket, &live_word(&mut watch)).await,
                 news = watch.news.recv() => match news {
@@ -265,6 +263,10 @@ impl Watcher {
                     Err(RecvError::Lagged(count)) => say(socket, &Word::Missed { count }).await,
                     Err(RecvError::Closed) => return Pause::Closed,
                 },
+                _ = still_sent.tick() => if watch.is_sent() { Ok(()) } else { return Pause::Closed },
+                _ = still_signed_in.tick() => {
+                    if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
+                }
             };
             if said.is_err() {
                 return Pause::Over;

@@ -5,7 +5,7 @@
 //! order of sums. The path goes on the same grid: an instant counts once no later sample can change its fit, which is 0.15 s
 //! after it, or seven frames.
 //!
-//! Over all that was seen, not over the task: when the task ends is known at its end only.
+//! Over the time since a tool was first seen, not over the task: when that ends is known at its end only.
 
 use std::collections::VecDeque;
 
@@ -26,12 +26,21 @@ pub static LIVE: [&Feature; 5] = [&PATH_LENGTH, &DEPTH_TRAVELLED, &MEAN_VELOCITY
 pub struct Running {
     settings: FeatureSettings,
     tools: Vec<Growing>,
+    now_s: f64,
 }
 
 impl Running {
     /// Nothing seen yet of so many tools.
     pub fn new(tools: usize, settings: FeatureSettings) -> Self {
-        Self { tools: (0..tools).map(|_| Growing::default()).collect(), settings }
+        Self { tools: (0..tools).map(|_| Growing::default()).collect(), settings, now_s: 0.0 }
+    }
+
+    /// It is so late now, s: what was not seen since the last sample counts as that.
+    pub fn pass(&mut self, now_s: f64) {
+        self.now_s = now_s;
+        let is_gone =
+            |tool: &&mut Growing| tool.run.back().is_some_and(|last| now_s - last.time_s > self.settings.max_gap_s);
+        self.tools.iter_mut().filter(is_gone).for_each(|tool| tool.end_run(&self.settings));
     }
 
     /// Takes a tool's next sample, in time order; one of a tool that is not there is ignored.
@@ -49,7 +58,7 @@ impl Running {
     /// Each tool's features over all that was seen of it so far, or why there is none.
     pub fn values(&self) -> Vec<FeatureValue> {
         let of_tool = |(tool, growing): (usize, &Growing)| {
-            let values = growing.sums.values(&self.settings);
+            let values = growing.sums.values(self.now_s, &self.settings);
             let value = move |(feature, value)| FeatureValue { feature, tool: Some(tool), space: Space::ThreeD, value };
             LIVE.into_iter().zip(values).map(value)
         };
@@ -155,10 +164,13 @@ impl Sums {
     }
 
     /// The values of [`LIVE`].
-    fn values(&self, settings: &FeatureSettings) -> [Result<f64, NotEnough>; LIVE.len()] {
+    fn values(&self, now_s: f64, settings: &FeatureSettings) -> [Result<f64, NotEnough>; LIVE.len()] {
         let Some(extent) = self.extent else { return [Err(NotEnough::NeverSeen); LIVE.len()] };
+        // A tool that has not been missing for longer than a gap may still turn out to have been seen.
+        let now = ((now_s - settings.max_gap_s) / settings.step_s).floor() as i64;
+        let steps = extent.steps().max(now - extent.first);
         let observed_s = self.steps as f64 * settings.step_s;
-        let share = self.steps as f64 / extent.steps() as f64;
+        let share = self.steps as f64 / steps as f64;
         let enough = check_enough(observed_s, share, self.length_mm, settings);
         let sum = |value: f64| enough.map(|()| value);
         [
@@ -231,6 +243,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_tool_that_is_gone_is_not_seen_for_longer_and_longer() {
+        let samples = path(&[0.04; 100], &[true; 100]);
+        let mut running = Running::new(1, FeatureSettings::default());
+        samples.iter().for_each(|sample| running.take(sample));
+        let not_seen =
+            |running: &Running| running.values().into_iter().find(|v| v.feature == &NOT_SEEN_SHARE).unwrap().value;
+        running.pass(4.1);
+        assert!(not_seen(&running).unwrap() < 0.03, "{:?}", not_seen(&running));
+        running.pass(8.25);
+        assert!((not_seen(&running).unwrap() - 0.5).abs() < 0.03, "{:?}", not_seen(&running));
     }
 
     #[test]
