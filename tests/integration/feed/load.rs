@@ -136,8 +136,8 @@ async fn send(load: Arc<Load>, number: usize, fps: Option<u64>) {
     let sent: Arc<Mutex<Vec<Instant>>> = Arc::default();
     let watcher = tokio::spawn(watch(load.clone(), welcome["session"].as_str().unwrap().to_owned(), sent.clone()));
     let started = Instant::now();
-    // Boxes do not begin in step.
-    let phase = Duration::from_millis(7 * number as u64 % 40);
+    // Boxes do not begin in step, and so their key frames do not come together.
+    let phase = Duration::from_millis(157 * number as u64 % 2000);
     for at in 0.. {
         if load.ends.load(Ordering::Acquire) {
             break;
