@@ -34,7 +34,7 @@ const LOG_EVERY_S: u64 = 10;
 /// Arguments of `trocar agent`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The server, as https://trocar.example or http://127.0.0.1:8080
+    /// The server, as `https://trocar.example` or `http://127.0.0.1:8080`
     #[arg(long, value_name = "URL")]
     server: String,
     /// Id or code of the box that the camera belongs to

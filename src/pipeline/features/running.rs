@@ -1,7 +1,7 @@
 //! Features while a feed goes on: sums over all that was seen so far, from each sample once.
 //!
-//! **In:** samples of the causal path as they come. **Out:** the features of [`FEATURES`] that are sums or means. **Law:** after
-//! [`Running::end`] each equals the same feature measured on the whole path at once ([`Motion::of_samples`]), but for the
+//! **In:** samples of the causal path as they come. **Out:** the features of [`super::FEATURES`] that are sums or means. **Law:** after
+//! [`Running::end`] each equals the same feature measured on the whole path at once ([`super::motion::Motion::of_samples`]), but for the
 //! order of sums. The path goes on the same grid: an instant counts once no later sample can change its fit, which is 0.15 s
 //! after it, or seven frames.
 //!
