@@ -28,7 +28,8 @@ export default function Session({ person, route }) {
     if (event.status !== session.status) reload();
   });
 
-  if (problem && !session)
+  // One that was erased, or was the same recording as another, is no more.
+  if (problem && (!session || problem.status === 404))
     return html`<${PageHead} title=${t.nav.sessions} /><${ProblemNotice} problem=${problem} onRetry=${reload} />`;
   if (!session) return html`<${PageHead} title=${t.nav.sessions} /><${Loading} />`;
   const progress = moved?.status === session.status ? moved.progress : session.progress;
