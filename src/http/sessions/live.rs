@@ -288,11 +288,11 @@ async fn tell_of(socket: &mut WebSocket, followed: &Arc<Followed>, watch: &Watch
     for frame in &followed.frames {
         say(socket, &Word::Frame(Frame::from(frame))).await?;
     }
-    let tools = match &*watch.following.borrow() {
-        Following::Tools(tools) => tools.clone(),
-        Following::NotYet | Following::Not(_) | Following::Refused(_) => Vec::new(),
-    };
     if let Some(rows) = &followed.running {
+        let tools = match &*watch.following.borrow() {
+            Following::Tools(tools) => tools.clone(),
+            Following::NotYet | Following::Not(_) | Following::Refused(_) => Vec::new(),
+        };
         let light = followed.light.map(|[luma_ratio, blue, red]| Light { luma_ratio, chroma_shift: [blue, red] });
         say(socket, &Word::Features { features: live_features(rows, &tools), light }).await?;
     }

@@ -186,15 +186,21 @@ async fn a_clip_as_camera_becomes_the_session_that_its_upload_would_be() {
     assert_eq!(files_in(&stand.spool()), Vec::<PathBuf>::new(), "nothing is kept of what is whole");
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_service_that_dies_and_stays_away_costs_nothing() {
-    let mut stand = Stand::new().await;
-    let clip = stand.centre.scene("clip.mp4");
-    let agent = stand.records(&clip, &[]);
+/// An agent whose service was killed while it recorded, and that goes on.
+async fn records_without_a_service(stand: &mut Stand, clip: &Path) -> Agent {
+    let agent = stand.records(clip, &[]);
     until("the recording's arrival", || stand.arrived() > 0).await;
     stand.kill_the_service();
     let before = stand.spooled();
     until("the recording going on", || stand.spooled() > before).await;
+    agent
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_service_that_dies_and_stays_away_costs_nothing() {
+    let mut stand = Stand::new().await;
+    let clip = stand.centre.scene("clip.mp4");
+    let agent = records_without_a_service(&mut stand, &clip).await;
     stand.restart_the_service().await;
     assert!(agent.ended().await.success());
     assert_eq!(stand.session().await, seen(&clip));
@@ -204,11 +210,7 @@ async fn a_service_that_dies_and_stays_away_costs_nothing() {
 async fn an_agent_that_is_killed_loses_nothing_that_was_in_its_spool() {
     let mut stand = Stand::new().await;
     let clip = stand.centre.scene("clip.mp4");
-    let agent = stand.records(&clip, &[]);
-    until("the recording's arrival", || stand.arrived() > 0).await;
-    stand.kill_the_service();
-    let before = stand.spooled();
-    until("the recording going on", || stand.spooled() > before).await;
+    let agent = records_without_a_service(&mut stand, &clip).await;
     drop(agent); // SIGKILL
     let captured = captured(&stand.spool());
     assert!(captured > 5, "{captured}");

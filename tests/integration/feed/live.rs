@@ -39,6 +39,13 @@ impl Watcher {
         }
     }
 
+    /// An instructor's, once the recording is tracked.
+    async fn of_tracked(centre: &Centre, session: &str) -> Self {
+        let mut watcher = Self::open(centre, &centre.instructor, session).await.unwrap();
+        while watcher.word("live").await["tools"].is_null() {}
+        watcher
+    }
+
     async fn next(&mut self) -> Told {
         loop {
             match soon("news", self.0.next()).await {
@@ -112,8 +119,7 @@ async fn what_is_told_live_is_what_the_causal_tracker_says_and_the_score_is_that
     let Some(scene) = Scene::new(4) else { return };
     let centre = centre(&scene).await;
     let (mut sender, id) = begin(&centre, &scene, RECORDING).await;
-    let mut watcher = Watcher::open(&centre, &centre.instructor, &id).await.unwrap();
-    while watcher.word("live").await["tools"].is_null() {}
+    let mut watcher = Watcher::of_tracked(&centre, &id).await;
     let all = scene.frames.len();
     send(&mut sender, &scene, 0..all).await;
     sender.say(&json!({"type": "end", "frames": all})).await;
@@ -215,8 +221,7 @@ async fn a_hole_and_late_frames_cost_live_positions_only() {
     let keys: Vec<usize> = (0..scene.frames.len()).filter(|number| scene.frames[*number].is_key).collect();
     let second = keys[1];
     let (mut sender, id) = begin(&centre, &scene, RECORDING).await;
-    let mut watcher = Watcher::open(&centre, &centre.instructor, &id).await.unwrap();
-    while watcher.word("live").await["tools"].is_null() {}
+    let mut watcher = Watcher::of_tracked(&centre, &id).await;
     let all = scene.frames.len();
     send(&mut sender, &scene, 0..20).await;
     send(&mut sender, &scene, second..all).await; // live again after an outage
@@ -245,8 +250,7 @@ async fn a_box_that_sends_another_size_is_told_and_what_came_before_is_kept() {
     let Some(scene) = Scene::new(2) else { return };
     let centre = centre(&scene).await;
     let (mut sender, id) = begin(&centre, &scene, RECORDING).await;
-    let mut watcher = Watcher::open(&centre, &centre.instructor, &id).await.unwrap();
-    while watcher.word("live").await["tools"].is_null() {}
+    let mut watcher = Watcher::of_tracked(&centre, &id).await;
     send(&mut sender, &scene, 0..25).await;
     let wrong = super::scene::one_of_another_size(&scene);
     let body = Body::Frame { time: scene.frames[24].time + 9_000, is_key: true, payload: &wrong };
