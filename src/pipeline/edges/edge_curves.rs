@@ -5,6 +5,8 @@
 
 use std::sync::OnceLock;
 
+use super::lanes::{LANES, Lanes};
+
 const STEPS_PER_SIGMA: f32 = 16.0; // between them, straight lines are within 2e-4
 const TABLE_REACH: f32 = 8.0;
 const STEPS: usize = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize;
@@ -14,11 +16,14 @@ const SHARES: [f64; 6] = [0.0, 0.3, 0.55, 0.75, 0.88, 0.96];
 /// What blur makes of the parts of an edge at one place, `z` standard deviations outside of it: the share of the inside,
 /// the root of the depth inside, the distance outside; and by how much the share and the root fall per standard deviation
 /// outwards.
-pub type Curves = [f32; 5];
+pub type Curves = [Lanes; 5];
 
 /// All of them for `z` from −8 to 8.
 pub struct EdgeCurves {
-    table: Vec<[f32; 8]>,
+    /// Each curve at each step.
+    low: Box<[Lanes; STEPS]>,
+    /// And by how much more it is at the next.
+    rise: Box<[Lanes; STEPS]>,
 }
 
 static EDGE_CURVES: [OnceLock<EdgeCurves>; SHARES.len()] = [const { OnceLock::new() }; SHARES.len()];
@@ -37,30 +42,44 @@ impl EdgeCurves {
         let place = |i: usize| i as f64 / f64::from(STEPS_PER_SIGMA) - f64::from(TABLE_REACH);
         let mean = |of: &dyn Fn(f64) -> f64, z: f64| kernel.iter().map(|(x, weight)| weight * of(z + x)).sum::<f64>();
         let limb: Vec<f64> = (0..=STEPS).map(|i| mean(&|x| (-x).max(0.0).sqrt(), place(i))).collect();
-        let table = (0..=STEPS).map(|i| {
+        let at = |i: usize| {
             let z = place(i);
             let (low, high) = (i.saturating_sub(1), (i + 1).min(STEPS));
             let limb_fall = (limb[low] - limb[high]) / (place(high) - place(low));
             let half = 0.5 * KERNEL_STEP; // each of the kernel's points stands for that much on both sides
             let share = mean(&|x| (0.5 - x / KERNEL_STEP).clamp(0.0, 1.0), z);
             let density = mean(&|x| if x.abs() < half { 1.0 / KERNEL_STEP } else { 0.0 }, z);
-            [share, limb[i], mean(&|x| x.max(0.0), z), density, limb_fall, 0.0, 0.0, 0.0].map(|c| c as f32)
-        });
-        Self { table: table.collect() }
+            Lanes([share, limb[i], mean(&|x| x.max(0.0), z), density, limb_fall, 0.0, 0.0, 0.0].map(|c| c as f32))
+        };
+        let table: Vec<Lanes> = (0..=STEPS).map(at).collect();
+        let (mut low, mut rise) = (Box::new([Lanes::ZERO; STEPS]), Box::new([Lanes::ZERO; STEPS]));
+        for (i, ends) in table.windows(2).enumerate() {
+            (low[i], rise[i]) = (ends[0], ends[1] - ends[0]);
+        }
+        Self { low, rise }
     }
 
-    /// The curves at a place; interpolated.
+    /// The curves at some places; interpolated.
     #[inline(always)]
-    pub fn at(&self, z: f32) -> Curves {
-        let at = ((z + TABLE_REACH) * STEPS_PER_SIGMA).clamp(0.0, STEPS as f32);
-        let index = (at as usize).min(STEPS - 1);
-        let part = at - index as f32;
-        let (low, high) = (&self.table[index], &self.table[index + 1]);
-        let [share, root, ramp, density, root_fall, ..]: [f32; 8] =
-            std::array::from_fn(|i| low[i] + part * (high[i] - low[i]));
-        let root = if z < -TABLE_REACH { (-z).sqrt() } else { root };
-        let ramp = if z > TABLE_REACH { z } else { ramp };
-        [share, root, ramp, density, root_fall]
+    pub fn at(&self, z: Lanes) -> Curves {
+        // Added to a number, it leaves the nearest whole one in the last bits: one step for all lanes.
+        const TO_WHOLE: f32 = 1.5 * (1 << 23) as f32;
+        const LAST: f32 = STEPS as f32 - 0.01;
+        let at = ((z + TABLE_REACH) * STEPS_PER_SIGMA).at_least(0.0).at_most(LAST);
+        let whole = at - 0.5 + TO_WHOLE;
+        let part = at - (whole - TO_WHOLE);
+        let mut curves = [Lanes::ZERO; 8];
+        for lane in 0..LANES {
+            let index = whole.0[lane].to_bits() as usize % STEPS;
+            let row = self.low[index] + self.rise[index] * part.0[lane];
+            for (curve, value) in curves.iter_mut().zip(row.0) {
+                curve.0[lane] = value;
+            }
+        }
+        let [share, root, ramp, density, root_fall, ..] = curves;
+        let deep = (z * -1.0).at_least(TABLE_REACH).sqrt() - TABLE_REACH.sqrt();
+        let far = (z - TABLE_REACH).at_least(0.0);
+        [share, root + deep, ramp + far, density, root_fall]
     }
 }
 

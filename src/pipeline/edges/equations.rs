@@ -6,7 +6,8 @@
 //! its time here: [`LANES`] bins are worked on at once, in single precision, in the widest registers that the machine has.
 
 use super::edge_curves::EdgeCurves;
-use super::profile::{LANES, Profile};
+use super::lanes::{LANES, Lanes};
+use super::profile::Profile;
 use super::tone::Tone;
 
 /// Heights of light: inside `base` of three channels, outside `out` of three, by how much more the inside shades in each
@@ -32,24 +33,17 @@ const ROBUST: f32 = 2.0;
 
 /// Sums, over all bins and planes, of products of two columns of the weighed equations.
 pub struct Products {
-    of: [f32; PAIRS],
+    of: [[f32; COLUMNS]; COLUMNS],
     /// Squared residuals of each plane, summed over its pixels.
     pub squares: [f32; 3],
 }
 
-/// Pairs of columns, each with itself too.
-const PAIRS: usize = COLUMNS * (COLUMNS + 1) / 2;
-
 impl Products {
     /// The product of two columns.
     pub fn of(&self, one: usize, other: usize) -> f64 {
-        let (low, high) = (one.min(other), one.max(other));
-        f64::from(self.of[high * (high + 1) / 2 + low])
+        f64::from(self.of[one.max(other)][one.min(other)])
     }
 }
-
-/// Some lanes of one number each.
-type Lanes = [f32; LANES];
 
 /// What only many edges teach together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,177 +110,239 @@ impl Light<f64> {
     }
 }
 
-/// Coded value of each channel, and how it depends on light inside and outside, shading, ramp, offset and blur.
-#[derive(Clone, Copy)]
-struct Lit {
-    channels: [[Lanes; KINDS]; 3],
+/// The products of all columns of an edge's equations. The same in every instruction set, to the last bit.
+pub fn products(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
+    match constants.taught {
+        None => untaught(constants, luma, chroma),
+        Some(_) => taught(constants, luma, chroma),
+    }
 }
 
-const KINDS: usize = 8;
-const CODE: usize = 0;
-const BY_BASE: usize = 1;
-const BY_OUT: usize = 2;
-const BY_SHADE: usize = 3;
-const BY_RAMP: usize = 4;
-const BY_OFFSET: usize = 5;
-const BY_BLUR: usize = 6;
-const BY_CHROMA_BLUR: usize = 7;
-
-/// The products of all columns of an edge's equations. The same in every instruction set, to the last bit.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-pub fn products(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
-    let mut sums = Sums { of: [[0.0; LANES]; PAIRS], squares: [0.0; 3] };
-    add(constants, luma, 0, 0.0, &mut sums);
-    add(constants, chroma, 1, constants.chroma_blur, &mut sums);
-    Products { of: sums.of.map(|lanes| lanes.iter().sum()), squares: sums.squares }
+fn untaught(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
+    of_planes::<{ blocks(TAUGHT) }, { pair(blocks(TAUGHT), 0) }>(constants, None, luma, chroma)
+}
+
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn taught(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
+    of_planes::<{ blocks(COLUMNS) }, { pair(blocks(COLUMNS), 0) }>(constants, constants.taught, luma, chroma)
+}
+
+/// Columns are multiplied in blocks of so many with as many others, which registers hold.
+const BLOCK: usize = 4;
+
+/// Blocks that so many columns take.
+const fn blocks(columns: usize) -> usize {
+    columns.div_ceil(BLOCK)
+}
+
+/// Where the products of two blocks are, the first no lower than the second; of one more than the last: how many pairs.
+const fn pair(high: usize, low: usize) -> usize {
+    high * (high + 1) / 2 + low
+}
+
+#[inline(always)]
+fn of_planes<const USED: usize, const PAIRS: usize>(
+    constants: &Constants<'_>,
+    taught: Option<Taught>,
+    luma: &Profile<1>,
+    chroma: &Profile<2>,
+) -> Products {
+    let mut sums = Sums::<PAIRS> { of: [[[Lanes::ZERO; BLOCK]; BLOCK]; PAIRS], squares: [0.0; 3] };
+    add::<USED, PAIRS, 1>(constants, taught, luma, 0, &mut sums);
+    add::<USED, PAIRS, 2>(constants, taught, chroma, 1, &mut sums);
+    let mut of = [[0.0; COLUMNS]; COLUMNS];
+    for (high, of) in of.iter_mut().enumerate().take(USED * BLOCK) {
+        for (low, of) in of.iter_mut().enumerate().take(high + 1) {
+            *of = sums.of[pair(high / BLOCK, low / BLOCK)][high % BLOCK][low % BLOCK].sum();
+        }
+    }
+    Products { of, squares: sums.squares }
 }
 
 /// [`Products`] while they grow, lane by lane.
-struct Sums {
-    of: [Lanes; PAIRS],
+struct Sums<const PAIRS: usize> {
+    of: [[[Lanes; BLOCK]; BLOCK]; PAIRS],
     squares: [f32; 3],
+}
+
+impl<const PAIRS: usize> Sums<PAIRS> {
+    /// Adds the products of all pairs of some lanes' columns.
+    #[inline(always)]
+    fn add<const USED: usize>(&mut self, row: &[[Lanes; BLOCK]; USED]) {
+        for high in 0..USED {
+            for low in 0..=high {
+                let sums = &mut self.of[pair(high, low)];
+                for (sums, one) in sums.iter_mut().zip(&row[high]) {
+                    for (sum, other) in sums.iter_mut().zip(&row[low]) {
+                        *sum += *one * *other;
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Adds the equations of planes of one size, from plane number `first` on.
 #[inline(always)]
-fn add<const N: usize>(constants: &Constants<'_>, profile: &Profile<N>, first: usize, extra_px: f32, sums: &mut Sums) {
+fn add<const USED: usize, const PAIRS: usize, const N: usize>(
+    constants: &Constants<'_>,
+    taught: Option<Taught>,
+    profile: &Profile<N>,
+    first: usize,
+    sums: &mut Sums<PAIRS>,
+) {
     for (index, scatter) in profile.scatter.iter().enumerate() {
         sums.squares[first + index] = *scatter;
     }
+    let is_luma = first == 0;
     for bin in (0..profile.len()).step_by(LANES) {
         let (distances, pixels) = (profile.distances(bin), profile.pixels(bin));
-        let shift = if first == 0 { 0.0 } else { constants.chroma };
-        let mut lit = light_at(constants, distances.map(|d| d - shift - extra_px));
-        if extra_px > 0.0 {
-            lit.average(&light_at(constants, distances.map(|d| d - shift + extra_px)));
-        }
+        // Channel by channel by hand: what a library's function calls for each is not compiled for wide registers.
+        let Constants { light: [r, g, b], tone, .. } = constants;
+        let lit = if is_luma {
+            let at = Curves::at(constants, distances);
+            [Lit::by(&at, r, tone), Lit::by(&at, g, tone), Lit::by(&at, b, tone)]
+        } else {
+            let (shift, extra) = (constants.chroma, constants.chroma_blur);
+            let inner = Curves::at(constants, distances - (shift + extra));
+            let outer = Curves::at(constants, distances - (shift - extra));
+            [
+                Lit::mean(&Lit::by(&inner, r, tone), &Lit::by(&outer, r, tone)),
+                Lit::mean(&Lit::by(&inner, g, tone), &Lit::by(&outer, g, tone)),
+                Lit::mean(&Lit::by(&inner, b, tone), &Lit::by(&outer, b, tone)),
+            ]
+        };
         for index in 0..N {
             let plane = first + index;
-            let to_codes = constants.codes_from_rgb[plane];
-            let mixed = |kind: usize| -> Lanes {
-                let [r, g, b] = [&lit.channels[0][kind], &lit.channels[1][kind], &lit.channels[2][kind]];
-                std::array::from_fn(|l| to_codes[0] * r[l] + to_codes[1] * g[l] + to_codes[2] * b[l])
-            };
-            let (values, codes) = (profile.values(index, bin), mixed(CODE));
-            let residual: Lanes = std::array::from_fn(|l| values[l] - constants.black[plane] - codes[l]);
+            let [from_r, from_g, from_b] = constants.codes_from_rgb[plane];
+            let [r, g, b] = &lit;
+            let mixed = |of: fn(&Lit) -> Lanes| of(r) * from_r + of(g) * from_g + of(b) * from_b;
+            let residual = profile.values(index, bin) - constants.black[plane] - mixed(|lit| lit.code);
+            let square = residual * residual;
             let per_noise = constants.per_noise[plane];
-            let root: Lanes = std::array::from_fn(|l| {
-                let square = residual[l] * residual[l];
-                (pixels[l] * per_noise / (1.0 + square * per_noise / (ROBUST * ROBUST)).sqrt()).sqrt()
-            });
-            let squares: Lanes = std::array::from_fn(|l| pixels[l] * residual[l] * residual[l]);
-            sums.squares[plane] += squares.iter().sum::<f32>();
-            let mut row = [[0.0; LANES]; COLUMNS];
-            let mut set = |column: usize, values: &Lanes, factor: f32| {
-                for l in 0..LANES {
-                    row[column][l] = root[l] * factor * values[l];
-                }
-            };
-            for (channel, (lit, to_codes)) in lit.channels.iter().zip(to_codes).enumerate() {
-                set(channel, &lit[BY_BASE], to_codes);
-                set(3 + channel, &lit[BY_OUT], to_codes);
-                set(SHADE + channel, &lit[BY_SHADE], to_codes);
+            let robust = (square * (per_noise / (ROBUST * ROBUST)) + 1.0).sqrt();
+            let root = (pixels * per_noise / robust).sqrt();
+            sums.squares[plane] += (pixels * square).sum();
+            let mut row = [[Lanes::ZERO; BLOCK]; USED];
+            let columns = row.as_flattened_mut();
+            for (channel, (lit, from)) in lit.iter().zip([from_r, from_g, from_b]).enumerate() {
+                let root = root * from;
+                columns[channel] = root * lit.by_base;
+                columns[3 + channel] = root * lit.by_out;
+                columns[SHADE + channel] = root * lit.by_shade;
             }
-            set(RAMP, &mixed(BY_RAMP), 1.0);
-            let by_offset = mixed(BY_OFFSET);
-            set(OFFSET, &by_offset, 1.0);
-            set(RESIDUAL, &residual, 1.0);
-            if let Some(taught) = constants.taught {
-                let by_taught = match (taught, first) {
-                    (Taught::LightBlur, _) => mixed(BY_BLUR),
-                    (_, 0) => [0.0; LANES],
-                    (Taught::ChromaBlur, _) => mixed(BY_CHROMA_BLUR),
-                    (Taught::ChromaShift, _) => by_offset,
+            let by_offset = root * mixed(|lit| lit.by_offset);
+            columns[RAMP] = root * mixed(|lit| lit.by_ramp);
+            columns[OFFSET] = by_offset;
+            columns[RESIDUAL] = root * residual;
+            if let Some(taught) = taught {
+                columns[TAUGHT] = match taught {
+                    Taught::LightBlur => root * mixed(|lit| lit.by_blur),
+                    _ if is_luma => Lanes::ZERO,
+                    Taught::ChromaBlur => root * mixed(|lit| lit.by_chroma_blur),
+                    Taught::ChromaShift => by_offset,
                 };
-                set(TAUGHT, &by_taught, 1.0);
             }
-            if constants.taught.is_some() {
-                sums.add::<COLUMNS>(&row);
-            } else {
-                sums.add::<TAUGHT>(&row);
-            }
+            sums.add::<USED>(&row);
         }
     }
 }
 
-impl Sums {
-    /// Adds the products of the first columns of some lanes.
+/// Coded value of one channel, and how it depends on light inside and outside, shading, ramp, offset and blur.
+#[derive(Clone, Copy)]
+struct Lit {
+    code: Lanes,
+    by_base: Lanes,
+    by_out: Lanes,
+    by_shade: Lanes,
+    by_ramp: Lanes,
+    by_offset: Lanes,
+    by_blur: Lanes,
+    by_chroma_blur: Lanes,
+}
+
+/// What does not depend on the channel at some distances from the edge.
+struct Curves {
+    /// Distances from the edge, in standard deviations of the blur.
+    z: Lanes,
+    /// Shares of the inside and the outside.
+    inside: Lanes,
+    outside: Lanes,
+    /// What is outside, times the distance from the edge, pixels; and the same in standard deviations.
+    ramp_px: Lanes,
+    ramp: Lanes,
+    /// How fast the inside's share falls, px⁻¹.
+    density: Lanes,
+    /// Limb, or shading of a cut; and how it depends on offset and blur, px⁻¹.
+    limb: Lanes,
+    limb_by_offset: Lanes,
+    limb_by_blur: Lanes,
+}
+
+impl Curves {
     #[inline(always)]
-    fn add<const USED: usize>(&mut self, row: &[Lanes; COLUMNS]) {
-        for high in 0..USED {
-            for low in 0..=high {
-                let sum = &mut self.of[high * (high + 1) / 2 + low];
-                for l in 0..LANES {
-                    sum[l] += row[high][l] * row[low][l];
-                }
-            }
-        }
-    }
-}
-
-/// What light does at some distances from the chord.
-#[inline(always)]
-fn light_at(constants: &Constants<'_>, distances: Lanes) -> Lit {
-    let blur = constants.blur;
-    let z: Lanes = distances.map(|d| (d - constants.offset) / blur);
-    let mut at = [[0.0f32; LANES]; 5];
-    for l in 0..LANES {
-        let curves = constants.curves.at(z[l]);
-        for (at, curve) in at.iter_mut().zip(curves) {
-            at[l] = curve;
-        }
-    }
-    let [share, root, ramp, density, root_fall] = at;
-    let (scale, relative) = constants.shading;
-    let (mut limb, mut limb_out, mut limb_blur) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-    for l in 0..LANES {
-        if constants.limb {
-            let inside = (-z[l] * relative).clamp(0.0, 1.0);
-            let scale = scale * (1.0 - inside * (0.25 + 0.04 * inside)); // √(1 − x/2) to 1e-3
-            limb[l] = scale * root[l];
-            limb_out[l] = scale * root_fall[l] / blur;
-            limb_blur[l] = scale * (0.5 * root[l] + z[l] * root_fall[l]) / blur;
+    fn at(constants: &Constants<'_>, distances: Lanes) -> Self {
+        let (blur, per_blur) = (constants.blur, 1.0 / constants.blur);
+        let z = (distances - constants.offset) * per_blur;
+        let [inside, root, ramp, density, root_fall] = constants.curves.at(z);
+        let (scale, relative) = constants.shading;
+        let [limb, limb_by_offset, limb_by_blur] = if constants.limb {
+            let deep = (z * -relative).at_least(0.0).at_most(1.0);
+            let scale = Lanes::all(scale) - deep * (deep * 0.04 + 0.25) * scale; // √(1 − x/2) to 1e-3
+            let per_px = scale * per_blur;
+            [scale * root, per_px * root_fall, per_px * (root * 0.5 + z * root_fall)]
         } else {
-            let inwards = ramp[l] - z[l];
-            limb[l] = inwards * relative;
-            limb_out[l] = share[l] * relative / blur;
-            limb_blur[l] = (inwards + z[l] * share[l]) * relative / blur;
+            let inwards = ramp - z;
+            let per_px = relative * per_blur;
+            [inwards * relative, inside * per_px, (inwards + z * inside) * per_px]
+        };
+        Self {
+            z,
+            inside,
+            outside: Lanes::all(1.0) - inside,
+            ramp_px: ramp * blur,
+            ramp,
+            density: density * per_blur,
+            limb,
+            limb_by_offset,
+            limb_by_blur,
         }
     }
-    let outside: Lanes = share.map(|share| 1.0 - share);
-    let ramp_px: Lanes = ramp.map(|ramp| ramp * blur);
-    let mut lit = Lit { channels: [[[0.0; LANES]; KINDS]; 3] };
-    for (lit, Light { base, limb: shade, out, ramp: rise, of }) in lit.channels.iter_mut().zip(constants.light) {
-        let light: Lanes =
-            std::array::from_fn(|l| base * share[l] + shade * limb[l] + out * outside[l] + rise * ramp_px[l]);
-        let [code, slope] = constants.tone.codes(light);
-        lit[CODE] = code;
-        for l in 0..LANES {
-            lit[BY_BASE][l] = slope[l] * share[l];
-            lit[BY_OUT][l] = slope[l] * outside[l];
-            lit[BY_SHADE][l] = slope[l] * of.0 * limb[l];
-            lit[BY_RAMP][l] = slope[l] * of.1 * ramp_px[l];
-            let step = (base - out) * density[l] / blur;
-            lit[BY_OFFSET][l] = slope[l] * (step + shade * limb_out[l] - rise * outside[l]);
-            lit[BY_BLUR][l] = slope[l] * (step * z[l] + shade * limb_blur[l] + rise * (ramp[l] - z[l] * outside[l]));
-        }
-    }
-    lit
 }
 
 impl Lit {
-    /// Half this, half the other, which lies farther out; and how that depends on how far apart the two are.
+    /// One channel's light there.
     #[inline(always)]
-    fn average(&mut self, other: &Self) {
-        for (one, other) in self.channels.iter_mut().zip(&other.channels) {
-            for l in 0..LANES {
-                one[BY_CHROMA_BLUR][l] = one[BY_OFFSET][l] - other[BY_OFFSET][l];
-            }
+    fn by(curves: &Curves, light: &Light<f32>, tone: &Tone) -> Self {
+        let &Light { base, limb: shade, out, ramp: rise, of } = light;
+        let &Curves { z, inside, outside, ramp_px, ramp, density, limb, limb_by_offset, limb_by_blur } = curves;
+        let [code, slope] = tone.codes(inside * base + limb * shade + outside * out + ramp_px * rise);
+        let step = density * (base - out);
+        Self {
+            code,
+            by_base: slope * inside,
+            by_out: slope * outside,
+            by_shade: slope * limb * of.0,
+            by_ramp: slope * ramp_px * of.1,
+            by_offset: slope * (step + limb_by_offset * shade - outside * rise),
+            by_blur: slope * (step * z + limb_by_blur * shade + (ramp - z * outside) * rise),
+            by_chroma_blur: Lanes::ZERO,
         }
-        for (one, other) in self.channels.as_flattened_mut().iter_mut().zip(other.channels.as_flattened()) {
-            for l in 0..LANES {
-                one[l] = 0.5 * (one[l] + other[l]);
-            }
+    }
+
+    /// Half of each, where the second lies farther out; and how that depends on how far apart the two are.
+    #[inline(always)]
+    fn mean(inner: &Self, outer: &Self) -> Self {
+        Self {
+            code: (inner.code + outer.code) * 0.5,
+            by_base: (inner.by_base + outer.by_base) * 0.5,
+            by_out: (inner.by_out + outer.by_out) * 0.5,
+            by_shade: (inner.by_shade + outer.by_shade) * 0.5,
+            by_ramp: (inner.by_ramp + outer.by_ramp) * 0.5,
+            by_offset: (inner.by_offset + outer.by_offset) * 0.5,
+            by_blur: (inner.by_blur + outer.by_blur) * 0.5,
+            by_chroma_blur: (inner.by_offset - outer.by_offset) * 0.5,
         }
     }
 }

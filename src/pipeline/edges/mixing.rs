@@ -12,7 +12,7 @@ use super::edge_fit::{EdgeFit, EdgeLook};
 use super::edge_model::EdgeModel;
 use super::equations::Taught;
 use super::probe::{Probe, Shading};
-use super::profile::Profile;
+use super::profile;
 use super::tone::Mixing;
 use crate::pipeline::frame::Frame;
 
@@ -73,8 +73,8 @@ fn chroma_shift_px(model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &
     const NOISE: [f64; 3] = [4.0, 2.25, 2.25];
     let Shading::Limb { radius_px } = probe.shading else { return None };
     let wide = Probe { inwards_px: f64::min(REACH_PX, 0.9 * radius_px), outwards_px: REACH_PX, ..*probe };
-    let luma = Profile::gather([&frame.y], (0, 0), &wide);
-    let chroma = Profile::gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), &wide);
+    let luma = profile::of_luma(frame, &wide);
+    let chroma = profile::of_chroma(frame, &wide);
     let look = EdgeLook { taught: Some(Taught::ChromaShift), ..model.look_in(Mixing::Light, &wide, frame.shift_x) };
     let first = model.first(Mixing::Light, &luma, &chroma, found.offset_px, &wide)?;
     let mut fit = first;

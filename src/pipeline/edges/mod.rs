@@ -9,6 +9,7 @@ mod edge_curves;
 mod edge_fit;
 pub mod edge_model;
 mod equations;
+mod lanes;
 pub mod line_fit;
 pub mod mixing;
 pub mod outline_probes;

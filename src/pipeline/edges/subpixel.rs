@@ -17,7 +17,7 @@ use nalgebra::Vector2;
 use super::edge_fit::EdgeFit;
 use super::edge_model::EdgeModel;
 use super::probe::{Edge, Probe};
-use super::profile::Profile;
+use super::profile::{self, Profile};
 use super::tone::Mixing;
 use crate::pipeline::frame::Frame;
 
@@ -56,8 +56,8 @@ impl EdgeModel {
         fineness: Fineness,
         is_tape: impl Fn([u8; 3]) -> bool,
     ) -> Option<Edge> {
-        let luma = Profile::gather([&frame.y], (0, 0), probe);
-        let chroma = Profile::gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), probe);
+        let luma = profile::of_luma(frame, probe);
+        let chroma = profile::of_chroma(frame, probe);
         let guess = self.sharpest_step(&luma, &chroma, probe)?;
         let look = self.look(probe, frame.shift_x);
         let mut first = self.first(self.mixing, &luma, &chroma, guess, probe)?;

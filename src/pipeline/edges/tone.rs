@@ -3,6 +3,8 @@
 //! Across a blurred edge the codes are therefore no blend of both sides' codes: the brighter side seems to reach too far,
 //! by 0.2 pixel for a sharp border and by a whole one for a smeared one. An edge model must mix light and code it then.
 
+use super::lanes::Lanes;
+
 /// What is mixed by blur.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mixing {
@@ -45,30 +47,22 @@ impl Tone {
     /// Codes and slopes of some lights. More than 1 is cut off. For solvers' sake the slope fades out beyond and does not
     /// end at once, and less than no light goes on straight. Lane by lane without branches: the tracker's inmost loop.
     #[inline(always)]
-    #[expect(
-        clippy::manual_clamp,
-        reason = "`clamp` checks its limits, which keeps lanes from being worked on at once"
-    )]
-    pub fn codes<const N: usize>(&self, light: [f32; N]) -> [[f32; N]; 2] {
+    pub fn codes(&self, light: Lanes) -> [Lanes; 2] {
         const FADED_OUT: f32 = 1.5;
         let [c0, c1, c2, c3, c4] = self.polynomial;
-        let (least, straight_slope) = (self.straight_until, self.straight_slope);
-        let square: [f32; N] = light.map(|l| l.max(least).min(1.0).sqrt());
-        let root: [f32; N] = square.map(f32::sqrt);
-        let code: [f32; N] = root.map(|r| c0 + r * (c1 + r * (c2 + r * (c3 + r * c4))));
-        let by_root: [f32; N] = root.map(|r| c1 + r * (2.0 * c2 + r * (3.0 * c3 + r * 4.0 * c4)));
-        let left: [f32; N] = light.map(|l| ((FADED_OUT - l) * (1.0 / (FADED_OUT - 1.0))).max(0.0).min(1.0));
-        let slope: [f32; N] = std::array::from_fn(|l| by_root[l] * left[l] / (4.0 * root[l] * square[l]));
-        let or_straight = |straight: f32, curved: f32, light: f32| if light < least { straight } else { curved };
-        [
-            std::array::from_fn(|l| or_straight(light[l] * straight_slope, code[l], light[l])),
-            std::array::from_fn(|l| or_straight(straight_slope, slope[l], light[l])),
-        ]
+        let curved = light.at_least(self.straight_until);
+        let square = curved.at_most(1.0).sqrt();
+        let root = square.sqrt();
+        let code = (((root * c4 + c3) * root + c2) * root + c1) * root + c0;
+        let by_root = ((root * (4.0 * c4) + 3.0 * c3) * root + 2.0 * c2) * root + c1;
+        let left = ((light - FADED_OUT) * (-1.0 / (FADED_OUT - 1.0))).at_least(0.0).at_most(1.0);
+        let slope = by_root * left / (root * square * 4.0);
+        [code + (light - curved) * self.straight_slope, slope]
     }
 
     /// Code of this much light.
     pub fn code(&self, light: f64) -> f64 {
-        f64::from(self.codes([light as f32])[0][0])
+        f64::from(self.codes(Lanes::all(light as f32))[0].0[0])
     }
 
     /// The light that has this code.
@@ -106,7 +100,7 @@ mod tests {
                 let step = STEP * light.abs();
                 let slope = (tone.code(light + step) - tone.code(light - step)) / (2.0 * step);
                 assert!(
-                    (slope / f64::from(tone.codes([light as f32])[1][0]) - 1.0).abs() < 0.02,
+                    (slope / f64::from(tone.codes(Lanes::all(light as f32))[1].0[0]) - 1.0).abs() < 0.02,
                     "{mixing:?} {light}: {slope}"
                 );
             }
@@ -116,6 +110,6 @@ mod tests {
     #[test]
     fn more_than_the_brightest_is_cut_off() {
         assert!((Tone::of(Mixing::Light).code(1.3) - 1.0).abs() < 5e-5);
-        assert_eq!(Tone::of(Mixing::Light).codes([1.6])[1], [0.0]);
+        assert_eq!(Tone::of(Mixing::Light).codes(Lanes::all(1.6))[1], Lanes::ZERO);
     }
 }

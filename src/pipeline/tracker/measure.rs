@@ -14,7 +14,7 @@ use crate::pipeline::edges::subpixel::Fineness;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::evidence::{Beliefs, Evidence, OWN_OFFSETS_PX, offsets_px};
 use crate::pipeline::pose::fulcrum::{self, Fulcrum};
-use crate::pipeline::pose::joint_fit::{self, Trust};
+use crate::pipeline::pose::joint_fit::{self, MeasuredEdge, Trust};
 use crate::pipeline::pose::{TubeEstimate, pinhole_width, tangent_planes};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
@@ -232,7 +232,7 @@ impl Bench<'_> {
             measurement.estimate.evidence = measurement.estimate.evidence.doubted(DOUBT);
         }
         if self.spec.band_length_mm.is_none() {
-            measurement.length_mm += self.length_error(&tube, length_mm).unwrap_or(0.0);
+            measurement.length_mm += self.length_error(&found, &tube, length_mm).unwrap_or(0.0);
             measurement.length_sigma_mm = length_sigma(&measurement.estimate, measurement.length_mm);
         }
         Ok(measurement)
@@ -302,11 +302,17 @@ impl Bench<'_> {
     }
 
     /// By how much the band is longer than thought, from the edge at its other end, mm.
-    fn length_error(&mut self, tube: &Tube, length_mm: f64) -> Option<f64> {
-        let mut probes = Vec::new();
-        rim_probes(&tube.outline()?, self.camera, length_mm, 0.5 * length_mm, self.layout(LOOKS[1]), &mut probes);
+    fn length_error(&mut self, found: &FoundEdges, tube: &Tube, length_mm: f64) -> Option<f64> {
+        let outline = tube.outline()?;
+        let residual = |edge: &MeasuredEdge| edge.residual_px(&outline, self.camera);
         let mut offsets: Vec<f64> =
-            probes.iter().filter_map(|(_, probe)| self.locate(probe, Fineness::Fine)).map(|e| e.offset_px).collect();
+            found.edges.iter().filter(|edge| edge.place.part() == 3).filter_map(residual).collect();
+        if self.length.is_none() {
+            let mut probes = Vec::new();
+            rim_probes(&outline, self.camera, length_mm, 0.5 * length_mm, self.layout(LOOKS[1]), &mut probes);
+            let located = probes.iter().filter_map(|(_, probe)| self.locate(probe, Fineness::Fine));
+            offsets.extend(located.map(|edge| edge.offset_px));
+        }
         offsets.sort_by(f64::total_cmp);
         Some(offsets.get(offsets.len() / 2)? / self.px_per_mm_along(tube, length_mm))
     }
