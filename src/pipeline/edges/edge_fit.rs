@@ -7,8 +7,9 @@
 //! border inwards by up to a pixel; without the ramp the soft shadow beside a tube pushes it outwards by 0.4. Shadow is the
 //! same share of all channels, and one ramp for the three loses nothing; one limb for the three does, by 0.4 mm of depth.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
+use super::definite::Factor;
 use super::edge_curves::EdgeCurves;
 use super::equations::{self, Constants, Light, OFFSET, RAMP, RESIDUAL, SHADE, TAUGHT, Taught, UNKNOWNS};
 use super::probe::Shading;
@@ -64,7 +65,8 @@ pub struct InsideLight {
     pub guessed: f64,
 }
 
-type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+/// One number for each unknown.
+type Unknowns = [f64; UNKNOWNS];
 
 /// An edge as it is believed to be.
 #[derive(Clone, Copy, Debug)]
@@ -86,7 +88,7 @@ pub struct EdgeFit {
     /// By how much farther out the edge lies in chroma than in luma, pixels: 0 unless looked for.
     pub chroma_px: f64,
     /// Squared residuals before the last step, codes², and that step.
-    before: Option<(f64, SVector<f64, UNKNOWNS>)>,
+    before: Option<(f64, Unknowns)>,
     /// How far the inside's light may be from the first guess, as a share of it: base, and limb beside it.
     expected_within: (f64, f64),
 }
@@ -154,25 +156,25 @@ impl EdgeFit {
     }
 
     /// Moves every unknown by this share of a step.
-    fn go(&mut self, step: &SVector<f64, UNKNOWNS>, share: f64) {
+    fn go(&mut self, step: &Unknowns, share: f64) {
         for (c, light) in self.light.iter_mut().enumerate() {
             light.base += share * step[c];
             light.out += share * step[3 + c];
             light.limb += share * step[SHADE + c] * light.of.0;
             light.ramp += share * step[RAMP] * light.of.1;
         }
-        for (shared, step) in self.shared.iter_mut().zip(step.rows_range(SHADE..=RAMP).iter()) {
+        for (shared, step) in self.shared.iter_mut().zip(&step[SHADE..=RAMP]) {
             *shared += share * step;
         }
         self.offset_px += share * step[OFFSET];
     }
 
     /// Adds what is believed before looking: light about as it was `first`, shading and ramp about as guessed.
-    fn add_beliefs(&self, first: &Self, normal: &mut Normal, right: &mut SVector<f64, UNKNOWNS>) {
+    fn add_beliefs(&self, first: &Self, normal: &mut [Unknowns; UNKNOWNS], right: &mut Unknowns) {
         let (base_within, limb_within) = first.expected_within;
         let mut believe = |at: usize, sigma: f64, now: f64| {
             let weight = 1.0 / (sigma * sigma);
-            normal[(at, at)] += weight;
+            normal[at][at] += weight;
             right[at] -= weight * now;
         };
         for (c, (now, first)) in self.light.iter().zip(&first.light).enumerate() {
@@ -213,22 +215,23 @@ impl EdgeLook<'_> {
             fit.go(&step, -0.5);
             return Some(-0.5 * step[OFFSET]);
         }
-        let gram = |i: usize, j: usize| products.of(i, j);
-        let mut normal = Normal::from_fn(gram);
-        let mut right = SVector::<f64, UNKNOWNS>::from_fn(|i, _| gram(i, RESIDUAL));
+        let column = |of: usize| -> Unknowns { std::array::from_fn(|unknown| products.of(of, unknown)) };
+        let mut normal = products.normal();
+        let mut right = column(RESIDUAL);
         fit.add_beliefs(first, &mut normal, &mut right);
-        let solver = normal.cholesky()?;
-        let mut step = solver.solve(&right);
+        let factor = Factor::of(normal)?;
+        let mut step = factor.solve(right);
         let most = self.light_blur_px.max(1.0);
         step[OFFSET] = step[OFFSET].clamp(-most, most);
         fit.go(&step, 1.0);
         fit.before = Some((squares, step));
-        // The last unknown's own share of the factor: what is known of it, everything else being free.
-        fit.information = (solver.l_dirty()[(OFFSET, OFFSET)].powi(2) - 1.0 / GUESS_WITHIN_PX.powi(2)).max(0.0);
+        fit.information = (factor.information_on_last() - 1.0 / GUESS_WITHIN_PX.powi(2)).max(0.0);
         if self.taught.is_some() {
-            let to_taught = SVector::<f64, UNKNOWNS>::from_fn(|i, _| gram(i, TAUGHT));
-            let through = solver.solve(&to_taught);
-            fit.taught = (gram(RESIDUAL, TAUGHT) - through.dot(&right), gram(TAUGHT, TAUGHT) - through.dot(&to_taught));
+            let to_taught = column(TAUGHT);
+            let through = factor.solve(to_taught);
+            let dot = |one: &Unknowns, other: &Unknowns| one.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
+            let gradient = products.of(RESIDUAL, TAUGHT) - dot(&through, &right);
+            fit.taught = (gradient, products.of(TAUGHT, TAUGHT) - dot(&through, &to_taught));
         }
         let pixels = [luma.count, chroma.count, chroma.count].map(f64::from);
         let free = 1.0 - (UNKNOWNS as f64 / pixels.iter().sum::<f64>()).min(0.8);

@@ -43,6 +43,17 @@ impl Products {
     pub fn of(&self, one: usize, other: usize) -> f64 {
         f64::from(self.of[one.max(other)][one.min(other)])
     }
+
+    /// Those of all unknowns: the lower half of the normal equations' matrix.
+    pub fn normal(&self) -> [[f64; UNKNOWNS]; UNKNOWNS] {
+        let mut normal = [[0.0; UNKNOWNS]; UNKNOWNS];
+        for (to, from) in normal.iter_mut().zip(&self.of) {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = f64::from(*from);
+            }
+        }
+        normal
+    }
 }
 
 /// What only many edges teach together.

@@ -5,6 +5,7 @@
 //! ([`outline_probes`]), each moved onto the edge that the pixels show ([`subpixel`], all planes at once in [`edge_fit`]), as
 //! edges look in this recording ([`edge_model`]).
 
+mod definite;
 mod edge_curves;
 mod edge_fit;
 pub mod edge_model;

@@ -1,0 +1,90 @@
+//! Equations with a symmetric, positive definite matrix of a few unknowns, by Cholesky's factors.
+//!
+//! For the tracker's inmost loop: the lengths of all loops are known beforehand, and nothing is moved.
+
+/// The lower factor of a matrix.
+pub struct Factor<const N: usize> {
+    lower: [[f64; N]; N],
+}
+
+impl<const N: usize> Factor<N> {
+    /// Factors a matrix, of which the lower half is looked at; `None` if it is not positive definite.
+    pub fn of(mut matrix: [[f64; N]; N]) -> Option<Self> {
+        for column in 0..N {
+            let pivot = matrix[column][column];
+            if pivot <= 0.0 || !pivot.is_finite() {
+                return None;
+            }
+            let root = pivot.sqrt();
+            let per_root = 1.0 / root;
+            matrix[column][column] = root;
+            let mut below = [0.0; N];
+            for row in column + 1..N {
+                matrix[row][column] *= per_root;
+                below[row] = matrix[row][column];
+            }
+            for row in column + 1..N {
+                let factor = below[row];
+                for other in column + 1..=row {
+                    matrix[row][other] -= factor * below[other];
+                }
+            }
+        }
+        Some(Self { lower: matrix })
+    }
+
+    /// What the equations with this right side have as their answer.
+    pub fn solve(&self, mut right: [f64; N]) -> [f64; N] {
+        for row in 0..N {
+            let known: f64 = (0..row).map(|column| self.lower[row][column] * right[column]).sum();
+            right[row] = (right[row] - known) / self.lower[row][row];
+        }
+        for row in (0..N).rev() {
+            right[row] /= self.lower[row][row];
+            for column in 0..row {
+                right[column] -= self.lower[row][column] * right[row];
+            }
+        }
+        right
+    }
+
+    /// What is known of the last unknown, everything else being free: its inverse variance.
+    pub fn information_on_last(&self) -> f64 {
+        self.lower[N - 1][N - 1].powi(2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn an_answer_solves_its_equations(roots in prop::array::uniform5(prop::array::uniform5(-3.0..3.0)), right in prop::array::uniform5(-9.0..9.0)) {
+            let roots: [[f64; 5]; 5] = roots;
+            // The square of any matrix, and a little more, is positive definite.
+            let matrix: [[f64; 5]; 5] = std::array::from_fn(|i| std::array::from_fn(|j| {
+                (0..5).map(|k| roots[i][k] * roots[j][k]).sum::<f64>() + f64::from(u8::from(i == j))
+            }));
+            let answer = Factor::of(matrix).unwrap().solve(right);
+            for (row, right) in matrix.iter().zip(right) {
+                let left: f64 = row.iter().zip(answer).map(|(a, b)| a * b).sum();
+                prop_assert!((left - right).abs() < 1e-9, "{left} for {right}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_last_unknowns_information_is_that_of_its_inverse() {
+        let factor = Factor::of([[4.0, 0.0], [2.0, 3.0]]).unwrap(); // inverse: 3 -2, -2 4 over 8
+        assert!((factor.information_on_last() - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_not_positive_definite_has_no_factor() {
+        assert!(Factor::of([[1.0, 0.0], [2.0, 1.0]]).is_none());
+        assert!(Factor::of([[f64::NAN]]).is_none());
+    }
+}
