@@ -75,6 +75,7 @@ pub(super) fn margin(
     let own: Vec<(&Asked, [f32; 3])> = points.iter().filter(|(a, _)| a.label == label).copied().collect();
     let is_joined = |label: usize| JOINED_TO_THE_BAND.contains(&samples.labels[label].as_str());
     let is_foreign = |other: &Asked| other.label != label && !is_joined(other.label) && counts(other.label);
+    let foreign: Vec<(&Asked, [f32; 3])> = points.iter().filter(|(a, _)| is_foreign(a)).copied().collect();
     let mut times_nearest = vec![0; samples.labels.len()];
     let mut margins = Vec::new();
     for (pixel, at) in &own {
@@ -83,7 +84,7 @@ pub(super) fn margin(
             Vouching::All => !std::ptr::eq(other, *pixel),
         };
         let (own_steps, _) = deciding(&own, *at, vouches)?;
-        let (foreign_steps, whose) = deciding(&points, *at, is_foreign)?;
+        let (foreign_steps, whose) = deciding(&foreign, *at, |_| true)?;
         times_nearest[whose] += 1;
         margins.push(0.5 * (foreign_steps - own_steps));
     }
