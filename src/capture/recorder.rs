@@ -7,13 +7,11 @@ use tokio::task::block_in_place;
 use tokio::time::{Instant, interval, sleep_until};
 
 use super::Agent;
-use crate::domain::feed::record::{Body, GapReason, Record};
-use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD, TimeBase};
+use crate::domain::feed::record::{Body, Record};
+use crate::domain::feed::{LONGEST_S, MOST_FRAMES, TimeBase};
 use crate::media::{CapturedFrame, Source};
 use crate::shutdown::Shutdown;
 
-/// Longest recording, s.
-const LONGEST_S: f64 = 4.0 * 3600.0;
 /// Frames that may wait for the disk; a camera's own queue comes before them.
 const MOST_WAITING: usize = 32;
 /// How often what was captured is made durable. A power cut costs so much of what the server does not have, and what a
@@ -99,20 +97,11 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
 
 /// Appends a frame; one that no feed can have is a gap.
 fn append(agent: &Agent, number: u64, frame: &CapturedFrame, time_base: TimeBase) {
-    let CapturedFrame { time, is_key, bytes, .. } = frame;
-    let fits = (1..=MOST_PAYLOAD).contains(&bytes.len()) && (0.0..=LONGEST_S).contains(&time_base.seconds(*time));
-    let body = if fits {
-        Body::Frame { time: *time, is_key: *is_key, payload: bytes }
-    } else {
-        let time_s = time_base.seconds(*time);
-        tracing::warn!(
-            number,
-            time_s,
-            bytes = bytes.len(),
-            "a frame that cannot be sent: damaged, too long or out of time"
-        );
-        Body::Gap { last: number, reason: GapReason::Camera }
-    };
+    let body = frame.body(number, time_base);
+    if let Body::Gap { .. } = body {
+        let (time_s, bytes) = (time_base.seconds(frame.time), frame.bytes.len());
+        tracing::warn!(number, time_s, bytes, "a frame that cannot be sent: damaged, too long or out of time");
+    }
     if let Err(error) = block_in_place(|| agent.spool().append(&Record { epoch: 0, number, body })) {
         tracing::error!(number, %error, "a frame is lost: the spool cannot be written");
     }

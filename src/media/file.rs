@@ -75,27 +75,17 @@ impl VideoFile {
         ff::init().map_err(failed("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
         let io = format::context::StreamIo::from_read_seek(bytes).map_err(failed("opening the recording"))?;
-        let mut options = Dictionary::new();
-        options.set("format_whitelist", CONTAINERS);
-        options.set("protocol_whitelist", "");
-        options.set("codec_whitelist", DECODERS);
-        options.set("max_streams", MOST_OPENED_STREAMS);
-        let input = format::input_from_stream(io, None, Some(options)).map_err(|source| match source {
+        let input = format::input_from_stream(io, None, Some(wary_of(CONTAINERS))).map_err(|source| match source {
             NO_MEMORY => MediaError::Memory,
             other => MediaError::Container(other.to_string()),
         })?;
-        match input.streams().best(media::Type::Video).map(|stream| stream.parameters().id()) {
-            Some(id) if !CODECS.contains(&id) => Err(MediaError::Codec(id.name().to_owned())),
-            _ => Self::from_input(input, limits),
-        }
+        check_codec(&input)?;
+        Self::from_input(input, limits)
     }
 
     /// The same of an input that is open already, whatever its codec: for sources that are the person's own.
     pub(super) fn from_input(input: format::context::Input, limits: Limits) -> Result<Self, MediaError> {
-        let streams = input.streams().count();
-        if streams > limits.streams {
-            return Err(over("the number of streams", streams, limits.streams));
-        }
+        check_streams(&input, limits)?;
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
         let (width, height) = stated_size(&stream)?;
         check_size(width, height, limits)?;
@@ -228,6 +218,28 @@ impl VideoFile {
 
 const NO_MEMORY: ff::Error = ff::Error::Other { errno: ff::error::ENOMEM };
 const AGAIN: ff::Error = ff::Error::Other { errno: ff::error::EAGAIN };
+
+/// Options for what strangers send: these containers, our decoders, and nothing that opens anything else.
+pub(super) fn wary_of(containers: &str) -> Dictionary<'static> {
+    let mut options = Dictionary::new();
+    options.set("format_whitelist", containers);
+    options.set("protocol_whitelist", "");
+    options.set("codec_whitelist", DECODERS);
+    options.set("max_streams", MOST_OPENED_STREAMS);
+    options
+}
+
+pub(super) fn check_codec(input: &format::context::Input) -> Result<(), MediaError> {
+    match input.streams().best(media::Type::Video).map(|stream| stream.parameters().id()) {
+        Some(id) if !CODECS.contains(&id) => Err(MediaError::Codec(id.name().to_owned())),
+        _ => Ok(()),
+    }
+}
+
+pub(super) fn check_streams(input: &format::context::Input, limits: Limits) -> Result<(), MediaError> {
+    let streams = input.streams().count();
+    if streams > limits.streams { Err(over("the number of streams", streams, limits.streams)) } else { Ok(()) }
+}
 
 /// The picture's size, as probing found it.
 pub(super) fn stated_size(stream: &format::stream::Stream<'_>) -> Result<(u32, u32), MediaError> {

@@ -1,5 +1,5 @@
-//! Where a box's agent captures: a camera, a file or an address. Frames come coded as they are, if the feed knows their
-//! codec; others are decoded, turned upright, and coded as good JPEGs.
+//! Where frames come from: a camera, a file or an address at which a box's agent captures, or a stream that somebody pushes.
+//! They come coded as they are, if the feed knows their codec; others are decoded, turned upright, and coded as good JPEGs.
 //!
 //! | source | frames |
 //! |---|---|
@@ -8,19 +8,34 @@
 //! | H.264 without times of showing, or that begins with frames not to be shown; pictures to be turned; any other codec; raw pictures | JPEG |
 
 use std::ffi::CString;
+use std::io::Read;
 use std::os::unix::fs::FileTypeExt;
 
 use ff::{Dictionary, Packet, codec, format, media};
 use ffmpeg_next as ff;
+use serde::{Deserialize, Serialize};
 
 use super::annexb::{AnnexB, is_hidden};
 use super::clock::{FrameClock, GAP_S, JITTER_S};
 use super::encode::EncodeError;
-use super::file::{MOST_FAILED_READS, clock_of, rotation_of, stated_size};
+use super::file::{
+    MOST_FAILED_READS, check_codec, check_size, check_streams, clock_of, rotation_of, stated_size, wary_of,
+};
 use super::jpeg::{JpegMaker, JpegStyle};
 use super::picture_maker::Rotation;
 use super::{Limits, MediaError, VideoFile, device};
-use crate::domain::feed::{FrameCodec, TimeBase};
+use crate::domain::feed::record::{Body, GapReason};
+use crate::domain::feed::{FrameCodec, LONGEST_S, MOST_PAYLOAD, TimeBase};
+
+/// Containers of live streams: those that can be read from their beginning to their end, and are whole wherever they are cut.
+const LIVE_CONTAINERS: &str = "mpegts,matroska,webm";
+
+/// How much of a pushed stream is looked at before its first frame comes out, µs of it: a key frame must be among it. More
+/// holds the first positions back, less finds no picture in streams whose key frames are rare.
+const LOOKED_AT_US: &str = "2000000";
+
+/// Bytes of a pushed stream that are kept while it is looked at: a transport stream is gone back in to its beginning.
+const KEPT_BYTES: usize = 1 << 20;
 
 /// Why nothing can be captured, or no more.
 #[derive(Debug, thiserror::Error)]
@@ -46,7 +61,7 @@ pub enum SourceError {
 }
 
 /// What a source gives.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SourceInfo {
     /// How its frames are coded when they come from here.
     pub codec: FrameCodec,
@@ -63,7 +78,7 @@ pub struct SourceInfo {
 }
 
 /// A frame, in the order of decoding.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CapturedFrame {
     /// When it is shown, ticks since the recording's start; not checked against a feed's limits.
     pub time: i64,
@@ -73,6 +88,17 @@ pub struct CapturedFrame {
     pub is_key: bool,
     /// Its bytes; none if it was damaged.
     pub bytes: Vec<u8>,
+}
+
+impl CapturedFrame {
+    /// What a feed hears of it. One that a feed cannot have, because it is damaged, too long or out of time, is a gap.
+    pub fn body(&self, number: u64, clock: TimeBase) -> Body<'_> {
+        let is_in_time = (0.0..=LONGEST_S).contains(&clock.seconds(self.time));
+        if (1..=MOST_PAYLOAD).contains(&self.bytes.len()) && is_in_time {
+            return Body::Frame { time: self.time, is_key: self.is_key, payload: &self.bytes };
+        }
+        Body::Gap { last: number, reason: GapReason::Camera }
+    }
 }
 
 /// An open source.
@@ -119,6 +145,23 @@ impl Source {
             format::input_with_interrupt_and_dictionary(&address, is_over, dictionary).map_err(SourceError::Open)?
         };
         Self::of(input, is_file, is_camera)
+    }
+
+    /// Opens a live stream as somebody pushes it: MPEG-TS or Matroska from bytes that come once. They are a stranger's, as
+    /// those of a [`VideoFile`] are.
+    pub fn pushed(bytes: impl Read + Send + 'static, limits: Limits) -> Result<Self, SourceError> {
+        ff::init().map_err(SourceError::Open)?;
+        ff::log::set_level(ff::log::Level::Quiet);
+        let io = format::context::StreamIo::from_read_with_capacity(bytes, KEPT_BYTES).map_err(SourceError::Open)?;
+        let mut options = wary_of(LIVE_CONTAINERS);
+        options.set("analyzeduration", LOOKED_AT_US);
+        let input = format::input_from_stream(io, None, Some(options)).map_err(SourceError::Open)?;
+        check_streams(&input, limits)?;
+        check_codec(&input)?;
+        let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
+        let (width, height) = stated_size(&stream)?;
+        check_size(width, height, limits)?;
+        Self::of(input, false, false)
     }
 
     fn of(mut input: format::context::Input, is_file: bool, is_camera: bool) -> Result<Self, SourceError> {

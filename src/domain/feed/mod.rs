@@ -26,6 +26,9 @@ pub const PROTOCOL: u32 = 1;
 /// Frames of one recording at most, as of any recording: 4 hours at 60 Hz, and some.
 pub const MOST_FRAMES: u64 = 1_000_000;
 
+/// Longest recording, s.
+pub const LONGEST_S: f64 = 4.0 * 3600.0;
+
 /// Largest frame, bytes: a photo-like JPEG of 1080p has half of it.
 pub const MOST_PAYLOAD: usize = 1 << 20;
 

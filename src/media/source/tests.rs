@@ -90,6 +90,55 @@ fn every_form_of_a_clip_keeps_its_frames_and_times() {
     }
 }
 
+/// Bytes that come once, in pieces as a pipe has them.
+struct Trickle(Cursor<Vec<u8>>);
+
+impl Read for Trickle {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let piece = into.len().min(4096);
+        self.0.read(&mut into[..piece])
+    }
+}
+
+fn pushed(bytes: Vec<u8>) -> Result<(SourceInfo, Vec<CapturedFrame>), SourceError> {
+    let mut source = Source::pushed(Trickle(Cursor::new(bytes)), Limits::default())?;
+    let frames = std::iter::from_fn(|| source.next_frame().unwrap()).collect();
+    Ok((source.info().clone(), frames))
+}
+
+#[test]
+fn a_stream_that_comes_once_gives_what_its_file_gives() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, how, codec) in [
+        ("plain.ts", "-c:v libx264 -g 20 -bf 2", FrameCodec::H264),
+        ("grain.ts", "-vf noise=alls=90:allf=t -c:v libx264 -qp 2 -g 60 -s 640x384", FrameCodec::H264),
+        ("wraps.ts", "-c:v libx264 -g 20 -bf 2 -output_ts_offset 95441", FrameCodec::H264),
+        ("plain.mkv", "-c:v libx264 -g 20 -bf 3", FrameCodec::H264),
+        ("pictures.mkv", "-c:v mjpeg -q:v 3", FrameCodec::Jpeg),
+        ("other.webm", "-c:v libvpx", FrameCodec::Jpeg),
+    ] {
+        let path = made(folder.path(), name, how);
+        let (info, frames) = pushed(std::fs::read(&path).unwrap()).unwrap();
+        let (_, of_the_file) = captured(&path);
+        assert_eq!((info.codec, frames.len()), (codec, 60), "{name}");
+        let [last, spans] = [59, 60].map(|n| n as f64 / 30.0);
+        let times_s: Vec<f64> = frames.iter().map(|frame| info.time_base.seconds(frame.time)).collect();
+        assert!(times_s.iter().all(|time_s| (0.0..spans).contains(time_s)), "{name}: {times_s:?}");
+        assert!(times_s.iter().any(|time_s| (time_s - last).abs() < 2e-3), "{name}: {times_s:?}");
+        assert_eq!(frames, of_the_file, "{name}");
+    }
+}
+
+#[test]
+fn a_stream_that_is_no_live_one_is_refused() {
+    let clip = recording(Samples::Yuv420, 10);
+    for bytes in
+        [clip, b"#EXTM3U\n#EXTINF:1,\n/etc/passwd\n".to_vec(), b"ffconcat version 1.0\nfile x".to_vec(), vec![]]
+    {
+        assert!(matches!(pushed(bytes), Err(SourceError::Open(_))));
+    }
+}
+
 #[test]
 fn what_a_feed_does_not_know_becomes_upright_jpegs() {
     let folder = tempfile::tempdir().unwrap();
