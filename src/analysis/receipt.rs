@@ -7,10 +7,10 @@ use super::protocol::{
     self, Answer, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape, PathRow,
     QualityShape, RunningRow, SeenRow, Work,
 };
-use crate::domain::feed::MOST_FRAMES;
+use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD};
 use crate::domain::palette::PaletteReport;
 use crate::domain::problem::Problem;
-use crate::media::Limits;
+use crate::media::{CapturedFrame, Limits, SourceInfo};
 use crate::pipeline::features::running::LIVE;
 
 /// Largest preview, bytes.
@@ -83,6 +83,7 @@ enum Kind {
     Calibrate,
     Assemble,
     Follow,
+    Demux,
 }
 
 /// What of an answer is passed on at once.
@@ -94,6 +95,10 @@ pub enum News {
     Progress(f64),
     /// What one more record of a feed showed.
     Followed(Followed),
+    /// What a pushed stream holds.
+    Stream(SourceInfo),
+    /// Its next frame.
+    Coded(CapturedFrame),
 }
 
 impl Receipt {
@@ -105,6 +110,7 @@ impl Receipt {
             Work::Palette(_) => (Kind::Palette, 0),
             Work::Calibrate(_) => (Kind::Calibrate, 0),
             Work::Assemble(_) => (Kind::Assemble, 0),
+            Work::Demux => (Kind::Demux, 0),
             Work::Follow(follow) => (Kind::Follow, follow.track.tools.len()),
         };
         Self { work, tools, limits, heard: Heard::default(), followed: None }
@@ -150,6 +156,8 @@ impl Receipt {
                 }
                 once(&mut self.heard.assembled, [frames, left_out], "recording")?;
             }
+            Answer::Stream(info) => return self.stream(info),
+            Answer::Coded(frame) => return self.coded(frame),
             Answer::Problem(problem) => self.heard.problem = Some(presentable(problem)?),
             Answer::Done => self.heard.done = true,
         }
@@ -217,6 +225,23 @@ impl Receipt {
             && followed.light.iter().flatten().all(|&x| sensible(x))
             && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_picture(jpeg));
         if consistent { Ok(News::Followed(followed)) } else { Err("news of a feed that cannot be".into()) }
+    }
+
+    fn stream(&mut self, info: SourceInfo) -> Result<News, String> {
+        self.only(&[Kind::Demux])?;
+        self.recording(info.size.0, info.size.1, None)?;
+        match info.coded_from.as_ref().is_none_or(|codec| codec.len() <= TEXTS[0] && codec.is_ascii()) {
+            true => Ok(News::Stream(info)),
+            false => Err("a codec without a name".into()),
+        }
+    }
+
+    fn coded(&mut self, frame: CapturedFrame) -> Result<News, String> {
+        self.only(&[Kind::Demux])?;
+        match self.heard.size.is_some() && frame.bytes.len() <= MOST_PAYLOAD && frame.due_s.is_finite() {
+            true => Ok(News::Coded(frame)),
+            false => Err("a frame of a stream that cannot be".into()),
+        }
     }
 
     fn path(&mut self, kind: KindShape, rows: Vec<PathRow>) -> Result<(), String> {

@@ -274,7 +274,9 @@ fn run(
 fn tool_names(work: &Work) -> Vec<String> {
     match work {
         Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
-        Work::Probe | Work::Palette(_) | Work::Calibrate(_) | Work::Assemble(_) | Work::Follow(_) => Vec::new(),
+        Work::Probe | Work::Palette(_) | Work::Calibrate(_) | Work::Assemble(_) | Work::Follow(_) | Work::Demux => {
+            Vec::new()
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::analysis::calibration::ViewsError;
 use crate::analysis::protocol::MarkShape;
 use crate::domain::problem::Problem;
-use crate::media::{MediaError, MuxError};
+use crate::media::{MediaError, MuxError, SourceError};
 use crate::pipeline::camera::{BoardProblem, CalibrationProblem};
 use crate::pipeline::tracker::{Quality, SettingsProblem, ToolQuality};
 
@@ -28,6 +28,19 @@ impl Explain for MediaError {
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
         };
         Problem::new(slug, title, self.to_string())
+    }
+}
+
+impl Explain for SourceError {
+    fn explain(&self) -> Problem {
+        let detail = match self {
+            SourceError::Media(error) => return error.explain(),
+            SourceError::Open(error) => format!(
+                "it is neither MPEG-TS nor Matroska that can be read ({error}); push with ffmpeg's -f mpegts or -f matroska"
+            ),
+            other => other.to_string(),
+        };
+        Problem::new("not-a-stream", "The stream cannot be used", detail)
     }
 }
 

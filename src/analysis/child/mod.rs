@@ -2,6 +2,7 @@
 
 mod assemble;
 mod calibrate;
+mod demux;
 mod explain;
 mod follow;
 mod palette;
@@ -89,6 +90,7 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
         Work::Follow(work) => follow::run(work, inputs, limits, reporter),
         Work::Assemble(work) => assemble::run(work, inputs, reporter),
+        Work::Demux => demux::run(inputs, limits, reporter),
     }
 }
 

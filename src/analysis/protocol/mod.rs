@@ -8,6 +8,7 @@
 //! calibrate  Confined  Recording? Alive*   Calibration                          Done
 //! follow     Confined  (Followed | Alive)*                                      Done
 //! assemble   Confined  Alive*              Assembled                            Done
+//! demux      Confined  Stream  Coded*                                           Done
 //! any        …                                                    Problem
 //! ```
 //! The pipeline's types know no serialisation; their images here are in [`shapes`] and [`rows`].
@@ -28,6 +29,7 @@ pub use shapes::{
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::palette::PaletteReport;
 use crate::domain::problem::Problem;
+use crate::media::{CapturedFrame, SourceInfo};
 use crate::pipeline::trajectory::Kind;
 
 /// What a child is asked to do. Its inputs are descriptors, in the order that the work states.
@@ -54,6 +56,8 @@ pub enum Work {
     Follow(FollowWork),
     /// Put a feed's frames together: its log in, a recording out, which is the last of the inputs and open for writing.
     Assemble(AssembleWork),
+    /// Take a live stream apart into coded frames: a pipe of its bytes, as they are pushed.
+    Demux,
 }
 
 /// What putting frames together needs besides the log.
@@ -159,6 +163,10 @@ pub enum Answer {
         /// Frames that came but cannot be decoded or shown.
         left_out: u64,
     },
+    /// What a pushed stream holds.
+    Stream(SourceInfo),
+    /// The next frame of a pushed stream, in the order of decoding; without bytes where it is damaged or too long.
+    Coded(CapturedFrame),
     /// Why the work cannot be done; the last word.
     Problem(Problem),
     /// The work is done; the last word.

@@ -6,6 +6,7 @@ use super::*;
 use crate::analysis::protocol::{
     CameraShape, MarginShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
 };
+use crate::domain::feed::FrameCodec;
 use crate::domain::palette::{ConfusionRow, LightShares};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
@@ -115,6 +116,34 @@ fn answers_out_of_turn_are_refused() {
         let said = format!("{answers:?}");
         assert!(hear(answers).is_err(), "{said}");
     }
+}
+
+#[test]
+fn frames_of_a_stream_come_behind_its_description_and_none_is_longer_than_a_feed_takes() {
+    let hear = |answers: &[Answer]| {
+        let mut receipt = Receipt::new(&Work::Demux, Limits::default());
+        receipt.take(&encode(&Answer::Confined { landlock: true }).unwrap()).unwrap();
+        answers.iter().try_for_each(|answer| receipt.take(&encode(answer).unwrap()).map(drop))
+    };
+    let stream = |size| {
+        let time_base = [1, 90_000].try_into().unwrap();
+        Answer::Stream(SourceInfo {
+            codec: FrameCodec::H264,
+            size,
+            time_base,
+            coded_from: None,
+            is_file: false,
+            is_camera: false,
+        })
+    };
+    let frame = |bytes, due_s| Answer::Coded(CapturedFrame { time: 0, due_s, is_key: true, bytes: vec![1; bytes] });
+    assert!(hear(&[stream((640, 480)), frame(9, 0.0), frame(MOST_PAYLOAD, 0.04), frame(0, 0.08)]).is_ok());
+    assert!(hear(&[frame(9, 0.0)]).is_err());
+    assert!(hear(&[stream((640, 480)), stream((640, 480))]).is_err());
+    assert!(hear(&[stream((60_000, 480))]).is_err());
+    assert!(hear(&[stream((640, 480)), frame(MOST_PAYLOAD + 1, 0.0)]).is_err());
+    assert!(hear(&[stream((640, 480)), frame(9, f64::NAN)]).is_err());
+    assert!(hear(&[stream((640, 480)), Answer::Preview(vec![0xff, 0xd8])]).is_err());
 }
 
 fn tool() -> ToolQualityShape {
