@@ -80,6 +80,20 @@ impl Scope {
         }
     }
 
+    /// The trainee who is asking, if it is one.
+    pub fn own_trainee(&self) -> Option<TraineeId> {
+        match self.reach {
+            Reach::Trainee(trainee) => Some(trainee),
+            Reach::Everything | Reach::GroupsOf(_) | Reach::Box(_) => None,
+        }
+    }
+
+    /// The scope of those whose recordings it may send: a box's agent sends whoever sits in front of it, people send only
+    /// whom they see.
+    pub fn of_whom_it_sends(&self) -> Self {
+        if self.role() == Role::Agent { Self::service() } else { self.clone() }
+    }
+
     /// Who is asking.
     pub fn actor(&self) -> Actor {
         self.actor

@@ -12,7 +12,9 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
+use crate::domain::feed::farewell::{Code, Farewell};
 use crate::intake::IntakeError;
+use crate::live::{Broken, PushError};
 use crate::store::StoreError;
 use crate::vault::VaultError;
 
@@ -257,6 +259,38 @@ impl From<IntakeError> for Problem {
                 .member("session", format!("/api/v1/sessions/{session}")),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),
+        }
+    }
+}
+
+/// The one table from why a feed was closed to refusals, for those that come in a request.
+impl From<Farewell> for Problem {
+    fn from(Farewell { code, why }: Farewell) -> Self {
+        let refusal = match code {
+            Code::Ending => return busy(&sentence(&format!("{why}."))),
+            Code::SignedOut => Refusal::NotSignedIn,
+            Code::Unknown => Refusal::Gone,
+            Code::Busy | Code::Superseded => Refusal::Conflict,
+            Code::TooMuch => Refusal::TooLarge,
+            Code::Silent => Refusal::TooSlow,
+            Code::Done | Code::NotUnderstood | Code::DoesNotBelong => Refusal::Invalid,
+            Code::Failed => Refusal::Internal,
+        };
+        refusal.with(format!("{}.", sentence(&why)))
+    }
+}
+
+/// The one table from how a push broke off to refusals. What came up to then is a session, if it can be shown.
+impl From<Broken> for Problem {
+    fn from(Broken { why, session }: Broken) -> Self {
+        let problem: Problem = match why {
+            PushError::Cut(cause) => super::read::unreadable(&*cause, u64::MAX),
+            PushError::Stream(problem) => Refusal::Invalid.with(format!("{}.", sentence(&problem.detail))),
+            PushError::Told(farewell) => farewell.into(),
+        };
+        match session {
+            Some(session) => problem.member("session", format!("/api/v1/sessions/{session}")),
+            None => problem,
         }
     }
 }

@@ -3,6 +3,7 @@
 //! One task for each connection, and nothing waits in it: a record is read, appended, forgotten. While the disk is slow
 //! nothing is read, and the sender is held up by its own socket.
 
+use std::pin::pin;
 use std::time::Duration;
 
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -10,7 +11,7 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
-use tokio::time::{Instant, interval, sleep_until, timeout};
+use tokio::time::{Instant, sleep_until, timeout};
 
 use super::auth::origin;
 use super::auth::signed_in::SignedIn;
@@ -29,8 +30,6 @@ const MOST_WORD: usize = 8192;
 const READ_BYTES: usize = 4096;
 /// How long a sender may take to hear the last words.
 const LAST_WORDS: Duration = Duration::from_secs(5);
-/// How often it is looked whether the sign-in still counts.
-const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
 /// How long a hello may take to come.
 const HELLO: Duration = Duration::from_secs(10);
 
@@ -108,14 +107,12 @@ impl From<Farewell> for End {
 
 async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> Result<(), End> {
     let By { scope, headers } = by;
-    let ending = app.shutdown.begun();
-    tokio::pin!(ending);
     let hello = tokio::select! {
         word = timeout(HELLO, next(socket)) => match word {
             Ok(word) => word?,
             Err(_) => return Err(Farewell::new(Code::Silent, "no hello came").into()),
         },
-        () = &mut ending => return Err(service_ends()),
+        () = app.shutdown.begun() => return Err(Farewell::service_ends().into()),
     };
     let Heard::Word(FromSender::Hello(hello)) = hello else {
         return Err(Farewell::new(Code::NotUnderstood, "the first word of a connection is hello").into());
@@ -127,21 +124,14 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
     say(socket, &feed.welcome().await?).await?;
     let settings = app.feeds.settings();
     let mut ack_at = None;
-    let mut still_signed_in = interval(STILL_SIGNED_IN);
+    let mut signed_out = pin!(SignedIn::ended(app, headers));
     let mut silent_at = Instant::now() + settings.silent();
     loop {
         let has_room = feed.has_room();
         let heard = tokio::select! {
             biased;
-            () = &mut ending => return Err(service_ends()),
-            farewell = feed.superseded() => return Err(farewell.into()),
-            farewell = feed.refused() => return Err(farewell.into()),
-            _ = still_signed_in.tick() => {
-                if !SignedIn::still(app, headers).await {
-                    return Err(Farewell::new(Code::SignedOut, "the sign-in has ended: sign in again").into());
-                }
-                continue;
-            }
+            farewell = feed.over() => return Err(farewell.into()),
+            () = &mut signed_out => return Err(Farewell::signed_out().into()),
             () = sleep_until(ack_at.unwrap_or(silent_at)), if ack_at.is_some() => {
                 ack_at = None;
                 say(socket, &feed.sync().await?).await?;
@@ -185,10 +175,6 @@ async fn end(feed: &mut Connection, socket: &mut WebSocket, frames: u64) -> Resu
         say(socket, &answer).await?;
     }
     Ok(answer)
-}
-
-fn service_ends() -> End {
-    Farewell::new(Code::Ending, "the service ends: come again in some seconds").into()
 }
 
 /// What a sender sent.

@@ -30,6 +30,7 @@ pub mod openapi;
 pub mod pace;
 pub mod people;
 pub mod protect;
+mod push;
 pub mod range;
 pub mod read;
 pub mod router;

@@ -81,6 +81,9 @@ fn complete_operation(operation: &mut Operation, path: &str) {
     if path.contains("/uploads") {
         refusals.extend([410, 412, 423, 460]);
     }
+    if path.ends_with("/feed.ts") {
+        refusals.push(410);
+    }
     for status in refusals {
         operation.responses.responses.entry(status.to_string()).or_insert_with(|| problem(status).into());
     }

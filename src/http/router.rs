@@ -12,7 +12,7 @@ use super::auth::{origin, sign_in};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{
-    boxes, dashboard, docs, events, feed, groups, health, jobs, observe, people, protect, sessions, tasks, tokens,
+    boxes, dashboard, docs, events, feed, groups, health, jobs, observe, people, protect, push, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -36,6 +36,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(boxes::calibrations, boxes::calibrate))
         .routes(routes!(boxes::palette, boxes::put_palette))
         .routes(routes!(feed::feed))
+        .routes(routes!(push::push))
         .routes(routes!(trainees::list, trainees::create))
         .routes(routes!(trainees::get, trainees::change, trainees::erase))
         .routes(routes!(trainees::progress))

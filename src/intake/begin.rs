@@ -1,7 +1,6 @@
 //! Whose recording, of what, where: checked before a byte is sent.
 
 use super::{Intake, IntakeError, IntakeResult};
-use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::{FileName, Key};
 use crate::ids::{BoxId, TaskId, TraineeId, UploadId};
@@ -39,7 +38,8 @@ pub struct Recording {
 impl Intake {
     /// Finds what the sender names, as far as the scope sees it.
     pub async fn recognise(&self, scope: &Scope, about: About) -> IntakeResult<Recording> {
-        let trainee = about.trainee.or_else(|| own_trainee(scope)).ok_or(IntakeError::Missing("trainee"))?;
+        let trainee = about.trainee.or_else(|| scope.own_trainee().map(|own| own.to_string()));
+        let trainee = trainee.ok_or(IntakeError::Missing("trainee"))?;
         let task = about.task.ok_or(IntakeError::Missing("task"))?;
         let in_box = about.in_box.ok_or(IntakeError::Missing("box"))?;
         let trainee = self.store.trainees().get(scope, &Key::from(&trainee)).await.map_err(unknown("trainee"))?;
@@ -89,11 +89,6 @@ impl Intake {
             _ => Ok(()),
         }
     }
-}
-
-/// A trainee who does not say whose recording it is means their own.
-fn own_trainee(scope: &Scope) -> Option<String> {
-    if scope.role() == Role::Trainee { scope.subject() } else { None }
 }
 
 fn unknown(what: &'static str) -> impl FnOnce(StoreError) -> IntakeError {

@@ -8,10 +8,10 @@ use tokio::sync::watch;
 
 use super::recording::{Ending, Finished};
 use super::{Feed, Feeds, State, failed};
-use crate::domain::feed::FrameCodec;
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::domain::feed::record::{Body, NotARecord, Record};
 use crate::domain::feed::words::FromServer;
+use crate::domain::feed::{FrameCodec, TimeBase};
 
 /// The connection that may send a recording.
 pub struct Connection {
@@ -80,6 +80,19 @@ impl Connection {
         Ok(())
     }
 
+    /// Takes a frame or gap that was made here, as [`Connection::take`] takes a sender's.
+    pub(super) async fn take_own(&mut self, number: u64, body: Body<'_>) -> Result<(), Farewell> {
+        let record = Record { epoch: self.epoch, number, body };
+        let mut bytes = Vec::with_capacity(record.bytes());
+        record.write(&mut bytes);
+        self.take(bytes.into()).await
+    }
+
+    /// The clock of the recording's frames.
+    pub(super) fn time_base(&self) -> TimeBase {
+        self.feed.time_base
+    }
+
     /// May another record come? One that is too fast to be tracked while it arrives is slowed.
     pub fn has_room(&self) -> bool {
         self.feed.follower.has_room()
@@ -113,8 +126,19 @@ impl Connection {
         }
     }
 
+    /// Resolves once nothing more may come on this connection, with the reason: the service ends, a later connection has
+    /// taken over, or a frame came that does not fit.
+    pub async fn over(&self) -> Farewell {
+        tokio::select! {
+            biased;
+            () = self.feeds.0.shutdown.begun() => Farewell::service_ends(),
+            farewell = self.superseded() => farewell,
+            farewell = self.refused() => farewell,
+        }
+    }
+
     /// Resolves once a later connection has taken over.
-    pub async fn superseded(&self) -> Farewell {
+    async fn superseded(&self) -> Farewell {
         let (mine, mut now) = (self.epoch, self.now.clone());
         let _ = now.wait_for(|now| *now != mine).await; // the feed, and with it the sender, lives as long as this
         match self.may_send() {
@@ -124,7 +148,7 @@ impl Connection {
     }
 
     /// Resolves once a frame has come that does not fit the recording.
-    pub async fn refused(&self) -> Farewell {
+    async fn refused(&self) -> Farewell {
         Farewell::new(Code::DoesNotBelong, self.feed.follower.refused().await)
     }
 

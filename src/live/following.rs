@@ -356,7 +356,7 @@ impl Child {
 }
 
 /// Ends a child whose task is dropped.
-struct PulledWhenGone(Stop);
+pub(super) struct PulledWhenGone(pub(super) Stop);
 
 impl Drop for PulledWhenGone {
     fn drop(&mut self) {

@@ -11,20 +11,25 @@
 //! synced; the log is read through when it is opened again.
 //!
 //! A recording that nobody ends is ended by [`Feeds::keep`], and what never came is noted as a gap.
+//!
+//! A stream that is pushed in one request ([`Feeds::push`]) is such a connection too, whose hello and records are made here.
+//! Nobody can go on with it, so that it is ended as soon as nobody sends it.
 
 mod connection;
 mod following;
+mod keeping;
+mod push;
 mod recording;
 mod settings;
 
 pub use connection::Connection;
 pub use following::{Following, Watch};
+pub use push::{Broken, Push, PushError};
 pub use settings::LiveSettings;
 
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
-use std::time::Duration;
 
 use tokio::sync::{Mutex, watch};
 
@@ -34,23 +39,19 @@ use crate::analysis::AnalysisSettings;
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::domain::feed::numbers::Numbers;
 use crate::domain::feed::words::Hello;
-use crate::domain::feed::{MOST_FRAMES, PROTOCOL, TimeBase};
-use crate::domain::role::Role;
+use crate::domain::feed::{LONGEST_S, MOST_FRAMES, PROTOCOL, TimeBase};
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::events::{Event, Events};
-use crate::ids::{FeedId, SessionId, TraineeId};
+use crate::ids::{BoxId, FeedId, SessionId, TraineeId};
 use crate::media::Limits;
 use crate::queue::Queue;
 use crate::sandbox::Program;
 use crate::shutdown::Shutdown;
 use crate::store::{self, NewFeed, Store, StoreError};
-use crate::time::{SharedClock, from_rfc3339, millis};
+use crate::time::{SharedClock, from_rfc3339};
 use crate::vault::{FeedLog, Vault, VaultError};
-
-/// How often abandoned recordings are looked for.
-const LOOK_EVERY: Duration = Duration::from_secs(20);
 
 /// Longest name of a sender's program, characters.
 const SENDER: usize = 120;
@@ -146,16 +147,28 @@ impl Feeds {
     /// A reason that the sender is told.
     pub async fn connect(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<Connected, Farewell> {
         let new = self.recognise(scope, in_box, hello).await?;
+        self.open(scope, new).await
+    }
+
+    /// The same for a recording that is pushed in one request.
+    async fn connect_push(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<Connected, Farewell> {
+        let new = NewFeed { is_push: true, ..self.recognise(scope, in_box, hello).await? };
+        self.open(scope, new).await
+    }
+
+    /// Refuses a box that sends a recording at this moment.
+    ///
+    /// # Errors
+    /// A reason that the sender is told.
+    pub async fn check_free(&self, in_box: BoxId) -> Result<(), Farewell> {
+        check_free(&*self.0.open.0.lock().await, in_box, None)
+    }
+
+    async fn open(&self, scope: &Scope, new: NewFeed) -> Result<Connected, Farewell> {
         let id = new.id;
         // Held from the epoch to the entry, so that of two hellos the one with the higher epoch is entered last.
         let mut open = self.0.open.0.lock().await;
-        let sends = |feed: &&Arc<Feed>| feed.is_sent() && feed.row.box_id == new.in_box;
-        if let Some(other) = open.values().find(|feed| feed.row.id != id && sends(feed)) {
-            return Err(Farewell::new(
-                Code::Busy,
-                format!("the box is sending another recording ({}): end that one, or stop its sender", other.row.id),
-            ));
-        }
+        check_free(&open, new.in_box, Some(id))?;
         if open.get(&id).is_some_and(|feed| feed.is_finishing.load(Ordering::Acquire)) {
             return Err(Farewell::new(Code::Busy, "the recording is being put together: come again"));
         }
@@ -190,81 +203,6 @@ impl Feeds {
         let open = self.0.open.0.lock().await;
         let arrives = |feed: &&Arc<Feed>| feed.row.session_id == session && feed.is_sent();
         open.values().find(arrives).map(|feed| feed.follower.watch(feed, wants_pictures))
-    }
-
-    /// Ends what was abandoned and clears up, again and again until the service ends.
-    pub async fn keep(&self) {
-        let mut unheard = HashMap::new();
-        while !self.0.shutdown.is_begun() {
-            if let Err(error) = self.look_after(&mut unheard).await {
-                tracing::warn!(%error, "looking after feeds");
-            }
-            tokio::select! {
-                () = self.0.shutdown.begun() => {}
-                () = self.0.clock.sleep(LOOK_EVERY) => {}
-            }
-        }
-    }
-
-    /// Removes the logs of what was erased, and ends what was abandoned. `unheard` remembers since when a recording that no
-    /// connection has named in this life of the service has been waiting, epoch ms.
-    async fn look_after(&self, unheard: &mut HashMap<FeedId, i64>) -> Result<(), LiveError> {
-        self.remove_erased().await?;
-        let unfinished = self.0.store.feeds().unfinished().await?;
-        let now_ms = self.0.clock.now_ms();
-        let since_ms = now_ms - millis(self.0.settings.abandoned());
-        unheard.retain(|id, _| unfinished.iter().any(|row| row.id == *id));
-        for row in unfinished {
-            if self.0.shutdown.is_begun() {
-                break;
-            }
-            let id = row.id;
-            let known = self.0.open.0.lock().await.get(&id).cloned();
-            let feed = match known {
-                Some(feed) => feed,
-                None if *unheard.entry(id).or_insert(now_ms) >= since_ms => continue,
-                None => self.enter_unheard(row, since_ms).await?,
-            };
-            if feed.is_abandoned(since_ms)
-                && let Err(error) = self.end_abandoned(&feed, since_ms).await
-            {
-                tracing::warn!(%error, feed = %id, "ending an abandoned recording");
-            }
-        }
-        Ok(())
-    }
-
-    /// Opens the log of a recording that was not heard of since some time before then, epoch ms.
-    async fn enter_unheard(&self, row: store::Feed, since_ms: i64) -> Result<Arc<Feed>, LiveError> {
-        let mut open = self.0.open.0.lock().await;
-        if let Some(feed) = open.get(&row.id) {
-            return Ok(feed.clone()); // a connection came meanwhile
-        }
-        let id = row.id;
-        let feed = self.enter(row).await?;
-        feed.heard_ms.store(since_ms - 1, Ordering::Release);
-        open.insert(id, feed.clone());
-        Ok(feed)
-    }
-
-    async fn remove_erased(&self) -> Result<(), LiveError> {
-        for id in self.0.vault.feed_logs().await? {
-            // Asked again while nobody can enter it: a row may have come since.
-            let mut open = self.0.open.0.lock().await;
-            let is_needed = match self.0.store.feeds().get(&Scope::service(), id).await {
-                Ok(row) => row.ended_at_ms.is_none(),
-                Err(StoreError::NotFound { .. }) => false,
-                Err(error) => return Err(error.into()),
-            };
-            if !is_needed {
-                if let Some(erased) = open.remove(&id) {
-                    erased.is_gone.store(true, Ordering::Release);
-                    erased.epoch.send_replace(u32::MAX); // whoever still sends it is told
-                }
-                self.0.vault.delete_feed(id).await?;
-            }
-        }
-        Ok(())
     }
 
     /// Opens a recording's log.
@@ -307,8 +245,7 @@ impl Feeds {
         let Some(began_at_ms) = from_rfc3339(&hello.began_at) else {
             return wrong("began_at: expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned());
         };
-        // A box's agent sends whoever sits in front of it; people send only whom they see.
-        let whom = if scope.role() == Role::Agent { &Scope::service() } else { scope };
+        let whom = &scope.of_whom_it_sends();
         let store = &self.0.store;
         let unknown = |what: &'static str| move |error| unknown(what, error);
         let in_box = store.boxes().get(scope, in_box).await.map_err(unknown("box"))?.id;
@@ -324,6 +261,7 @@ impl Feeds {
             time_base: hello.time_base,
             began_at_ms,
             sender: hello.sender.chars().filter(|c| !c.is_control()).take(SENDER).collect(),
+            is_push: false,
         })
     }
 
@@ -343,7 +281,6 @@ impl Feed {
 
     /// Ticks of the longest recording: no frame has a later time.
     fn most_ticks(&self) -> i64 {
-        const LONGEST_S: f64 = 4.0 * 3600.0;
         let (num, den) = self.time_base.fraction();
         (LONGEST_S * f64::from(den) / f64::from(num)) as i64
     }
@@ -397,6 +334,14 @@ fn failed(error: VaultError) -> Farewell {
         other => other.to_string(),
     };
     Farewell::new(Code::Failed, why)
+}
+
+/// Refuses a box that sends another recording than this one.
+fn check_free(open: &HashMap<FeedId, Arc<Feed>>, in_box: BoxId, mine: Option<FeedId>) -> Result<(), Farewell> {
+    let is_other = |feed: &&Arc<Feed>| Some(feed.row.id) != mine && feed.is_sent() && feed.row.box_id == in_box;
+    let Some(other) = open.values().find(is_other) else { return Ok(()) };
+    let why = format!("the box is sending another recording ({}): end that one, or stop its sender", other.row.id);
+    Err(Farewell::new(Code::Busy, why))
 }
 
 /// Is this a number that a recording can end with?

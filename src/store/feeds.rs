@@ -51,6 +51,8 @@ pub struct Feed {
     pub epoch: u32,
     /// When its recording was stored, epoch ms.
     pub ended_at_ms: Option<i64>,
+    /// Is it pushed in one request? Then nobody can go on with it once that is over.
+    pub is_push: bool,
 }
 
 /// What a sender says of a recording.
@@ -74,12 +76,14 @@ pub struct NewFeed {
     pub began_at_ms: i64,
     /// The sender's program, for people; at most 120 characters.
     pub sender: String,
+    /// Is it pushed in one request?
+    pub is_push: bool,
 }
 
 macro_rules! select_feeds {
     () => {
         "SELECT feed.id, feed.session_id, session.trainee_id, session.task_id, feed.box_id, feed.codec, feed.width,
-                feed.height, feed.tick_num, feed.tick_den, feed.epoch, feed.ended_at_ms
+                feed.height, feed.tick_num, feed.tick_den, feed.epoch, feed.ended_at_ms, feed.is_push
          FROM feed JOIN session ON session.id = feed.session_id"
     };
 }
@@ -98,6 +102,7 @@ impl Feed {
             && self.codec == new.codec
             && (self.width, self.height) == new.size
             && (self.tick_num, self.tick_den) == (num, den)
+            && self.is_push == new.is_push
     }
 }
 
@@ -241,12 +246,13 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
     let insert = insert.bind(new.began_at_ms).bind(now_ms);
     insert.execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
     let insert = sqlx::query(
-        "INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10)",
+        "INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms, is_push)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 1, $10, $11)",
     );
     let (num, den) = new.time_base.fraction();
     let insert = insert.bind(new.id).bind(session).bind(new.in_box).bind(new.codec).bind(new.size.0).bind(new.size.1);
-    insert.bind(num).bind(den).bind(new.sender).bind(now_ms).execute(&mut *tx).await?;
+    let insert = insert.bind(num).bind(den).bind(new.sender).bind(now_ms).bind(new.is_push);
+    insert.execute(&mut *tx).await?;
     note(tx, scope, now_ms, ("create", "session"), session).await?;
     find(tx, new.id).await?.ok_or(not_found("feed"))
 }

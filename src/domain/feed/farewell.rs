@@ -76,6 +76,16 @@ impl Farewell {
         Self { code, why: why.into() }
     }
 
+    /// The reason of a service that ends.
+    pub fn service_ends() -> Self {
+        Self::new(Code::Ending, "the service ends: come again in some seconds")
+    }
+
+    /// The reason of a sign-in that ends.
+    pub fn signed_out() -> Self {
+        Self::new(Code::SignedOut, "the sign-in has ended: sign in again")
+    }
+
     /// As much of the reason as a close frame carries: 123 bytes.
     pub fn short(&self) -> &str {
         const MOST: usize = 123;

@@ -3,9 +3,12 @@
 //! Handlers name what they need in their arguments and the store names it again in its functions, so a route that
 //! forgets to ask does not compile: without an extractor there is no scope, and without a scope no data.
 
+use std::time::Duration;
+
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
+use tokio::time::interval;
 
 use super::presented::Presented;
 use crate::domain::role::Role;
@@ -13,6 +16,9 @@ use crate::domain::scope::Scope;
 use crate::http::error::{Answer, Problem, Refusal};
 use crate::http::state::App;
 use crate::store::Cookie;
+
+/// How often a conversation looks whether its sign-in still counts.
+const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
 
 /// Somebody who has proved who they are: a person, a person's program, or the agent of a box.
 #[derive(Clone, Debug)]
@@ -41,6 +47,14 @@ impl SignedIn {
             Presented::Token(secret) => app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some()),
             Presented::Cookie(secret) => app.store.cookies().counts(secret, app.sign_in_lasts()).await.unwrap_or(true),
             Presented::Nothing => false,
+        }
+    }
+
+    /// Resolves once these headers would sign in no more; it is looked every few seconds.
+    pub async fn ended(app: &App, headers: &HeaderMap) {
+        let mut look = interval(STILL_SIGNED_IN);
+        while Self::still(app, headers).await {
+            look.tick().await;
         }
     }
 }

@@ -261,7 +261,8 @@ impl Centre {
         }
     }
 
-    fn children(&self) -> Vec<Pid> {
+    /// Its children at this moment.
+    pub fn children(&self) -> Vec<Pid> {
         let threads = std::fs::read_dir(format!("/proc/{}/task", self.process().id())).unwrap().flatten();
         let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
         lists

@@ -7,6 +7,7 @@
 //! | `kills.rs` | nothing acknowledged is lost when service or children are killed |
 //! | `order.rs` | no acknowledgement leaves before its bytes and names were synced |
 //! | `power.rs` | nothing acknowledged is lost when the power is cut |
+//! | `pushes.rs` | what came of a pushed stream is a session, whoever dies |
 //! | `slow.rs` | a thousand slow clients hurt nobody else |
 //! | `unprivileged.rs` | the service needs no privilege, and says what it lacks |
 //!
@@ -18,6 +19,7 @@ mod feeds;
 mod kills;
 mod order;
 mod power;
+mod pushes;
 mod slow;
 mod unprivileged;
 

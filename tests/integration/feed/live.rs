@@ -25,7 +25,7 @@ enum Told {
     Closed,
 }
 
-struct Watcher(WebSocketStream<MaybeTlsStream<TcpStream>>);
+pub(super) struct Watcher(WebSocketStream<MaybeTlsStream<TcpStream>>);
 
 impl Watcher {
     async fn open(centre: &Centre, client: &Client, session: &str) -> Result<Self, u16> {
@@ -40,7 +40,7 @@ impl Watcher {
     }
 
     /// An instructor's, once the recording is tracked.
-    async fn of_tracked(centre: &Centre, session: &str) -> Self {
+    pub(super) async fn of_tracked(centre: &Centre, session: &str) -> Self {
         let mut watcher = Self::open(centre, &centre.instructor, session).await.unwrap();
         while watcher.word("live").await["tools"].is_null() {}
         watcher
@@ -61,7 +61,7 @@ impl Watcher {
     }
 
     /// The next word of a type.
-    async fn word(&mut self, kind: &str) -> Value {
+    pub(super) async fn word(&mut self, kind: &str) -> Value {
         loop {
             match self.next().await {
                 Told::Word(word) if word["type"] == kind => return word,
@@ -100,7 +100,7 @@ async fn send(sender: &mut Sender, scene: &Scene, numbers: std::ops::Range<usize
     }
 }
 
-async fn done(client: &Client, session: &str) -> Value {
+pub(super) async fn done(client: &Client, session: &str) -> Value {
     soon("the result", async {
         loop {
             let session = client.read(&format!("/api/v1/sessions/{session}")).await;

@@ -2,7 +2,8 @@
 
 mod live;
 mod load;
-mod scene;
+pub mod push;
+pub mod scene;
 pub mod sender;
 
 use std::time::Duration;

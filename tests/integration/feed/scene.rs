@@ -119,6 +119,14 @@ fn frames_of_h264(clip: &Path) -> Option<(Vec<Frame>, u32)> {
     Some((packets.iter().zip(units).map(frame).collect(), time_base.parse().unwrap()))
 }
 
+/// The bytes of a clip in another container, none of its frames coded anew.
+pub fn remuxed(clip: &Path, container: &str) -> Option<Vec<u8>> {
+    let path = clip.with_extension(container);
+    let copy = ["-c", "copy", "-f", container];
+    run(Command::new("ffmpeg").args(["-v", "error", "-y", "-i"]).arg(clip).args(copy).arg(&path))?;
+    Some(std::fs::read(path).unwrap())
+}
+
 /// Gives a box a scene's camera and colours.
 pub async fn furnish(administrator: &Client, in_box: &str, scene: &Folder) {
     let camera = std::fs::read(scene.file("camera.json")).unwrap();

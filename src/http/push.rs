@@ -1,0 +1,129 @@
+//! A recording that is pushed while it is made: a live stream as the body of one request, as `docs/push.md` has it.
+
+use std::time::Duration;
+
+use axum::body::BodyDataStream;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, header};
+use futures_util::StreamExt;
+use serde::{Deserialize, Serialize};
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::timeout;
+use utoipa::{IntoParams, ToSchema};
+
+use super::auth::signed_in::SignedIn;
+use super::error::{Answer, Problem, busy};
+use super::read::{At, Params, named};
+use super::sessions::Session;
+use super::show::Created;
+use super::state::App;
+use crate::domain::text::Key;
+use crate::ids::SessionId;
+use crate::live::{Broken, Push};
+use crate::store::StoreError;
+
+/// How long a sender that is refused may go on sending: whoever is cut in the middle of a word does not read the answer.
+const HEARD_OUT: Duration = Duration::from_secs(2);
+
+/// Whose recording it is.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Of {
+    /// Who trains, by id or code; a trainee may leave it out.
+    trainee: Option<String>,
+    /// What they do, by id or code.
+    #[param(required)]
+    task: Option<String>,
+}
+
+/// What came of a stream: the session, or its id alone for a box's agent, which sees no sessions.
+#[derive(Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum Pushed {
+    /// For those who see it.
+    Session(Box<Session>),
+    /// For a box's agent.
+    Id {
+        /// The session's.
+        id: String,
+    },
+}
+
+/// Push a live stream of a box
+///
+/// The body is MPEG-TS or Matroska, of any length and sent as it is recorded, as `ffmpeg -f mpegts -method PUT` does;
+/// `docs/push.md` describes it. Its end is the recording's. One that breaks off ends with what came, and the problem names the
+/// `session`. For the box's agent, and for people who may send recordings.
+#[utoipa::path(put, path = "/boxes/{id}/feed.ts", tag = "boxes",
+    params(("id" = String, Path, description = "id or code"), Of),
+    request_body(content = Vec<u8>, content_type = "video/mp2t", description = "MPEG-TS or Matroska, while it is recorded"),
+    responses((status = CREATED, body = Pushed)))]
+pub async fn push(
+    State(app): State<App>,
+    by: Answer<SignedIn>,
+    At(in_box): At,
+    Params(of): Params<Of>,
+    request: Request,
+) -> Answer<Created<Pushed>> {
+    let name = in_box.as_str().to_owned();
+    let (push, place) = admit(&app, by, in_box, of, request.headers()).await.inspect_err(|problem| {
+        tracing::warn!(in_box = name, why = problem.detail(), "a push is refused"); // most senders do not show the answer
+    })?;
+    let scope = push.scope.clone();
+    // On a task of its own: senders close right after their last byte, and must not undo the recording.
+    let taken = app.shutdown.spawn(take(app.clone(), push, request, place));
+    let session = taken.await.map_err(|cause| Problem::internal("taking a stream", cause))??;
+    let made = match app.store.sessions().get(&scope, session).await {
+        Ok(session) => Pushed::Session(Box::new(Session::of(session, None))),
+        Err(StoreError::NotFound { .. }) => Pushed::Id { id: session.to_string() },
+        Err(error) => return Err(error.into()),
+    };
+    Ok(Created { location: format!("/api/v1/sessions/{session}"), made })
+}
+
+/// Checks all that can be checked before the stream comes, and finds a place.
+async fn admit(
+    app: &App,
+    by: Answer<SignedIn>,
+    in_box: Key,
+    of: Of,
+    headers: &HeaderMap,
+) -> Answer<(Push, OwnedSemaphorePermit)> {
+    let SignedIn { scope } = by?;
+    let missing = |field| move || Problem::invalid(field, "is missing; give the id or the code");
+    let trainee =
+        of.trainee.or_else(|| scope.own_trainee().map(|own| own.to_string())).ok_or_else(missing("trainee"))?;
+    let task = of.task.ok_or_else(missing("task"))?;
+    let (store, whom) = (&app.store, scope.of_whom_it_sends());
+    let box_id = store.boxes().get(&scope, &in_box).await?.id;
+    store.trainees().get(&whom, &Key::from(&trainee)).await.map_err(named("trainee"))?;
+    store.tasks().get(&whom, &Key::from(&task)).await.map_err(named("task"))?;
+    app.feeds.check_free(box_id).await?;
+    let full = |_| busy("Too many boxes send at once. Try again when one of them has ended.");
+    let place = app.feed_places.clone().try_acquire_owned().map_err(full)?;
+    let sender = headers.get(header::USER_AGENT).and_then(|agent| agent.to_str().ok()).unwrap_or_default().to_owned();
+    Ok((Push { scope, in_box, trainee, task, sender }, place))
+}
+
+async fn take(app: App, push: Push, request: Request, place: OwnedSemaphorePermit) -> Result<SessionId, Broken> {
+    let (name, headers) = (push.in_box.as_str().to_owned(), request.headers().clone());
+    let mut body = request.into_body().into_data_stream();
+    let bytes = (&mut body).map(|bytes| bytes.map_err(Into::into));
+    let taken = app.feeds.push(push, bytes, SignedIn::ended(&app, &headers)).await;
+    drop(place);
+    match &taken {
+        Ok(session) => tracing::info!(in_box = name, %session, "a push has ended"),
+        Err(Broken { why, session }) => {
+            let session = session.map(tracing::field::display);
+            tracing::warn!(in_box = name, %why, session, "a push broke off");
+            tokio::spawn(hear_out(body));
+        }
+    }
+    taken
+}
+
+/// Reads on for a moment, while the answer is on its way.
+async fn hear_out(mut body: BodyDataStream) {
+    let _ = timeout(HEARD_OUT, async { while let Some(Ok(_)) = body.next().await {} }).await; // time is up
+}

@@ -1,0 +1,321 @@
+//! A recording that is pushed in one request: a live stream of MPEG-TS or Matroska, as FFmpeg and OBS send it.
+//!
+//! ```text
+//! body ─pipe─▶ child: demux ─▶ what it holds: a hello ─▶ Connection, as of any sender
+//!                              its frames: records    ─▶ log, tracking, end
+//! ```
+//! Nothing waits but a few frames: while the log is slow or the tracking behind, no frame is taken, so the child does not
+//! read, its pipe is full, and the sender is held up by its own socket.
+//!
+//! Whatever ends a push, what came up to then becomes the session; nobody can go on with it.
+
+use std::fs::File;
+use std::io::pipe;
+use std::os::fd::OwnedFd;
+use std::pin::pin;
+use std::time::Duration;
+
+use bytes::Bytes;
+use futures_util::{Stream, StreamExt};
+use metrics::counter;
+use tokio::io::AsyncWriteExt;
+use tokio::net::unix::pipe::Sender;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, sleep_until, timeout};
+
+use super::following::PulledWhenGone;
+use super::{Connected, Connection, Feeds};
+use crate::analysis::protocol::{Request, Work};
+use crate::analysis::{Attempt, Failure, Heard, News, attempt};
+use crate::domain::feed::farewell::{Code, Farewell};
+use crate::domain::feed::record::Body;
+use crate::domain::feed::words::{FromServer, Hello};
+use crate::domain::feed::{LONGEST_S, MOST_FRAMES, PROTOCOL};
+use crate::domain::problem::Problem;
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::ids::{FeedId, SessionId};
+use crate::media::{CapturedFrame, SourceInfo};
+use crate::sandbox::{Budget, Stop};
+use crate::time::to_rfc3339;
+
+/// Frames that may wait for the log.
+const MOST_WAITING: usize = 2;
+/// How much longer than a recording may last its child may live: it is started first, and ends last.
+const BEGINNING_AND_END: Duration = Duration::from_secs(300);
+/// How much longer than its sender may be silent a child may be: it hears of its sender's silence.
+const AFTER_THE_SENDER: Duration = Duration::from_secs(20);
+
+/// Why a body could not be read to its end.
+pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Who pushes what; trainee and task by id or code.
+#[derive(Clone, Debug)]
+pub struct Push {
+    /// Who pushes.
+    pub scope: Scope,
+    /// Where.
+    pub in_box: Key,
+    /// Who trains.
+    pub trainee: String,
+    /// What they do.
+    pub task: String,
+    /// The sender's program, for people.
+    pub sender: String,
+}
+
+/// A push that did not come to its end.
+#[derive(Debug)]
+pub struct Broken {
+    /// Why.
+    pub why: PushError,
+    /// What came up to then, if it can be shown.
+    pub session: Option<SessionId>,
+}
+
+/// Why a push did not come to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum PushError {
+    /// The body broke off, or came too slowly.
+    #[error("the connection was cut ({0})")]
+    Cut(BoxError),
+    /// The stream cannot be used, or not any further.
+    #[error("{}", .0.detail)]
+    Stream(Problem),
+    /// As it is told any sender.
+    #[error("{}", .0.why)]
+    Told(Farewell),
+}
+
+impl From<Farewell> for PushError {
+    fn from(farewell: Farewell) -> Self {
+        PushError::Told(farewell)
+    }
+}
+
+impl Feeds {
+    /// Takes a stream that is pushed, until it ends or `signed_out` resolves. Call it on a task of its own: senders close
+    /// right after their last byte.
+    ///
+    /// # Errors
+    /// What did not end well is a session all the same, if anything of it can be shown.
+    pub async fn push<B>(&self, push: Push, body: B, signed_out: impl Future<Output = ()>) -> Result<SessionId, Broken>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let mut taken = Taken::new(self, push);
+        let broken = taken.take_all(body, signed_out).await.err();
+        match (broken, taken.end().await) {
+            (None, Ok(session)) => Ok(session),
+            (None, Err(farewell)) => Err(Broken { why: farewell.into(), session: None }),
+            (Some(why), ended) => Err(Broken { why, session: ended.ok() }),
+        }
+    }
+}
+
+/// What has come of a push.
+struct Taken<'a> {
+    feeds: &'a Feeds,
+    push: Push,
+    began_at_ms: i64,
+    /// Once it is known what the stream holds.
+    connection: Option<Connection>,
+    /// The number of the next frame.
+    next: u64,
+    /// Frames that no feed can have.
+    gaps: u64,
+    /// The body broke off: the last frame is cut, so that each waits here for the next.
+    is_cut: bool,
+    held_back: Option<CapturedFrame>,
+    sync_at: Option<Instant>,
+}
+
+impl<'a> Taken<'a> {
+    fn new(feeds: &'a Feeds, push: Push) -> Self {
+        let (began_at_ms, connection) = (feeds.0.clock.now_ms(), None);
+        Self { feeds, push, began_at_ms, connection, next: 0, gaps: 0, is_cut: false, held_back: None, sync_at: None }
+    }
+
+    /// Takes frames until there are no more, or none may come.
+    async fn take_all<B>(&mut self, body: B, signed_out: impl Future<Output = ()>) -> Result<(), PushError>
+    where
+        B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+    {
+        let (mut demuxer, pipe) = self.feeds.start_demuxer().map_err(|why| PushError::Told(died(&why)))?;
+        let mut pouring = pin!(pour(body, pipe, self.feeds.0.settings.silent()));
+        let mut signed_out = pin!(signed_out);
+        let mut poured = None;
+        loop {
+            let has_room = self.connection.as_ref().is_none_or(Connection::has_room);
+            tokio::select! {
+                biased;
+                farewell = self.over() => return Err(farewell.into()),
+                () = &mut signed_out => return Err(Farewell::signed_out().into()),
+                end = &mut pouring, if poured.is_none() => {
+                    self.is_cut = end.is_err();
+                    poured = Some(end);
+                }
+                () = sleep_until(self.sync_at.unwrap_or_else(Instant::now)), if self.sync_at.is_some() => self.sync().await?,
+                () = self.room(), if !has_room => {}
+                news = demuxer.news.recv(), if has_room => match news {
+                    Some(News::Stream(info)) => self.begin(info).await?,
+                    Some(News::Coded(frame)) => self.take_frame(frame).await?,
+                    Some(_) => {}
+                    None => break,
+                },
+            }
+        }
+        match (poured, demuxer.ended.await) {
+            (Some(Err(cut)), _) => Err(cut),
+            (_, Err(panic)) => Err(died(&panic).into()),
+            (_, Ok(Err(failure))) => Err(failed(failure)),
+            (Some(Ok(())), Ok(Ok(_))) => Ok(()),
+            (None, Ok(Ok(_))) => {
+                let detail = "the stream came to an end, but the request goes on: push one stream in one request";
+                Err(PushError::Stream(Problem::new("not-a-stream", "The stream has ended", detail)))
+            }
+        }
+    }
+
+    /// Resolves once nothing more may come.
+    async fn over(&self) -> Farewell {
+        match &self.connection {
+            Some(connection) => connection.over().await,
+            None => {
+                self.feeds.0.shutdown.begun().await;
+                Farewell::service_ends()
+            }
+        }
+    }
+
+    async fn room(&self) {
+        if let Some(connection) = &self.connection {
+            connection.room().await;
+        }
+    }
+
+    /// Says hello: it is known what the stream holds.
+    async fn begin(&mut self, info: SourceInfo) -> Result<(), Farewell> {
+        let SourceInfo { codec, size: (width, height), time_base, coded_from, .. } = info;
+        if let Some(from) = coded_from {
+            tracing::warn!(from, "a pushed stream is decoded and coded anew as JPEGs: H.264 saves that");
+        }
+        let Push { scope, in_box, trainee, task, sender } = self.push.clone();
+        let began_at = to_rfc3339(self.began_at_ms);
+        let (recording, protocol) = (FeedId::at(self.began_at_ms), PROTOCOL);
+        let hello = Hello { protocol, recording, trainee, task, codec, width, height, time_base, began_at, sender };
+        self.connection = match self.feeds.connect_push(&scope, &in_box, hello).await? {
+            Connected::Open(connection) => Some(connection),
+            Connected::Ended(_) => None, // nobody else has this id
+        };
+        Ok(())
+    }
+
+    async fn take_frame(&mut self, frame: CapturedFrame) -> Result<(), Farewell> {
+        let frame = match self.is_cut {
+            true => self.held_back.replace(frame),
+            false => Some(frame),
+        };
+        let (Some(frame), Some(connection)) = (frame, &mut self.connection) else { return Ok(()) };
+        connection.heard();
+        if frame.due_s > LONGEST_S || self.next == MOST_FRAMES {
+            let why =
+                format!("a recording lasts {LONGEST_S} s and has {MOST_FRAMES} frames at most: push the rest anew");
+            return Err(Farewell::new(Code::TooMuch, why));
+        }
+        let body = frame.body(self.next, connection.time_base());
+        self.gaps += u64::from(matches!(body, Body::Gap { .. }));
+        connection.take_own(self.next, body).await?;
+        self.next += 1;
+        if self.sync_at.is_none() {
+            self.sync_at = Some(Instant::now() + self.feeds.0.settings.ack());
+        }
+        Ok(())
+    }
+
+    async fn sync(&mut self) -> Result<(), Farewell> {
+        self.sync_at = None;
+        match &mut self.connection {
+            Some(connection) => connection.sync().await.map(drop),
+            None => Ok(()),
+        }
+    }
+
+    /// Makes a session of what came. What cannot be ended now, because the service ends, is ended at its next start.
+    async fn end(self) -> Result<SessionId, Farewell> {
+        let Some(mut connection) = self.connection else {
+            return Err(Farewell::new(Code::DoesNotBelong, "no frame came"));
+        };
+        if self.gaps > 0 {
+            tracing::warn!(gaps = self.gaps, "frames of a pushed stream are damaged, too long or out of time");
+        }
+        match connection.end(self.next).await? {
+            FromServer::Ended { session } => Ok(session),
+            _ => Err(Farewell::new(Code::Failed, "frames are missing that were taken")),
+        }
+    }
+}
+
+/// A child that takes a stream apart; dropping it ends it.
+struct Demuxer {
+    news: mpsc::Receiver<News>,
+    ended: JoinHandle<Result<Heard, Failure>>,
+    _stop: PulledWhenGone,
+}
+
+impl Feeds {
+    /// Starts a child, and gives the end of its pipe.
+    fn start_demuxer(&self) -> std::io::Result<(Demuxer, Sender)> {
+        let (theirs, ours) = pipe()?;
+        let ours = Sender::from_owned_fd(OwnedFd::from(ours))?;
+        let inputs = vec![File::from(OwnedFd::from(theirs))];
+        let settings = &self.0.settings;
+        let budget = Budget {
+            wall: Duration::from_secs_f64(LONGEST_S) + BEGINNING_AND_END,
+            silence: settings.silent() + AFTER_THE_SENDER,
+            output_bytes: settings.max_bytes.saturating_mul(2),
+            ..self.0.analysis.budget()
+        };
+        let stop = PulledWhenGone(Stop::new()?);
+        let (program, stopping) = (self.0.program.clone(), stop.0.clone());
+        let (sender, news) = mpsc::channel(MOST_WAITING);
+        let ended = tokio::task::spawn_blocking(move || {
+            let request = Request { threads: 1, work: Work::Demux };
+            let what = Attempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
+            // Nobody takes it any more: the stop is pulled.
+            attempt(what, |news| drop(sender.blocking_send(news))).0
+        });
+        Ok((Demuxer { news, ended, _stop: stop }, ours))
+    }
+}
+
+/// Pours a body into a child's pipe, which is closed at its end. Only the time counts in which it is we who wait.
+async fn pour<B>(mut body: B, mut pipe: Sender, silent: Duration) -> Result<(), PushError>
+where
+    B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
+{
+    loop {
+        let bytes = match timeout(silent, body.next()).await {
+            Ok(Some(bytes)) => bytes.map_err(PushError::Cut)?,
+            Ok(None) => return Ok(()),
+            Err(_) => return Err(Farewell::new(Code::Silent, "nothing was heard for too long").into()),
+        };
+        if pipe.write_all(&bytes).await.is_err() {
+            std::future::pending::<()>().await; // the child has ended, and says why
+        }
+    }
+}
+
+fn failed(failure: Failure) -> PushError {
+    match failure {
+        Failure::Explained(problem) => PushError::Stream(problem),
+        Failure::Stopped => Farewell::service_ends().into(),
+        Failure::Crashed(why) => died(&why).into(),
+    }
+}
+
+fn died(why: &dyn std::fmt::Display) -> Farewell {
+    counter!("trocar_feed_demuxers_died_total").increment(1);
+    Farewell::new(Code::Failed, format!("the process that took the stream apart {why}"))
+}

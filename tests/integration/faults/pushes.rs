@@ -1,0 +1,64 @@
+//! Streams that are pushed in one request, to a service that is killed, and whose children are: what came is a session, at
+//! once or at the next start.
+
+use std::time::Duration;
+
+use reqwest::Method;
+use rustix::process::{Signal, kill_process};
+use serde_json::Value;
+
+use super::Centre;
+use crate::feed::push::Pushing;
+use crate::feed::scene::remuxed;
+use crate::support::{problem, soon};
+
+const PATH: &str = "/boxes/box-1/feed.ts?trainee=ada&task=pegs";
+
+/// A push whose stream has come in part, and its session.
+async fn begun(centre: &Centre, stream: &[u8]) -> (Pushing, String) {
+    let mut pushing = Pushing::begin(centre.request(Method::PUT, PATH));
+    pushing.send(&stream[..stream.len() * 4 / 5]).await;
+    let arrives = |sessions: &Value| sessions["items"][0]["id"].is_string();
+    let sessions = centre.until("/sessions?status=receiving", arrives).await;
+    let logs = centre.data().join("feeds");
+    soon("frames in the log", async {
+        while std::fs::read_dir(&logs).unwrap().flatten().all(|log| log.metadata().unwrap().len() == 0) {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await;
+    (pushing, sessions["items"][0]["id"].as_str().unwrap().to_owned())
+}
+
+async fn centre() -> Centre {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    Centre::open_bare(folder, data, |_| ()).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_killed_service_had_of_a_push_becomes_a_session_at_its_next_start() {
+    let mut centre = centre().await;
+    let Some(stream) = remuxed(&centre.scene("clip.mp4"), "mpegts") else { return };
+    let (pushing, session) = begun(&centre, &stream).await;
+    centre.kill();
+    pushing.cut().await;
+    centre.restart().await;
+    centre.until(&format!("/sessions/{session}"), |session| session["status"] != "receiving").await;
+    let video = centre.get(&format!("/sessions/{session}/video")).await;
+    assert!(!video.bytes().await.unwrap().is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_push_whose_child_dies_ends_with_what_came() {
+    let centre = centre().await;
+    let Some(stream) = remuxed(&centre.scene("clip.mp4"), "matroska") else { return };
+    let (pushing, session) = begun(&centre, &stream).await;
+    let children = centre.children(); // the box is bare: nobody tracks
+    assert_eq!(children.len(), 1);
+    kill_process(children[0], Signal::KILL).unwrap();
+    let refused = problem(pushing.answered().await, 500, "internal").await;
+    assert!(refused["detail"].as_str().unwrap().contains("killed"), "{refused}");
+    assert_eq!(refused["session"], format!("/api/v1/sessions/{session}"));
+    centre.until(&format!("/sessions/{session}"), |session| session["status"] != "receiving").await;
+}

@@ -1,0 +1,311 @@
+//! Streams that are pushed in one request: what becomes a session is the clip, or what came of it; everything else is
+//! refused with a reason.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::Cursor;
+use std::time::Duration;
+
+use reqwest::{Body, Method, Response, StatusCode};
+use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio_stream::wrappers::ReceiverStream;
+use trocar::media::{Limits, VideoFile};
+use trocar::settings::Settings;
+
+use super::live::{Watcher, done};
+use super::scene::{Scene, furnish, remuxed};
+use super::sender::{hello, open};
+use super::{ANOTHER, RECORDING, begin};
+use crate::api::centre::{Centre, recording, session};
+use crate::support::{Client, Service, problem, read, soon};
+
+const PATH: &str = "/api/v1/boxes/box-1/feed.ts?trainee=ada&task=peg";
+
+/// A request whose body is told piece by piece.
+pub struct Pushing {
+    body: Option<mpsc::Sender<Result<Vec<u8>, std::io::Error>>>,
+    answer: JoinHandle<reqwest::Result<Response>>,
+}
+
+impl Pushing {
+    pub fn begin(request: reqwest::RequestBuilder) -> Self {
+        let (body, pieces) = mpsc::channel(1);
+        let request = request.body(Body::wrap_stream(ReceiverStream::new(pieces)));
+        let answer = tokio::spawn(request.send());
+        Self { body: Some(body), answer }
+    }
+
+    /// Sends bytes, some thousands at a time.
+    pub async fn send(&mut self, bytes: &[u8]) {
+        for piece in bytes.chunks(8192) {
+            // Where the service has answered already, nobody takes the rest.
+            let _ = soon("sending", self.body.as_mut().unwrap().send(Ok(piece.to_vec()))).await;
+        }
+    }
+
+    /// Ends the body as it should end.
+    pub async fn end(mut self) -> Response {
+        self.body = None;
+        self.answered().await
+    }
+
+    /// Waits for the answer, though the body goes on.
+    pub async fn answered(self) -> Response {
+        soon("the answer", self.answer).await.unwrap().unwrap()
+    }
+
+    /// Cuts the connection: a body that fails is not ended.
+    pub async fn cut(self) {
+        let cut = Err(std::io::Error::other("cut"));
+        let _ = soon("cutting", self.body.unwrap().send(cut)).await; // it may be cut already
+        let _ = soon("the cut", self.answer).await; // no answer comes
+    }
+}
+
+fn push(client: &Client) -> Pushing {
+    Pushing::begin(client.request(Method::PUT, PATH))
+}
+
+async fn put(client: &Client, path: &str, bytes: Vec<u8>) -> Response {
+    client.request(Method::PUT, path).body(bytes).send().await.unwrap()
+}
+
+/// The one session that arrives, once there is one.
+async fn arriving(client: &Client) -> String {
+    soon("a session that arrives", async {
+        loop {
+            let arriving = client.read("/api/v1/sessions?status=receiving").await;
+            if let Some(id) = arriving["items"][0]["id"].as_str() {
+                return id.to_owned();
+            }
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await
+}
+
+/// A session that has become whole by itself.
+async fn ended(client: &Client, id: &str) {
+    soon("the end", async {
+        while client.read(&format!("/api/v1/sessions/{id}")).await["status"] == "receiving" {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await;
+}
+
+/// Time and look of a picture.
+type Seen = (f64, u64);
+
+/// What a session's recording shows.
+async fn shown(client: &Client, id: &str) -> Vec<Seen> {
+    let video = client.get(&format!("/api/v1/sessions/{id}/video")).await;
+    assert_eq!(video.status(), StatusCode::OK);
+    shown_in(video.bytes().await.unwrap().to_vec())
+}
+
+fn shown_in(video: Vec<u8>) -> Vec<Seen> {
+    let mut video = VideoFile::open(Cursor::new(video), Limits::default()).unwrap();
+    let pictures = std::iter::from_fn(|| video.next_picture().unwrap());
+    let seen = pictures.map(|picture| {
+        let (frame, mut look) = (picture.frame(), DefaultHasher::new());
+        for plane in [frame.y, frame.u, frame.v] {
+            (0..plane.height).for_each(|row| plane.row(row).hash(&mut look));
+        }
+        (frame.time_s, look.finish())
+    });
+    seen.collect()
+}
+
+/// Is each of these among those, but for what containers round of its time?
+fn are_of(these: &[Seen], those: &[Seen]) -> bool {
+    these.iter().all(|(time, look)| those.iter().any(|that| (time - that.0).abs() < 6e-4 && *look == that.1))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_pushed_stream_is_tracked_as_it_comes_and_becomes_the_clip_that_it_is() {
+    let Some(scene) = Scene::new(4) else { return };
+    // However long the first position takes, the stream waits for it.
+    let patient = |settings: &mut Settings| {
+        settings.workers = 1;
+        (settings.http.body_grace_s, settings.live.silent_s) = (60.0, 60);
+    };
+    let centre = Centre::open_in(Service::start_with(patient).await).await;
+    furnish(&centre.administrator, "box-1", &scene.folder).await;
+    let clip = std::fs::read(scene.file("clip.mp4")).unwrap();
+    let uploaded = session(&centre.administrator, "bob", clip.clone()).await;
+    let uploaded = done(&centre.administrator, uploaded["id"].as_str().unwrap()).await;
+    let clip = shown_in(clip);
+    for container in ["mpegts", "matroska"] {
+        let Some(stream) = remuxed(&scene.file("clip.mp4"), container) else { return };
+        let (first, rest) = stream.split_at(stream.len() * 4 / 5);
+        let mut pushing = push(&centre.agent);
+        pushing.send(first).await;
+        let id = arriving(&centre.instructor).await;
+        let mut watcher = Watcher::of_tracked(&centre, &id).await;
+        let told = watcher.word("frame").await; // while the body goes on
+        assert!(told["tools"].is_array(), "{told}");
+        pushing.send(rest).await;
+        let answer = pushing.end().await;
+        let place = answer.headers().get("location").cloned();
+        assert_eq!(read(answer, StatusCode::CREATED).await, json!({"id": id}), "an agent sees no more of it");
+        assert_eq!(place.unwrap(), format!("/api/v1/sessions/{id}"));
+        let pushed = done(&centre.instructor, &id).await;
+        assert_eq!(pushed["live_features"].as_array().unwrap().len(), 2 * 5);
+        let shown = shown(&centre.instructor, &id).await;
+        assert!(shown.len() == clip.len() && are_of(&shown, &clip), "{container}: {shown:?}");
+        if container == "mpegts" {
+            assert_eq!(pushed["features"], uploaded["features"], "to the last digit");
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_that_is_cut_ends_with_what_came_and_the_box_is_free_again() {
+    let Some(scene) = Scene::new(3) else { return };
+    let centre = Centre::open().await;
+    let clip = shown_in(std::fs::read(scene.file("clip.mp4")).unwrap());
+    for container in ["mpegts", "matroska"] {
+        let stream = remuxed(&scene.file("clip.mp4"), container).unwrap();
+        let mut pushing = push(&centre.trainee);
+        pushing.send(&stream[..stream.len() * 7 / 10]).await;
+        let id = arriving(&centre.instructor).await;
+        pushing.cut().await;
+        ended(&centre.instructor, &id).await;
+        let shown = shown(&centre.instructor, &id).await;
+        assert!(shown.len() > clip.len() / 3 && shown.len() < clip.len(), "{container}: {} frames", shown.len());
+        assert!(are_of(&shown, &clip), "{container}: no picture is half a one: {shown:?}");
+        // Those around the cut, shown in another order than they came in, may lack some among them.
+        assert!(are_of(&clip[..shown.len() - 4], &shown), "{container}: {shown:?}");
+    }
+    let whole = put(&centre.trainee, PATH, remuxed(&scene.file("clip.mp4"), "mpegts").unwrap()).await;
+    let whole = read(whole, StatusCode::CREATED).await;
+    assert_eq!((&whole["status"], &whole["trainee"]["code"]), (&json!("queued"), &json!("ada")));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_sender_that_falls_silent_is_given_up_and_what_came_is_a_session() {
+    let Some(scene) = Scene::new(3) else { return };
+    let centre = Centre::open_in(Service::start_with(|settings| settings.live.silent_s = 1).await).await;
+    let stream = remuxed(&scene.file("clip.mp4"), "mpegts").unwrap();
+    let mut pushing = push(&centre.administrator);
+    pushing.send(&stream[..stream.len() / 2]).await;
+    let refused = problem(pushing.answered().await, 408, "too-slow").await;
+    let place = refused["session"].as_str().unwrap();
+    assert_eq!(centre.instructor.read(place).await["status"], "queued");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_no_stream_with_a_picture_is_refused_and_leaves_nothing() {
+    let centre = Centre::open().await;
+    let mut noise = recording(1 << 16, 7);
+    noise.drain(..32);
+    let secret = centre.service.data.path().join("trocar.db");
+    let nested = format!("ffconcat version 1.0\nfile {}\n", secret.display());
+    for (what, bytes) in [
+        ("noise", noise),
+        ("an MP4 head", recording(1 << 16, 8)),
+        ("a playlist", nested.into_bytes()),
+        ("nothing", vec![]),
+    ] {
+        let refused = problem(put(&centre.agent, PATH, bytes).await, 422, "invalid").await;
+        assert!(refused["detail"].as_str().unwrap().contains("-f mpegts"), "{what}: {refused}");
+        assert_eq!(refused["session"], Value::Null);
+    }
+    assert_eq!(centre.administrator.read("/api/v1/sessions").await["items"], json!([]), "nothing was begun");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_may_not_push_or_names_nobody_is_told_before_the_stream_is_read() {
+    let centre = Centre::open().await;
+    centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
+    let at = |in_box: &str, query: &str| format!("/api/v1/boxes/{in_box}/feed.ts?{query}");
+    let refused: [(&Client, String, u16, &str); 7] = [
+        (&centre.service.stranger().with_token("trc_nonsense"), PATH.to_owned(), 401, "not-signed-in"),
+        (&centre.agent, at("box-2", "trainee=ada&task=peg"), 404, "not-found"),
+        (&centre.administrator, at("box-9", "trainee=ada&task=peg"), 404, "not-found"),
+        (&centre.agent, at("box-1", "trainee=nobody&task=peg"), 422, "unknown-reference"),
+        (&centre.instructor, at("box-1", "trainee=bob&task=peg"), 422, "unknown-reference"),
+        (&centre.agent, at("box-1", "task=peg"), 422, "invalid"),
+        (&centre.agent, at("box-1", "trainee=ada"), 422, "invalid"),
+    ];
+    for (client, path, status, slug) in refused {
+        let pushing = Pushing::begin(client.request(Method::PUT, &path)); // not a byte of the body
+        problem(pushing.answered().await, status, slug).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_sender_that_asks_first_is_answered_before_it_sends() {
+    let centre = Centre::open().await;
+    let asked = async |client: &Client| {
+        let mut wire = TcpStream::connect(centre.service.address()).await.unwrap();
+        let token = client.headers().get("authorization").map_or("", |token| token.to_str().unwrap());
+        let head = format!(
+            "PUT {PATH} HTTP/1.1\r\nhost: box\r\nauthorization: {token}\r\ntransfer-encoding: chunked\r\n\
+             expect: 100-continue\r\n\r\n"
+        );
+        wire.write_all(head.as_bytes()).await.unwrap();
+        let mut line = vec![0; 12];
+        soon("an answer", wire.read_exact(&mut line)).await.unwrap();
+        String::from_utf8(line).unwrap()
+    };
+    assert_eq!(asked(&centre.agent).await, "HTTP/1.1 100");
+    assert_eq!(asked(&centre.service.stranger().with_token("trc_nonsense")).await, "HTTP/1.1 401");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_box_sends_one_stream_at_a_time_however_it_comes() {
+    let Some(scene) = Scene::new(2) else { return };
+    let stream = remuxed(&scene.file("clip.mp4"), "mpegts").unwrap();
+    let centre = Centre::open().await;
+    let (feed, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    problem(push(&centre.agent).answered().await, 409, "conflict").await;
+    drop(feed);
+    soon("a box that is free", async {
+        while put(&centre.agent, PATH, b"no stream".to_vec()).await.status() == StatusCode::CONFLICT {}
+    })
+    .await;
+
+    let mut pushing = push(&centre.agent);
+    pushing.send(&stream[..stream.len() * 4 / 5]).await;
+    soon("a push that sends", async {
+        while centre.instructor.read("/api/v1/sessions?status=receiving").await["items"].as_array().unwrap().len() < 2 {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await;
+    problem(push(&centre.agent).answered().await, 409, "conflict").await;
+    let mut other = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+    other.say(&hello(ANOTHER)).await;
+    assert_eq!(other.closed().await, 4409);
+    pushing.send(&stream[stream.len() * 4 / 5..]).await;
+    assert_eq!(pushing.end().await.status(), StatusCode::CREATED);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_token_that_is_withdrawn_or_a_session_that_is_erased_ends_the_push() {
+    let Some(scene) = Scene::new(3) else { return };
+    let stream = remuxed(&scene.file("clip.mp4"), "mpegts").unwrap();
+    let centre = Centre::open().await;
+    let mut pushing = push(&centre.administrator);
+    pushing.send(&stream[..stream.len() * 4 / 5]).await;
+    let session = format!("/api/v1/sessions/{}", arriving(&centre.instructor).await);
+    assert_eq!(centre.instructor.delete(&session).await.status(), StatusCode::NO_CONTENT);
+    pushing.send(&stream[stream.len() * 4 / 5..]).await;
+    let answer = pushing.end().await;
+    assert!([410, 500].contains(&answer.status().as_u16()), "{}", answer.status());
+
+    let mut pushing = push(&centre.agent);
+    pushing.send(&stream[..stream.len() * 4 / 5]).await;
+    arriving(&centre.instructor).await;
+    let tokens = centre.administrator.read("/api/v1/tokens").await;
+    let id = tokens["items"][0]["id"].as_str().unwrap();
+    centre.administrator.delete(&format!("/api/v1/tokens/{id}")).await;
+    let refused = problem(pushing.answered().await, 401, "not-signed-in").await;
+    let place = refused["session"].as_str().unwrap();
+    assert_eq!(centre.instructor.read(place).await["status"], "queued", "what came until then is kept");
+}
