@@ -1,4 +1,5 @@
-//! Headers that every answer carries, whatever made it: no inline code, no foreign frames, no guessed media types.
+//! Headers that every answer carries, whatever made it: no inline code, no foreign frames, no guessed media types, the
+//! camera for our own pages alone.
 
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, header};
@@ -11,8 +12,14 @@ pub const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'
     img-src 'self' data: blob:; media-src 'self' blob:; font-src 'self'; connect-src 'self'; manifest-src 'self'; \
     worker-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'";
 
-const HEADERS: [(HeaderName, &str); 6] = [
+/// What a page may use of the device: its own ask for the camera (to record) and keep the screen awake meanwhile. What they
+/// never need is forbidden to everybody.
+const PERMISSIONS_POLICY: &str = "camera=(self), screen-wake-lock=(self), microphone=(), geolocation=(), \
+    display-capture=(), usb=(), serial=(), payment=()";
+
+const HEADERS: [(HeaderName, &str); 7] = [
     (header::CONTENT_SECURITY_POLICY, CONTENT_SECURITY_POLICY),
+    (HeaderName::from_static("permissions-policy"), PERMISSIONS_POLICY),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::X_FRAME_OPTIONS, "DENY"),
     (header::REFERRER_POLICY, "same-origin"),

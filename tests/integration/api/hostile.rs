@@ -109,7 +109,7 @@ async fn names_are_never_markup() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn every_answer_forbids_inline_code_and_foreign_frames() {
+async fn every_answer_forbids_inline_code_foreign_frames_and_foreign_use_of_the_camera() {
     let service = Service::start().await;
     let stranger = service.stranger();
     for path in ["/", "/docs/", "/api/v1/me", "/healthz", "/nothing.js", "/api/v1/openapi.json"] {
@@ -118,6 +118,8 @@ async fn every_answer_forbids_inline_code_and_foreign_frames() {
         assert!(policy.contains("default-src 'none'") && policy.contains("frame-ancestors 'none'"), "{path}");
         assert!(!policy.contains("unsafe"), "{path}: {policy}");
         assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff", "{path}");
+        let device = answer.headers()["permissions-policy"].to_str().unwrap();
+        assert!(device.contains("camera=(self)") && device.contains("microphone=()"), "{path}: {device}");
         assert!(answer.headers().contains_key("x-request-id"), "{path}");
         assert!(answer.headers().contains_key(header::CACHE_CONTROL), "{path}");
     }
