@@ -39,6 +39,9 @@ function address(path, query = {}) {
   return kept.length ? `${url}?${new URLSearchParams(kept)}` : url;
 }
 
+/** The address of a WebSocket. */
+const socketAddress = (path, query) => `${location.origin.replace(/^http/, 'ws')}${address(path, query)}`;
+
 async function call(method, path, { query, json, form, signal } = {}) {
   const headers = { accept: 'application/json' };
   if (json !== undefined) headers['content-type'] = 'application/json';
@@ -104,6 +107,8 @@ export const api = {
     /** The versions of the colours, newest first. */
     palettes: id => everything(['boxes', id, 'palette']),
     putPalette: (id, form) => call('PUT', ['boxes', id, 'palette'], { form }),
+    /** Where frames go while they are recorded; record/feed.js speaks the protocol. */
+    feedAddress: id => socketAddress(['boxes', id, 'feed']),
   },
   sessions: {
     ...noun('sessions'),
@@ -112,7 +117,7 @@ export const api = {
       call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),
     diagnostics: (id, signal) => call('GET', ['sessions', id, 'diagnostics'], { signal }),
     /** What its frames show while it arrives. */
-    watch: id => new WebSocket(`${location.origin.replace(/^http/, 'ws')}${address(['sessions', id, 'live'])}`),
+    watch: (id, query) => new WebSocket(socketAddress(['sessions', id, 'live'], query)),
     videoAddress: id => address(['sessions', id, 'video']),
     trajectoryAddress: (id, format) => address(['sessions', id, 'trajectory'], { format, kind: 'smoothed' }),
   },

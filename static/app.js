@@ -7,6 +7,7 @@ import { go, href, useRoute } from './router.js';
 import { may } from './roles.js';
 import { t } from './texts.js';
 import { Empty, Loading, ProblemNotice } from './parts/notice.js';
+import { forget } from './record/recorder.js';
 import { Shell } from './parts/shell.js';
 import { SignIn } from './pages/sign_in.js';
 
@@ -25,6 +26,7 @@ const PAGES = [
   },
   { name: 'wall', at: path => path[0] === 'live', load: () => import('./pages/wall.js'), needs: 'watch' },
   { name: 'upload', at: path => path[0] === 'upload', load: () => import('./pages/upload.js') },
+  { name: 'record', at: path => path[0] === 'record', load: () => import('./pages/record.js') },
   {
     name: 'trainees',
     at: path => path[0] === 'trainees' && path.length === 1,
@@ -84,6 +86,7 @@ function App() {
   if (person === undefined) return html`<${Loading} />`;
   if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${setPerson} />`;
   const signOut = async () => {
+    forget();
     await api.signOut().catch(() => {}); // Signed out here in any case; the cookie ends by itself.
     setExpired(false);
     setPerson(null);

@@ -24,6 +24,7 @@ export class Watch {
   picture = null;
 
   #id;
+  #pictures;
   #onClosed;
   #isOpen = false;
   #socket = null;
@@ -38,10 +39,9 @@ export class Watch {
   #watchers = new Set();
   #listeners = new Set();
 
-  /** `onClosed` is called whenever the line ends: the session itself tells why. */
-  constructor(id, onClosed) {
-    this.#id = id;
-    this.#onClosed = onClosed;
+  /** `onClosed` is called whenever the line ends: the session itself tells why. `pictures`: are they wanted? */
+  constructor(id, onClosed, pictures = true) {
+    [this.#id, this.#onClosed, this.#pictures] = [id, onClosed, pictures];
   }
 
   open() {
@@ -59,6 +59,14 @@ export class Watch {
     this.#jpeg = null;
     this.picture?.bitmap.close();
     this.picture = null;
+  }
+
+  /** Tries at once where it would have waited: for those who know that the line is there again. */
+  retry() {
+    if (this.state !== 'broken') return;
+    clearTimeout(this.#retryTimer);
+    this.#retryMs = RETRY_MS.first;
+    this.#renew();
   }
 
   /** Calls `watcher()` on the repaint after positions or a picture came; returns what ends it. */
@@ -80,7 +88,7 @@ export class Watch {
   }
 
   #connect() {
-    const socket = (this.#socket = api.sessions.watch(this.#id));
+    const socket = (this.#socket = api.sessions.watch(this.#id, { pictures: this.#pictures }));
     socket.binaryType = 'arraybuffer';
     socket.onmessage = ({ data }) => this.#hear(data);
     socket.onclose = () => this.#broke();
@@ -197,13 +205,15 @@ export class Watch {
   }
 }
 
-/** Watches a session while the component is there, which is rendered again when anything but positions changes. */
-export function useWatch(id, onClosed) {
+/** Watches a session while the component is there, which is rendered again when anything but positions changes; without an
+ *  id there is nothing to watch, and null. */
+export function useWatch(id, onClosed, pictures) {
   const [, render] = useReducer(count => count + 1, 0);
   const latest = useRef(onClosed);
-  latest.current = onClosed;
-  const watch = useMemo(() => new Watch(id, () => latest.current()), [id]);
+  latest.current = onClosed ?? (() => {});
+  const watch = useMemo(() => id && new Watch(id, () => latest.current(), pictures), [id]);
   useEffect(() => {
+    if (!watch) return undefined;
     const end = watch.onChange(render);
     watch.open();
     return () => (end(), watch.close());

@@ -84,12 +84,19 @@ mod tests {
     }
 
     #[test]
-    fn the_live_page_warns_of_the_light_from_where_the_verdict_will() {
-        let script = Pages::get("parts/light.js").unwrap().data;
-        let script = str::from_utf8(&script).unwrap();
-        for (name, cause) in [("MOST_EXPOSURE", Cause::Exposure), ("MOST_WHITE_BALANCE", Cause::WhiteBalance)] {
-            let limit = cause.limits().care.unwrap();
-            assert!(script.contains(&format!("const {name} = {limit};")), "{name} is {limit}");
+    fn live_pages_warn_from_where_the_verdict_will() {
+        let [coverage, rate] = [Cause::Coverage, Cause::FrameRate].map(Cause::limits);
+        let care = |cause: Cause| cause.limits().care;
+        for (script, name, limit) in [
+            ("parts/light.js", "MOST_EXPOSURE", care(Cause::Exposure)),
+            ("parts/light.js", "MOST_WHITE_BALANCE", care(Cause::WhiteBalance)),
+            ("parts/seen_level.js", "LEAST_SEEN", coverage.care),
+            ("parts/seen_level.js", "LEAST_SEEN_AT_ALL", coverage.refuse),
+            ("parts/record_news.js", "LEAST_RATE", rate.care),
+        ] {
+            let (text, limit) = (Pages::get(script).unwrap().data, limit.unwrap());
+            let text = str::from_utf8(&text).unwrap();
+            assert!(text.contains(&format!("const {name} = {limit};")), "{script}: {name} is {limit}");
         }
     }
 }

@@ -1,8 +1,10 @@
 // The signed-in person: who they are, a new password, signing out.
 import { html, useState } from '../parts/preact.js';
 import { api, Problem } from '../api.js';
+import { Confirm } from '../parts/dialog.js';
 import { Form } from '../parts/form.js';
 import { Notice, PageHead } from '../parts/notice.js';
+import { isRecording } from '../record/recorder.js';
 import { t } from '../texts.js';
 
 const words = t.account;
@@ -22,6 +24,7 @@ const FIELDS = [
 
 export default function Account({ person, onSignOut }) {
   const [changed, setChanged] = useState(false);
+  const [asking, setAsking] = useState(false);
   const change = async ({ old, fresh, again }, form) => {
     setChanged(false);
     if (fresh !== again) throw new Problem({ title: words.differ, status: 0 });
@@ -31,8 +34,10 @@ export default function Account({ person, onSignOut }) {
   };
   return html`
     <${PageHead} title=${words.title}>
-      <button class="button" type="button" onClick=${onSignOut}>${words.signOut}</button>
+      <button class="button" type="button" onClick=${() => (isRecording() ? setAsking(true) : onSignOut())}>
+        ${words.signOut}</button>
     <//>
+    ${asking && html`<${Confirm} ...${t.record.leave} onYes=${onSignOut} onClose=${() => setAsking(false)} />`}
     <div class="columns">
       <section class="card">
         <div class="body">

@@ -44,6 +44,7 @@ export default function BoxPage({ person, route }) {
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   return html`
     <${PageHead} title=${box.name} lead=${[box.code, t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>
+      <a class="button" href=${href(['record'], { box: box.id })}>${t.nav.record}</a>
       <a class="button" href=${href(['sessions'], { box: box.id })}>${t.sessions.title}</a>
       ${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change} />`}
     <//>

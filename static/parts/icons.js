@@ -12,6 +12,9 @@ const icon =
 export const icons = {
   upload: icon(['M12 16V4', 'm7 9 5-5 5 5', 'M4 16v3a1 1 0 0 0 1 1h14a1 1 0 0 0 1-1v-3']),
   play: icon(['M8 5v14l11-7z']),
+  record: icon(['M12 18a6 6 0 1 0 0-12 6 6 0 0 0 0 12z']),
+  stop: icon(['M6 6h12v12H6z']),
+  camera: icon(['M3 7h12v10H3z', 'm15 11 6-4v10l-6-4']),
   pause: icon(['M8 5v14', 'M16 5v14']),
   back: icon(['M18 6 9 12l9 6z', 'M5 6v12']),
   forward: icon(['m6 6 9 6-9 6z', 'M19 6v12']),

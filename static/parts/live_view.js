@@ -49,7 +49,8 @@ export function Line({ watch: { state, why, track } }) {
   return html`<span class=${`pill ${TONES[line] ?? ''}`}>${words.line[line]}</span>`;
 }
 
-function Light({ light }) {
+/** Whether the light is what it was at first. */
+export function Light({ light }) {
   const fault = lightFault(light);
   if (!fault) return html`<span class="light small muted"><${icons.sun} size="18" />${light ? words.light.steady
     : words.light.unknown}</span>`;

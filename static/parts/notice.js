@@ -21,11 +21,11 @@ export function ProblemNotice({ problem, onRetry, onDismiss }) {
 
 const TONE_ICON = { good: icons.good, busy: icons.info, warn: icons.warning, bad: icons.warning };
 
-/** News that is no error. Announced politely. */
-export const Notice = ({ tone = 'busy', title, children }) => {
+/** News that is no error. Announced politely; `quiet` ones, in which a number runs, are not. */
+export const Notice = ({ tone = 'busy', title, quiet, children }) => {
   const Icon = TONE_ICON[tone];
   return html`
-    <div class=${`notice ${tone}`} role="status">
+    <div class=${`notice ${tone}`} role=${quiet ? undefined : 'status'}>
       <${Icon} />
       <div><strong>${title}</strong>${children && html`<p>${children}</p>`}</div>
     </div>`;

@@ -4,6 +4,7 @@ import { href } from '../router.js';
 import { may } from '../roles.js';
 import { chooseTheme, onThemeChange, themeChoice } from '../theme.js';
 import { t } from '../texts.js';
+import { isRecording, onRecording } from '../record/recorder.js';
 import { Brand, icons } from './icons.js';
 
 const NEXT_THEME = { system: 'light', light: 'dark', dark: 'system' };
@@ -14,6 +15,7 @@ function places(person) {
     ['today', []],
     ['wall', ['live'], ['watch']],
     ['sessions', ['sessions']],
+    ['record', ['record'], ['upload', 'upload_own']],
     ['upload', ['upload'], ['upload', 'upload_own']],
     ['trainees', ['trainees'], ['see_trainees']],
     ['tasks', ['tasks'], ['edit_tasks']],
@@ -36,7 +38,7 @@ export function Shell({ person, current, children }) {
         <ul>
           ${places(person).map(([name, path]) => html`
               <li key=${name}><a href=${href(path)} aria-current=${isCurrent(name, current, person) ? 'page'
-                : undefined}>${t.nav[name]}</a></li>`)}
+                : undefined}>${t.nav[name]}${name === 'record' && html`<${Runs} />`}</a></li>`)}
         </ul>
       </nav>
       <div class="account">
@@ -47,6 +49,13 @@ export function Shell({ person, current, children }) {
       </div>
     </header>
     <main id="main" tabindex="-1">${children}</main>`;
+}
+
+/** A recording goes on whatever page is shown. */
+function Runs() {
+  const [runs, setRuns] = useState(isRecording);
+  useEffect(() => onRecording(() => setRuns(isRecording())), []);
+  return runs && html`<span class="runs"><span class="unseen">${t.record.runs}</span></span>`;
 }
 
 /** A trainee's own page lies under `trainees`, which a trainee's navigation calls "My progress". */

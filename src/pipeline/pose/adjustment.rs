@@ -78,7 +78,6 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
 /// turn by more than [`MOST_TURN`]: its edges were taken for others'.
 pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> {
     const ROUNDS: usize = 4;
-    const SETTLED: f64 = 1e-6; // mm, rad and pixels
     let evidence = &pose.evidence;
     let (own_px, share) = (evidence.own_px(), evidence.share());
     // Both the fulcrum's error and the play keep the axis from it; both the shared offsets' error and the pose's own
@@ -87,27 +86,23 @@ pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> 
         std::array::from_fn(|part| own_px[part].hypot(share[part] * shared.covariance[(3 + part, 3 + part)].sqrt()));
     let information = evidence.information();
     let mut change = OwnVector::zeros();
-    let mut solved = None;
+    let mut result = None;
     for _ in 0..ROUNDS {
         let tube = turned(&pose.tube, &tube_part(&change));
         let play = Constraint::at(&tube, shared.fulcrum.at).play(&shared.fulcrum);
         let equations = Equations::at(pose, &information, &change, shared, &play, &apart_px)?;
         let inverse = equations.own.cholesky()?.inverse();
-        let before = std::mem::replace(&mut change, inverse * equations.right);
-        solved = Some((equations, inverse));
-        if (change - before).norm() < SETTLED {
-            break;
-        }
+        change = inverse * equations.right;
+        // The edges' own noise passes from frame to frame; offsets, play, and errors of what is shared last.
+        let through = inverse * equations.cross;
+        let passing = inverse * information * inverse;
+        let differing = inverse * equations.differing(&own_px, &apart_px) * inverse;
+        result = Some((passing, through * shared.covariance * through.transpose() + differing));
     }
     if change.fixed_rows::<2>(3).norm() > MOST_TURN {
         return None;
     }
-    let (equations, inverse) = solved?;
-    // The edges' own noise passes from frame to frame; offsets, play, and errors of what is shared last.
-    let through = inverse * equations.cross;
-    let passing = inverse * information * inverse;
-    let differing = inverse * equations.differing(&own_px, &apart_px) * inverse;
-    let lasting = through * shared.covariance * through.transpose() + differing;
+    let (passing, lasting) = result?;
     let of_tube = |all: Information| -> Matrix5<f64> {
         let block = all.fixed_view::<5, 5>(0, 0).into_owned();
         (block + block.transpose()) * 0.5
