@@ -9,8 +9,7 @@ import { mkdirSync, statSync } from 'node:fs';
 import { basename, join } from 'node:path';
 import { after, before, test } from 'node:test';
 
-import { chromium } from 'playwright-core';
-
+import { launch, LOOKS } from './chromium.mjs';
 import { beginFeed, endFeed } from './sender.mjs';
 import { tracesOf } from './watch.mjs';
 
@@ -19,15 +18,6 @@ const url = need('TROCAR_URL').replace(/\/$/, '');
 const [login, password, clip] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD'), need('TROCAR_CLIP')];
 const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
 const shots = process.env.TROCAR_SCREENSHOTS;
-const FLAGS = [
-  '--no-sandbox',
-  '--disable-gpu',
-  '--disable-quic',
-  '--no-first-run',
-  '--disable-background-networking',
-  '--disable-component-update',
-  '--disable-sync',
-];
 
 let browser;
 let page;
@@ -36,7 +26,7 @@ let session;
 
 before(async () => {
   if (shots) mkdirSync(shots, { recursive: true });
-  browser = await chromium.launch({ executablePath: process.env.TROCAR_CHROMIUM ?? '/usr/bin/chromium', args: FLAGS });
+  browser = await launch();
   const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' });
   page = await context.newPage();
   traces = tracesOf(page, url);
@@ -178,11 +168,6 @@ test('a link to a moment leads to it, in the video and in the curves', async () 
   );
 });
 
-const LOOKS = ['light', 'dark'].flatMap(colorScheme => [
-  { name: `desk-${colorScheme}`, colorScheme, viewport: { width: 1440, height: 900 } },
-  { name: `tablet-${colorScheme}`, colorScheme, viewport: { width: 820, height: 1180 } },
-]);
-
 async function wear({ colorScheme, viewport }) {
   await page.setViewportSize(viewport);
   await page.emulateMedia({ colorScheme });
@@ -256,6 +241,7 @@ test('every page is shown in both themes on a desk and on a tablet, and none is 
     'wall-empty': '/live',
     sessions: '/sessions',
     session: `/sessions/${session}?t=1.5`,
+    record: '/record',
     upload: '/upload',
     trainees: '/trainees',
     trainee: `/trainees/${trainee.id}`,
