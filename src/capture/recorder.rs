@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use tokio::sync::mpsc;
-use tokio::task::block_in_place;
+use tokio::task::{JoinHandle, block_in_place};
 use tokio::time::{Instant, interval, sleep_until};
 
 use super::Agent;
@@ -58,11 +58,12 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
     let mut first = None;
     let mut number = 0;
     let mut sync = interval(SYNC_EVERY);
+    let mut syncing = Syncing::default();
     loop {
         let frame = tokio::select! {
             biased;
             () = ending.begun() => break,
-            _ = sync.tick() => { agent.sync().await; continue; }
+            _ = sync.tick() => { syncing.begin(agent); continue; }
             frame = frames.recv() => frame,
             () = sleep_until(silent_at) => {
                 tracing::error!("the source gives nothing any more: the recording ends here");
@@ -80,7 +81,7 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
         while rules.is_paced && Instant::now() < due && !ending.is_begun() {
             tokio::select! {
                 () = ending.begun() => {}
-                _ = sync.tick() => agent.sync().await,
+                _ = sync.tick() => syncing.begin(agent),
                 () = sleep_until(due) => {}
             }
         }
@@ -89,10 +90,32 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
         agent.status().captured = number;
         agent.has_changed();
     }
+    syncing.end().await;
     agent.sync().await;
     agent.spool().end();
     agent.has_changed();
     number
+}
+
+/// A sync beside the recording, one at a time: a slow disk must not hold up the camera.
+#[derive(Default)]
+struct Syncing(Option<JoinHandle<()>>);
+
+impl Syncing {
+    /// Begins one, unless one goes on.
+    fn begin(&mut self, agent: &Agent) {
+        if self.0.as_ref().is_none_or(JoinHandle::is_finished) {
+            let agent = agent.clone();
+            self.0 = Some(tokio::spawn(async move { agent.sync().await }));
+        }
+    }
+
+    /// Waits for the one that goes on.
+    async fn end(&mut self) {
+        if let Some(going_on) = self.0.take() {
+            let _ = going_on.await; // a panic is logged where it happened
+        }
+    }
 }
 
 /// Appends a frame; one that no feed can have is a gap.

@@ -102,7 +102,9 @@ async fn work(agent: Agent, server: Server, args: Args) -> Result<(), Failure> {
         Some(source) => record_and_send(&agent, &server, &args, source, &shutdown).await,
         None => Ok(()),
     };
-    let rest = send_left_over(&agent, &server, left_over, &shutdown).await;
+    // A signal ends the recording, as it ends every one of a camera; it is a second one that ends the sending.
+    let stop = if args.source.is_some() { Shutdown::new() } else { shutdown };
+    let rest = send_left_over(&agent, &server, left_over, &stop).await;
     tell.abort();
     clear_line();
     match args.source {

@@ -188,10 +188,11 @@ impl Spool {
     /// Makes another recording of what is left of one that the server ended too early.
     pub fn renew(&mut self, id: FeedId, new: FeedId) -> io::Result<()> {
         let path = self.path(new);
-        let Some(mut recording) = self.recordings.remove(&id) else { return Ok(()) };
+        let Some(recording) = self.recordings.get_mut(&id) else { return Ok(()) };
         let hello = Hello { recording: new, ..recording.hello.clone() };
-        recording.renew(path, hello)?;
-        self.recordings.insert(new, recording);
+        recording.renew(path, hello)?; // else it stays what it was, and frames go on into it
+        let renewed = self.recordings.remove(&id);
+        self.recordings.extend(renewed.map(|recording| (new, recording)));
         self.live = self.live.map(|live| if live == id { new } else { live });
         Ok(())
     }

@@ -96,6 +96,11 @@ impl Recording {
         waiting.fold((0, 0), |(frames, bytes), entry| (frames + 1, bytes + entry.bytes as u64))
     }
 
+    /// Has the server everything that lies here?
+    pub fn is_acknowledged(&self) -> bool {
+        self.segments.iter().flat_map(|segment| &segment.entries).all(|entry| entry.is_in(&self.durable))
+    }
+
     /// Was the server told how many frames there are?
     pub fn is_closing(&self) -> bool {
         self.is_closing

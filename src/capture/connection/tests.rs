@@ -1,0 +1,86 @@
+use tokio::net::TcpListener;
+use tokio_tungstenite::accept_async;
+
+use super::*;
+use crate::capture::spool::testing::{add, spool};
+
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// What the agent says next that is no ping; `None` if it says nothing for a while.
+async fn next(socket: &mut WebSocketStream<TcpStream>) -> Option<Message> {
+    loop {
+        match timeout(PATIENCE, socket.next()).await {
+            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) => {}
+            Ok(said) => return said.map(Result::unwrap),
+            Err(_) => return None,
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_end_is_said_once_all_is_acknowledged() {
+    const FRAMES: u64 = 5;
+    let (folder, mut spool, id) = spool(1 << 20);
+    add(&mut spool, 0..FRAMES);
+    spool.end();
+    let agent = Agent::new(spool);
+    let token = folder.path().join("token");
+    std::fs::write(&token, "trc_1").unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let server = Server::new(&format!("http://{}", listener.local_addr().unwrap()), "box-1", &token).unwrap();
+    let conversing = tokio::spawn(async move { server.converse(&agent, id).await });
+
+    let mut socket = accept_async(listener.accept().await.unwrap().0).await.unwrap();
+    let hello = next(&mut socket).await.unwrap();
+    assert!(hello.to_text().unwrap().contains("hello"), "{hello}");
+    let session = SessionId::at(1_795_000_000_000);
+    socket.send(word_of(&FromServer::Welcome { session, epoch: 1, durable: vec![] })).await.unwrap();
+    for number in 0..FRAMES {
+        let record = next(&mut socket).await.unwrap().into_data();
+        assert_eq!(Record::read(&record).unwrap().number, number);
+    }
+    assert_eq!(next(&mut socket).await, None, "nothing is acknowledged yet");
+    socket.send(word_of(&FromServer::Ack { durable: vec![[0, FRAMES - 2]] })).await.unwrap();
+    assert_eq!(next(&mut socket).await, None, "the last frame is not acknowledged yet");
+    socket.send(word_of(&FromServer::Ack { durable: vec![[0, FRAMES - 1]] })).await.unwrap();
+    let end = next(&mut socket).await.unwrap();
+    assert_eq!(end.to_text().unwrap(), r#"{"type":"end","frames":5}"#);
+    socket.send(word_of(&FromServer::Ended { session })).await.unwrap();
+    assert_eq!(conversing.await.unwrap(), Parting::Whole(session));
+}
+
+fn word_of(word: &FromServer) -> Message {
+    Message::text(serde_json::to_string(word).unwrap())
+}
+
+#[test]
+fn every_close_code_is_followed_as_the_document_says() {
+    let document = include_str!("../../../docs/feed.md");
+    for code in Code::ALL {
+        let begins = format!("| {} |", code.number());
+        let row = document.lines().find(|line| line.starts_with(&begins)).unwrap();
+        let comes_again = row.trim_end_matches(" |").rsplit('|').next().unwrap().trim().starts_with("yes");
+        let parting = parting_by_code(code.number(), "why");
+        // Whoever hears that a recording is whole without its session asks once more.
+        let expected = comes_again || code == Code::Done;
+        assert_eq!(matches!(parting, Parting::Again { .. }), expected, "{code:?}: {parting:?}");
+    }
+    assert!(matches!(parting_by_code(1006, ""), Parting::Again { .. }));
+}
+
+#[test]
+fn addresses_lead_to_the_boxs_feed() {
+    let address = |server, in_box| Server::new(server, in_box, Path::new("token")).map(|server| server.address);
+    let feed = "/api/v1/boxes/box-1/feed";
+    assert_eq!(address("http://127.0.0.1:8080", "box-1").unwrap(), format!("ws://127.0.0.1:8080{feed}"));
+    assert_eq!(address("https://a.example/trocar/", "box-1").unwrap(), format!("wss://a.example/trocar{feed}"));
+    for (server, in_box) in [("a.example", "box-1"), ("ftp://a", "box-1"), ("http://u@a", "b"), ("http://a", "b/../c")]
+    {
+        assert!(address(server, in_box).is_err(), "{server} {in_box}");
+    }
+    let is_open = |server| Server::new(server, "b", Path::new("t")).unwrap().is_open_to_all();
+    assert_eq!(
+        [is_open("http://a.example"), is_open("https://a.example"), is_open("http://[::1]:80")],
+        [true, false, false]
+    );
+}
