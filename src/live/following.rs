@@ -51,6 +51,9 @@ const BEAT: Duration = Duration::from_secs(10);
 /// How long a child may take for what it is behind when the recording ends.
 const LAST_WORDS: Duration = Duration::from_secs(10);
 
+/// How long a child may live and compute: a recording of four hours, and as much again while its sender was away.
+const LONGEST: Duration = Duration::from_secs(8 * 3600);
+
 /// What a child may say of four hours: positions, and a picture for every one that is asked for.
 const OUTPUT_BYTES: u64 = 64 << 30;
 
@@ -89,8 +92,15 @@ struct Child {
     /// When each record arrived that it is not done with.
     behind: VecDeque<Instant>,
     picture_at: Option<Instant>,
+    /// Records that came in this life of the service, and whether the child was told of all there ever were: else its
+    /// features are not the recording's.
+    came: usize,
+    is_whole: bool,
+    has_begun: bool,
     /// The features that it told last.
     last: Option<Vec<RunningRow>>,
+    /// The recording is being ended: a child that begins now ends with what it is told first.
+    is_ending: bool,
     task: Option<JoinHandle<()>>,
 }
 
@@ -133,13 +143,15 @@ impl Drop for Viewer {
 }
 
 impl Follower {
-    pub(super) fn new() -> Self {
+    /// Of a recording of which nothing has come yet, or some.
+    pub(super) fn new(is_fresh: bool) -> Self {
+        let child = Child { is_whole: is_fresh, ..Child::default() };
         Self(Arc::new(Parts {
             news: broadcast::Sender::new(NEWS_KEPT),
             following: watch::Sender::new(Following::NotYet),
             viewers: Arc::default(),
             room: Notify::new(),
-            child: Mutex::default(),
+            child: Mutex::new(child),
         }))
     }
 
@@ -152,6 +164,7 @@ impl Follower {
         if matches!(*self.0.following.borrow(), Following::Refused(_)) {
             child.recent.clear(); // what was refused is among it
         }
+        child.is_ending = false;
         self.0.following.send_replace(Following::NotYet);
         let (follower, feeds, row, time_base) = (self.clone(), feeds.clone(), feed.row.clone(), feed.time_base);
         child.task = Some(feeds.0.shutdown.clone().spawn(async move {
@@ -170,9 +183,11 @@ impl Follower {
     /// A frame lies at this place in the log.
     pub(super) fn came(&self, offset: u64, bytes: usize, is_key: bool) {
         let mut child = self.child();
-        if is_key || child.recent.len() == MOST_RECENT {
+        // The first child is told of all that came before it had begun.
+        if (is_key && child.has_begun) || child.recent.len() == MOST_RECENT {
             child.recent.clear();
         }
+        child.came += 1;
         let place = (offset, bytes as u32); // checked: at most a record's
         if is_key || !child.recent.is_empty() {
             child.recent.push(place);
@@ -201,6 +216,7 @@ impl Follower {
         let task = {
             let mut child = self.child();
             child.places = None;
+            child.is_ending = true;
             child.task.take()
         };
         if let Some(mut task) = task
@@ -209,7 +225,7 @@ impl Follower {
             tracing::warn!("a child that follows a feed did not come to its end");
             task.abort(); // its stop is pulled as it goes
         }
-        let rows = self.child().last.take()?;
+        let rows = self.child().last.clone()?; // kept: whoever has to end it again is told the same
         match &*self.0.following.borrow() {
             Following::Tools(tools) => Some(live_features(&rows, tools)),
             Following::NotYet | Following::Not(_) | Following::Refused(_) => None,
@@ -275,7 +291,7 @@ impl Follower {
         let (log, _) = feeds.0.vault.read_feed(row.id).await.map_err(|error| lost(&error))?;
         let (theirs, ours) = pipe().map_err(|error| lost(&error))?;
         let inputs = vec![log, File::from(OwnedFd::from(theirs))];
-        let budget = Budget { output_bytes: OUTPUT_BYTES, ..feeds.0.analysis.budget() };
+        let budget = Budget { wall: LONGEST, cpu: LONGEST, output_bytes: OUTPUT_BYTES, ..feeds.0.analysis.budget() };
         let stop = PulledWhenGone(Stop::new().map_err(|error| lost(&error))?);
         let (program, stopping, follower) = (feeds.0.program.clone(), stop.0.clone(), self.clone());
         self.child().begin(ours);
@@ -311,7 +327,7 @@ impl Follower {
     }
 
     /// The child is done with a record, and this is what it showed.
-    fn heard(&self, followed: Followed) {
+    fn heard(&self, mut followed: Followed) {
         let mut child = self.child();
         if let Some(came) = child.behind.pop_front() {
             self.0.room.notify_waiters();
@@ -319,6 +335,7 @@ impl Follower {
                 histogram!("trocar_feed_followed_seconds").record(came.elapsed().as_secs_f64());
             }
         }
+        followed.running.take_if(|_| !child.is_whole);
         if let Some(rows) = &followed.running {
             child.last = Some(rows.clone());
         }
@@ -335,8 +352,16 @@ impl Child {
     /// Begins with what came since the last key frame.
     fn begin(&mut self, places: PipeWriter) {
         (self.places, self.behind) = (Some(places), VecDeque::new());
+        self.has_begun = true;
+        self.is_whole &= self.came == self.recent.len();
+        if !self.is_whole {
+            self.last = None;
+        }
         for place in self.recent.clone() {
             self.tell(place, false);
+        }
+        if self.is_ending {
+            self.places = None;
         }
     }
 

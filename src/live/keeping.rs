@@ -11,6 +11,8 @@ use crate::ids::FeedId;
 use crate::store::StoreError;
 use crate::time::millis;
 
+/// How long a child waits for a sender that has gone.
+const IDLE: Duration = Duration::from_secs(300);
 /// How often abandoned recordings are looked for.
 const LOOK_EVERY: Duration = Duration::from_secs(20);
 
@@ -45,13 +47,19 @@ impl Feeds {
             let since_ms = if row.is_push { now_ms + 1 } else { abandoned_ms }; // nobody can come again and push the rest
             let known = self.0.open.0.lock().await.get(&id).cloned();
             let feed = match known {
-                Some(feed) => feed,
+                Some(feed) => {
+                    unheard.remove(&id); // its wait begins anew when it is forgotten
+                    feed
+                }
                 None if *unheard.entry(id).or_insert(now_ms) >= since_ms => continue,
                 None => match self.enter_unheard(id, since_ms).await? {
                     Some(feed) => feed,
                     None => continue,
                 },
             };
+            if feed.is_abandoned(now_ms - millis(IDLE)) {
+                feed.follower.let_go(); // a child for whoever comes again; until then its memory is others'
+            }
             if feed.is_abandoned(since_ms)
                 && let Err(error) = self.end_abandoned(&feed, since_ms).await
             {

@@ -209,6 +209,7 @@ impl Feeds {
     async fn enter(&self, row: store::Feed) -> Result<Arc<Feed>, Farewell> {
         let time_base = row.time_base().map_err(|error| Farewell::new(Code::Failed, error.to_string()))?;
         let (log, numbers) = self.0.vault.open_feed(row.id).await.map_err(failed)?;
+        let follower = Follower::new(numbers.ranges().is_empty());
         Ok(Arc::new(Feed {
             epoch: watch::Sender::new(row.epoch),
             time_base,
@@ -218,7 +219,7 @@ impl Feeds {
             failures: AtomicU32::new(0),
             is_finishing: AtomicBool::new(false),
             is_gone: AtomicBool::new(false),
-            follower: Follower::new(),
+            follower,
             row,
         }))
     }

@@ -74,7 +74,7 @@ impl Feeds {
         }
         feed.is_finishing.store(true, Ordering::Release);
         let live = feed.follower.end().await;
-        let finished = self.store_recording(feed, &mut state, live).await;
+        let finished = self.store_recording(feed, &mut state, live, ending).await;
         feed.is_finishing.store(false, Ordering::Release);
         finished.map(Finished::Whole)
     }
@@ -84,12 +84,15 @@ impl Feeds {
         feed: &Arc<Feed>,
         state: &mut State,
         live: Option<Vec<LiveFeature>>,
+        ending: Ending,
     ) -> Result<SessionId, Farewell> {
+        // Asked first: no attempt is counted, and it works again once there is space.
+        self.0.vault.has_room(state.log.bytes()).await.map_err(failed)?;
         let kept = match self.assemble(feed).await {
             Ok(kept) => kept,
             Err(Failure::Explained(problem)) if problem.slug == Problem::NO_FRAMES => {
                 tracing::warn!(feed = %feed.row.id, why = problem.detail, "nothing is kept of a feed");
-                self.forget(feed).await?;
+                self.forget(feed, ending).await?;
                 return Err(Farewell::new(Code::DoesNotBelong, problem.detail));
             }
             Err(Failure::Stopped) => return Err(Farewell::new(Code::Ending, "the service ends; come again")),
@@ -122,9 +125,11 @@ impl Feeds {
         }
     }
 
-    async fn forget(&self, feed: &Arc<Feed>) -> Result<(), Farewell> {
+    /// Forgets a recording of which nothing can be shown. A sender that was only away may begin it anew.
+    async fn forget(&self, feed: &Arc<Feed>, ending: Ending) -> Result<(), Farewell> {
         feed.is_gone.store(true, Ordering::Release);
-        self.0.store.feeds().forget(feed.row.id).await.map_err(LiveError::from)?;
+        let may_come_again = matches!(ending, Ending::Abandoned { .. });
+        self.0.store.feeds().forget(feed.row.id, may_come_again).await.map_err(LiveError::from)?;
         self.close(feed).await;
         self.0.vault.delete_feed(feed.row.id).await.map_err(|error| LiveError::from(error).into())
     }

@@ -162,7 +162,7 @@ impl Feeds<'_> {
                     "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
                 let same = sqlx::query_scalar(sql).bind(feed.trainee_id).bind(feed.task_id).bind(feed.box_id);
                 let same: Option<SessionId> = same.bind(video.hash).fetch_optional(&mut *tx).await?;
-                let sql = "UPDATE feed SET ended_at_ms = $2, session_id = $3, live_features = $4 WHERE id = $1";
+                let sql = "UPDATE feed SET ended_at_ms = max($2, created_at_ms), session_id = $3, live_features = $4 WHERE id = $1";
                 let session = same.unwrap_or(feed.session_id);
                 let ended = sqlx::query(sql).bind(id).bind(now_ms).bind(session).bind(live_features.map(Json));
                 ended.execute(&mut *tx).await?;
@@ -191,13 +191,17 @@ impl Feeds<'_> {
         Ok(row.map(|Json(features)| features))
     }
 
-    /// Forgets a recording of which nothing came, with its session.
-    pub async fn forget(&self, id: FeedId) -> StoreResult<()> {
+    /// Forgets a recording of which nothing came, with its session; its sender is told that it was erased, unless it may come
+    /// again.
+    pub async fn forget(&self, id: FeedId, may_come_again: bool) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
                 let sql =
                     "DELETE FROM session WHERE video IS NULL AND id = (SELECT session_id FROM feed WHERE id = $1)";
-                sqlx::query(sql).bind(id).execute(tx).await?;
+                sqlx::query(sql).bind(id).execute(&mut *tx).await?;
+                if may_come_again {
+                    sqlx::query("DELETE FROM erased_feed WHERE id = $1").bind(id).execute(tx).await?;
+                }
                 Ok(())
             })
             .await

@@ -18,6 +18,19 @@ pub struct Made {
 }
 
 impl Vault {
+    /// Is there space for so many bytes?
+    ///
+    /// # Errors
+    /// [`VaultError::DiskFull`] if not.
+    pub async fn has_room(&self, bytes: u64) -> VaultResult<()> {
+        let folder = self.inner.data.join("incoming");
+        on_a_blocking_thread(move || {
+            let disk = rustix::fs::statvfs(&folder).map_err(|error| failed("measuring", &folder)(error.into()))?;
+            if disk.f_bavail.saturating_mul(disk.f_frsize) < bytes { Err(VaultError::DiskFull) } else { Ok(()) }
+        })
+        .await
+    }
+
     /// A file for somebody else to write.
     pub async fn make_file(&self) -> VaultResult<Made> {
         let path = self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()));

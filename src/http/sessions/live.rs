@@ -31,7 +31,7 @@ use crate::live::{Following, Watch};
 /// How often it is looked whether a recording that nobody sends goes on, or has ended.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// How often it is looked whether the sign-in still counts.
-const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
+const STILL_ALLOWED: Duration = Duration::from_secs(5);
 /// How long a watcher may take for one message.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Bytes before a picture: the number of its frame.
@@ -247,15 +247,26 @@ impl Watcher {
         if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
     }
 
+    /// Is the watcher still signed in, and may they still see the session?
+    async fn is_allowed(&self) -> bool {
+        SignedIn::still(&self.app, &self.headers).await
+            && self.app.store.sessions().get(&self.scope, self.session).await.is_ok()
+    }
+
     /// Tells what the frames show for as long as the recording is open.
     async fn accompany(&self, socket: &mut WebSocket, mut watch: Watch) -> Pause {
-        let mut still_signed_in = interval(STILL_SIGNED_IN);
+        let mut still_allowed = interval(STILL_ALLOWED);
         let mut still_sent = interval(LOOK_EVERY);
         watch.following.mark_changed();
         loop {
             let said = tokio::select! {
                 biased;
                 heard = socket.recv() => if is_there(heard) { Ok(()) } else { Err(Gone) },
+                // Before the news, of which a slow watcher always has some.
+                _ = still_allowed.tick() => if self.is_allowed().await { Ok(()) } else { Err(Gone) },
+                _ = still_sent.tick(), if watch.news.is_empty() => {
+                    if watch.is_sent() { Ok(()) } else { return Pause::Closed }
+                }
                 // Closed only together with the news, of which there may be some left.
                 Ok(()) = watch.following.changed() => say(socket, &live_word(&mut watch)).await,
                 news = watch.news.recv() => match news {
@@ -263,10 +274,6 @@ impl Watcher {
                     Err(RecvError::Lagged(count)) => say(socket, &Word::Missed { count }).await,
                     Err(RecvError::Closed) => return Pause::Closed,
                 },
-                _ = still_sent.tick() => if watch.is_sent() { Ok(()) } else { return Pause::Closed },
-                _ = still_signed_in.tick() => {
-                    if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
-                }
             };
             if said.is_err() {
                 return Pause::Over;
