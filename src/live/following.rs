@@ -388,3 +388,6 @@ impl Drop for PulledWhenGone {
         self.0.pull();
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,58 @@
+use std::io::Read;
+
+use super::*;
+
+/// Begins a child; returns how many places it is told of at once.
+fn begin(follower: &Follower) -> usize {
+    let (mut theirs, ours) = pipe().unwrap();
+    follower.child().begin(ours);
+    follower.child().places = None;
+    let mut told = Vec::new();
+    theirs.read_to_end(&mut told).unwrap();
+    told.len() / Place::Beat.to_bytes().len()
+}
+
+fn key_frames(follower: &Follower, count: u64) {
+    (0..count).for_each(|number| follower.came(100 * number, 100, true));
+}
+
+fn is_whole(follower: &Follower) -> bool {
+    follower.child().is_whole
+}
+
+#[test]
+fn the_first_child_is_told_of_all_that_came_before_it() {
+    let follower = Follower::new(true);
+    key_frames(&follower, 5);
+    assert_eq!(begin(&follower), 5);
+    assert!(is_whole(&follower));
+}
+
+#[test]
+fn features_of_a_child_that_began_later_are_not_the_recordings() {
+    let follower = Follower::new(true);
+    assert_eq!(begin(&follower), 0);
+    key_frames(&follower, 5);
+    assert!(is_whole(&follower));
+    assert_eq!(begin(&follower), 1, "of the last key frame and what follows it");
+    assert!(!is_whole(&follower));
+}
+
+#[test]
+fn features_of_a_recording_that_an_earlier_service_began_are_none() {
+    let follower = Follower::new(false);
+    begin(&follower);
+    assert!(!is_whole(&follower));
+}
+
+#[test]
+fn a_child_that_begins_at_the_end_is_told_what_came_and_no_more() {
+    let follower = Follower::new(true);
+    key_frames(&follower, 2);
+    let (mut theirs, ours) = pipe().unwrap();
+    follower.child().is_ending = true;
+    follower.child().begin(ours);
+    let mut told = Vec::new();
+    theirs.read_to_end(&mut told).unwrap(); // would wait for ever
+    assert_eq!(told.len(), 2 * Place::Beat.to_bytes().len());
+}
