@@ -99,6 +99,8 @@ struct Child {
     has_begun: bool,
     /// The features that it told last.
     last: Option<Vec<RunningRow>>,
+    /// What the recording was ended with, after how many records: told again if it has to be ended again.
+    ended_with: Option<(usize, Vec<LiveFeature>)>,
     /// The recording is being ended: a child that begins now ends with what it is told first.
     is_ending: bool,
     task: Option<JoinHandle<()>>,
@@ -225,11 +227,12 @@ impl Follower {
             tracing::warn!("a child that follows a feed did not come to its end");
             task.abort(); // its stop is pulled as it goes
         }
-        let rows = self.child().last.clone()?; // kept: whoever has to end it again is told the same
-        match &*self.0.following.borrow() {
-            Following::Tools(tools) => Some(live_features(&rows, tools)),
-            Following::NotYet | Following::Not(_) | Following::Refused(_) => None,
+        let mut child = self.child();
+        if let (Some(rows), Following::Tools(tools)) = (child.last.take(), &*self.0.following.borrow()) {
+            child.ended_with = Some((child.came, live_features(&rows, tools)));
         }
+        let came = child.came;
+        child.ended_with.as_ref().filter(|ended| ended.0 == came).map(|(_, features)| features.clone())
     }
 
     /// Resolves once no frame is of use any more, with the reason.

@@ -72,6 +72,8 @@ impl Feeds {
                 return Err(farewell);
             }
         }
+        // Asked before anything ends: no attempt is counted, and it works again once there is space.
+        self.0.vault.has_room(state.log.bytes()).await.map_err(failed)?;
         feed.is_finishing.store(true, Ordering::Release);
         let live = feed.follower.end().await;
         let finished = self.store_recording(feed, &mut state, live, ending).await;
@@ -86,8 +88,6 @@ impl Feeds {
         live: Option<Vec<LiveFeature>>,
         ending: Ending,
     ) -> Result<SessionId, Farewell> {
-        // Asked first: no attempt is counted, and it works again once there is space.
-        self.0.vault.has_room(state.log.bytes()).await.map_err(failed)?;
         let kept = match self.assemble(feed).await {
             Ok(kept) => kept,
             Err(Failure::Explained(problem)) if problem.slug == Problem::NO_FRAMES => {

@@ -56,3 +56,18 @@ fn a_child_that_begins_at_the_end_is_told_what_came_and_no_more() {
     theirs.read_to_end(&mut told).unwrap(); // would wait for ever
     assert_eq!(told.len(), 2 * Place::Beat.to_bytes().len());
 }
+
+#[tokio::test]
+async fn a_recording_that_has_to_be_ended_again_has_the_same_features() {
+    let follower = Follower::new(true);
+    begin(&follower);
+    key_frames(&follower, 3);
+    follower.0.following.send_replace(Following::Tools(Vec::new()));
+    follower.child().last = Some(Vec::new());
+    let features = follower.end().await;
+    assert!(features.is_some());
+    begin(&follower); // its sender came again
+    assert_eq!(follower.end().await, features);
+    key_frames(&follower, 1);
+    assert_eq!(follower.end().await, None, "something came that no child was told of from the beginning");
+}

@@ -62,8 +62,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn an_answer_solves_its_equations(roots in prop::array::uniform5(prop::array::uniform5(-3.0..3.0)), right in prop::array::uniform5(-9.0..9.0)) {
-            let roots: [[f64; 5]; 5] = roots;
+        fn an_answer_solves_its_equations(
+            roots in prop::array::uniform5(prop::array::uniform5(-3.0..3.0f64)),
+            right in prop::array::uniform5(-9.0..9.0f64),
+        ) {
             // The square of any matrix, and a little more, is positive definite.
             let matrix: [[f64; 5]; 5] = std::array::from_fn(|i| std::array::from_fn(|j| {
                 (0..5).map(|k| roots[i][k] * roots[j][k]).sum::<f64>() + f64::from(u8::from(i == j))
