@@ -98,6 +98,10 @@ impl UsualInside {
     /// Edges that it remembers.
     const MEMORY: f64 = 200.0;
 
+    fn known(&self) -> Option<&Self> {
+        (self.edges >= Self::ENOUGH).then_some(self)
+    }
+
     fn learn(&mut self, fit: &EdgeFit) {
         self.edges = (self.edges + 1.0).min(Self::MEMORY);
         for (mean, told) in self.light.iter_mut().zip(fit.told()) {
@@ -108,6 +112,10 @@ impl UsualInside {
     }
 }
 
+/// The first parts of an outline are limbs, the others are ends.
+const LIMBS: usize = 2;
+/// Mean light from which some of it was cut off.
+const OVEREXPOSED: f64 = 0.85;
 /// Usual blur of a lens, pixels.
 const USUAL_LENS_PX: f64 = 0.7;
 /// Usual exposure, and how short and long one can be, s.
@@ -169,10 +177,29 @@ impl EdgeModel {
         }
     }
 
-    /// The light that usually lies inside this part of an outline, where it is known.
+    /// The light that usually lies inside this part of an outline, where it is known. What is overexposed at a tape's end is
+    /// taken from the limbs, where the same tape turns into the shade: else the end would seem to lie farther out the more
+    /// it is smeared.
     pub(super) fn usual_inside(&self, part: usize) -> Option<[InsideLight; 3]> {
-        let inside = self.inside[part];
-        (inside.edges >= UsualInside::ENOUGH).then_some(inside.light)
+        let mut light = self.inside[part].known()?.light;
+        let overexposed = |l: &InsideLight| l.guessed > OVEREXPOSED;
+        if let Some(facing) = self.facing_light().filter(|_| part >= LIMBS) {
+            let told = light.iter().zip(facing).filter(|(l, _)| !overexposed(l));
+            let (here, there) = told.fold((0.0, 0.0), |sum, (l, facing)| (sum.0 + l.base, sum.1 + facing));
+            for (l, facing) in light.iter_mut().zip(facing).filter(|(l, _)| overexposed(l)) {
+                let expected = facing * here / there;
+                if expected > l.base {
+                    (l.base, l.limb) = (expected, 0.0);
+                }
+            }
+        }
+        Some(light)
+    }
+
+    /// Light of each channel where the tape faces the camera, as both limbs have it.
+    fn facing_light(&self) -> Option<[f64; 3]> {
+        let [one, other] = [self.inside[0].known()?, self.inside[1].known()?];
+        Some(std::array::from_fn(|c| [one, other].map(|i| i.light[c].base + i.light[c].limb).iter().sum::<f64>() / 2.0))
     }
 
     /// The light that has these codes, if this was mixed.

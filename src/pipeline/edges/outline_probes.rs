@@ -131,6 +131,13 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Opt
     let inwards = inner.0 - middle.0;
     let outward = if outward.dot(&inwards) > 0.0 { -outward } else { outward };
     let depth = inwards.dot(&outward).abs();
+    let window = match place {
+        // Along the rows or columns of pixels: more of the background's texture averages out than straight across.
+        Place::Border { .. } if outward.x.abs() >= outward.y.abs() => Vector2::x(),
+        Place::Border { .. } => Vector2::y(),
+        // Along the tube, which the window else leaves sideways.
+        Place::Rim { .. } => inwards,
+    };
     let motion_px_s = layout.motion_px_s.dot(&outward);
     let reach_px = layout.reach_px + 2.0 * motion_px_s.abs() * layout.exposure_s / 12f64.sqrt();
     let beyond = |end: Pixel| (end.0 - middle.0).dot(&outward);
@@ -138,6 +145,7 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Opt
         middle,
         bend_per_px: 0.5 * (beyond(from) + beyond(to)) / (0.25 * length * length),
         outward,
+        lean: lean(&window, &outward),
         half_length_px: 0.5 * length,
         motion_px_s,
         inwards_px: reach_px.min(0.45 * depth),
@@ -145,4 +153,11 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Opt
         part: place.part(),
         shading: if place.part() < 2 { Shading::Limb { radius_px: (0.5 * depth).max(2.0) } } else { Shading::Cut },
     })
+}
+
+/// How far a window in this direction leans: see [`Probe::lean`].
+fn lean(window: &Vector2<f64>, outward: &Vector2<f64>) -> f64 {
+    const LEAST: f64 = 0.3; // beyond that it would hardly cross the edge
+    let across = window.dot(outward);
+    if across.abs() < LEAST * window.norm() { 0.0 } else { window.dot(&Vector2::new(-outward.y, outward.x)) / across }
 }

@@ -13,6 +13,9 @@ pub struct Probe {
     pub outward: Vector2<f64>,
     /// How the edge bends: `s` pixels along the chord it lies `bend·s²` farther out, px⁻¹.
     pub bend_per_px: f64,
+    /// How far the window leans: so many pixels along the chord per pixel outwards, counted in the direction of the normal
+    /// turned from x towards y.
+    pub lean: f64,
     /// Half the chord's length, pixels.
     pub half_length_px: f64,
     /// How far to look inwards, pixels.

@@ -62,8 +62,8 @@ impl<const N: usize> Profile<N> {
         bins.map(|((distance, pixels), value)| (*distance, *pixels, *value))
     }
 
-    /// Collects the pixels in the parallelogram around a chord, row by row where the chord is upright, else column by
-    /// column. `shift` halves the planes' size so many times.
+    /// Collects the pixels in the parallelogram along which the chord moves through its window, row by row where the chord is
+    /// upright, else column by column. `shift` halves the planes' size so many times.
     #[inline(always)]
     fn gather(planes: [&Plane<'_>; N], shift: (u8, u8), probe: &Probe) -> Self {
         let scale = [f64::from(1u32 << shift.0), f64::from(1u32 << shift.1)];
@@ -73,36 +73,38 @@ impl<const N: usize> Profile<N> {
         let normal = [probe.outward.x, probe.outward.y];
         let run = if normal[0].abs() >= normal[1].abs() { 0 } else { 1 }; // the direction that crosses the chord
         let rows = 1 - run;
-        let half_rows = probe.half_length_px * normal[run].abs();
-        let slant = normal[rows] / normal[run];
         let wider = if scale[run] > 1.0 { COARSE_PLANE_REACH } else { 1.0 };
         let (inwards, outwards) = (probe.inwards_px * wider, probe.outwards_px * wider);
-        let (back, ahead) = if normal[run] > 0.0 { (inwards, outwards) } else { (outwards, inwards) };
-        let (per_row, per_run) = (1.0 / scale[rows], 1.0 / scale[run]);
-        let reach = 1.0 / normal[run].abs();
+        // A place lies `across` the chord, and `beside` the line through its middle along which the window runs.
+        let lean = if run == 0 { probe.lean } else { -probe.lean };
+        let across_by = [normal[run], normal[rows]]; // per pixel along a row, and from row to row
+        let beside_by = [-normal[rows] - lean * normal[run], normal[run] - lean * normal[rows]];
+        let rows_by_across = -beside_by[0];
+        let (inmost, outmost) = ordered(-inwards * rows_by_across, outwards * rows_by_across);
+        let half_rows = probe.half_length_px * normal[run].abs();
         let whole = |at: f64, size: usize| (at.ceil().max(0.0) as usize).min(size);
-        let row_of = |at: f64| whole((at - first[rows]) * per_row, sizes[rows]);
-        let column_of = |at: f64| whole((at - first[run]) * per_run, sizes[run]);
-        let (across_step, along_step) = ((scale[run] * normal[run]) as f32, (-scale[run] * normal[rows]) as f32);
+        let row_of = |at: f64| whole((at + middle[rows] - first[rows]) / scale[rows], sizes[rows]);
+        let column_of = |at: f64| whole((at + middle[run] - first[run]) / scale[run], sizes[run]);
+        let (across_step, beside_step) = ((scale[run] * across_by[0]) as f32, (scale[run] * beside_by[0]) as f32);
         let bend_per_px = probe.bend_per_px as f32;
         let mut bins = Bins::<N>::over(inwards, outwards, BIN_PX * scale[run]);
-        for row in row_of(middle[rows] - half_rows)..row_of(middle[rows] + half_rows) {
-            let along = row as f64 * scale[rows] + first[rows] - middle[rows];
-            let crossing = middle[run] - along * slant;
-            let (from, to) = (column_of(crossing - back * reach), column_of(crossing + ahead * reach));
-            let beside = from as f64 * scale[run] + first[run] - middle[run];
-            // Of the row's first pixel: from the straight chord, and along it from its middle.
-            let mut across = (along * normal[rows] + beside * normal[run]) as f32;
-            let mut from_middle = (along * normal[run] - beside * normal[rows]) as f32;
+        for row in row_of(inmost - half_rows)..row_of(outmost + half_rows) {
+            let down = row as f64 * scale[rows] + first[rows] - middle[rows];
+            let window = within(-inwards, outwards, down * across_by[1], across_by[0]);
+            let chord = within(-probe.half_length_px, probe.half_length_px, down * beside_by[1], beside_by[0]);
+            let (from, to) = (column_of(window.0.max(chord.0)), column_of(window.1.min(chord.1)));
+            let along = from as f64 * scale[run] + first[run] - middle[run];
+            let mut across = (down * across_by[1] + along * across_by[0]) as f32;
+            let mut beside = (down * beside_by[1] + along * beside_by[0]) as f32;
             for column in from..to {
                 let (x, y) = if run == 0 { (column, row) } else { (row, column) };
                 let mut values = [0.0; N];
                 for (value, plane) in values.iter_mut().zip(planes) {
                     *value = f32::from(plane.at(x, y));
                 }
-                bins.add(across - bend_per_px * from_middle * from_middle, values);
+                bins.add(across - bend_per_px * beside * beside, values);
                 across += across_step;
-                from_middle += along_step;
+                beside += beside_step;
             }
         }
         bins.means()
@@ -119,6 +121,21 @@ pub fn of_luma(frame: &Frame<'_>, probe: &Probe) -> Profile<1> {
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 pub fn of_chroma(frame: &Frame<'_>, probe: &Probe) -> Profile<2> {
     Profile::gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), probe)
+}
+
+/// Where `start + slope · x` is between two bounds.
+#[inline(always)]
+fn within(low: f64, high: f64, start: f64, slope: f64) -> (f64, f64) {
+    const LEVEL: f64 = 1e-9;
+    if slope.abs() < LEVEL {
+        return if (low..=high).contains(&start) { (f64::NEG_INFINITY, f64::INFINITY) } else { (0.0, 0.0) };
+    }
+    ordered((low - start) / slope, (high - start) / slope)
+}
+
+#[inline(always)]
+fn ordered(one: f64, other: f64) -> (f64, f64) {
+    (one.min(other), one.max(other))
 }
 
 #[inline(always)]
@@ -193,5 +210,81 @@ impl<const N: usize> Bins<N> {
             profile.len += 1;
         }
         profile
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation2, Vector2};
+
+    use super::*;
+    use crate::pipeline::edges::probe::Shading;
+    use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+    use crate::pipeline::space::Pixel;
+
+    const SIZE: usize = 64;
+    const MIDDLE: f64 = 32.0;
+
+    /// A chord across a straight band that the window follows when it leans by `lean`.
+    fn probe(outward: Vector2<f64>, lean: f64) -> Probe {
+        Probe {
+            middle: Pixel::new(MIDDLE, MIDDLE),
+            outward,
+            bend_per_px: 0.0,
+            lean,
+            half_length_px: 3.0,
+            inwards_px: 12.0,
+            outwards_px: 12.0,
+            motion_px_s: 0.0,
+            part: 2,
+            shading: Shading::Cut,
+        }
+    }
+
+    /// What a window over a band in direction `along`, ten pixels wide, has of the band and of what lies beside it.
+    fn of_band(along: Vector2<f64>, probe: &Probe) -> Profile<1> {
+        let on_band = |i: usize| {
+            let from_middle = Vector2::new((i % SIZE) as f64, (i / SIZE) as f64) - Vector2::repeat(MIDDLE);
+            from_middle.perp(&along).abs() < 5.0
+        };
+        let luma: Vec<u8> = (0..SIZE * SIZE).map(|i| if on_band(i) { 200 } else { 50 }).collect();
+        let grey = vec![128; SIZE * SIZE / 4];
+        let plane = |data, size| Plane { data, stride: size, width: size, height: size };
+        let frame = Frame {
+            index: 0,
+            time_s: 0.0,
+            y: plane(&luma, SIZE),
+            u: plane(&grey, SIZE / 2),
+            v: plane(&grey, SIZE / 2),
+            shift_x: 1,
+            shift_y: 1,
+            encoding: ColourEncoding { range: Range::Limited, matrix: Matrix::Bt709 },
+        };
+        of_luma(&frame, probe)
+    }
+
+    #[test]
+    fn a_window_that_leans_along_a_band_stays_on_it() {
+        for degrees in (0..360).step_by(15) {
+            let along = Rotation2::new(f64::from(degrees).to_radians()) * Vector2::x();
+            for turned in [-0.6, 0.6] {
+                let outward = Rotation2::new(turned) * along;
+                let lean = along.dot(&Vector2::new(-outward.y, outward.x)) / along.dot(&outward);
+                let leaves = |lean: f64| of_band(along, &probe(outward, lean)).bins(0).any(|(.., code)| code < 199.0);
+                assert!(!leaves(lean) && leaves(0.0), "{degrees}, turned {turned}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_window_holds_the_pixels_of_its_area_however_it_leans() {
+        const AREA: f32 = 6.0 * 24.0;
+        for degrees in (0..360).step_by(7) {
+            let outward = Rotation2::new(f64::from(degrees).to_radians()) * Vector2::x();
+            for lean in [-0.8, 0.0, 0.5] {
+                let count = of_band(outward, &probe(outward, lean)).count;
+                assert!((count / AREA - 1.0).abs() < 0.12, "{degrees}, lean {lean}: {count}");
+            }
+        }
     }
 }

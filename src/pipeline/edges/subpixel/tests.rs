@@ -29,6 +29,8 @@ struct Drawing {
     shadow: f64,
     /// Share of the light inside that a limb of this radius (pixels) shades by its turning away.
     limb: Option<f64>,
+    /// How many times as bright all is recorded: what is brighter than white is cut off.
+    exposure: f64,
     /// Radius of the border's own bend, pixels: infinite where it is straight.
     bend: f64,
 }
@@ -42,6 +44,7 @@ const PLAIN: Drawing = Drawing {
     blur: 0.8,
     shadow: 0.0,
     limb: None,
+    exposure: 1.0,
     bend: f64::INFINITY,
 };
 
@@ -91,7 +94,7 @@ impl Drawing {
             sum += (inside * share + beside * (1.0 - share)) * weight;
             weights += weight;
         }
-        let coded = (sum / weights).map(|light| tone.code(light));
+        let coded = (sum / weights).map(|light| tone.code(self.exposure * light));
         ENCODING.codes_from_rgb() * coded + Vector3::from(ENCODING.black())
     }
 
@@ -123,6 +126,7 @@ impl Drawing {
             middle: Pixel::new(SIZE as f64 / 2.0, SIZE as f64 / 2.0),
             outward: self.normal,
             bend_per_px: -0.5 / self.bend,
+            lean: 0.0,
             half_length_px: 3.0,
             inwards_px: 5.0,
             outwards_px: 5.0,
@@ -130,6 +134,14 @@ impl Drawing {
             part: if self.limb.is_some() { 0 } else { 2 },
             shading: if self.limb.is_some() { Shading::Limb { radius_px: RADIUS_PX } } else { Shading::Cut },
         }
+    }
+
+    /// Lets a model learn from this border, as one part of an outline.
+    fn taught_to(&self, model: &mut EdgeModel, part: usize) {
+        let planes = self.planes();
+        let first = model.found();
+        model.locate(&frame(&planes), &Probe { part, ..self.probe() }, Fineness::Fine, is_tape).unwrap();
+        model.learn(&frame(&planes), first..model.found());
     }
 
     fn looked_at(&self, model: &mut EdgeModel, probe: &Probe, fineness: Fineness) -> Option<Edge> {
@@ -205,6 +217,24 @@ fn a_bent_edge_is_found_only_by_a_probe_that_knows_its_bend() {
         let error = bent.located_by(&mut bent.model(), &straight).unwrap().offset_px - bent.edge;
         assert!(error < bent.error_px() - 0.1, "angle {angle}: {error}");
     }
+}
+
+#[test]
+fn what_is_overexposed_at_an_end_is_known_from_the_limbs() {
+    let end = Drawing { exposure: 2.0, blur: 3.0, ..PLAIN };
+    let limb = Drawing { exposure: 2.0, limb: Some(0.9), ..PLAIN };
+    let error_px = |limbs_are_known: bool| {
+        let mut model = limb.model();
+        for part in [0, 1].into_iter().cycle().take(if limbs_are_known { 40 } else { 0 }) {
+            limb.taught_to(&mut model, part);
+        }
+        model.lens_px = end.blur;
+        (0..20).for_each(|_| end.taught_to(&mut model, 2));
+        end.located_by(&mut model, &end.probe()).unwrap().offset_px - end.edge
+    };
+    let [unknown, known] = [false, true].map(error_px);
+    assert!(unknown > 0.2, "{unknown}");
+    assert!(known.abs() < 0.75 * unknown, "{unknown} {known}");
 }
 
 #[test]
