@@ -19,6 +19,8 @@ export class Watch {
   why = null;
   features = [];
   light = null;
+  /** Whether camera and ports stand where they did; null where that is not known. */
+  placement = null;
   isBehind = false;
   /** The newest picture: `{ frame, bitmap }`. */
   picture = null;
@@ -141,7 +143,7 @@ export class Watch {
       // Whether a sender that had fallen silent sends again, its first frame tells.
       if (this.state !== 'silent' || !word.tools) this.#become('live');
     }
-    if (word.type === 'features') [this.features, this.light] = [word.features, word.light];
+    if (word.type === 'features') [this.features, this.light, this.placement] = [word.features, word.light, word.placement];
     this.#changed();
   }
 

@@ -22,7 +22,7 @@ mod settings;
 mod worker;
 
 pub use attempt::{Attempt, Failure, attempt};
-pub use orders::track_in;
+pub use orders::{LiveOrders, track_in};
 pub use receipt::{Heard, News};
 pub use settings::AnalysisSettings;
 pub use worker::Workshop;

@@ -3,8 +3,8 @@
 use std::fs::File;
 
 use super::protocol::{
-    BoardShape, CalibrateWork, CameraShape, MarkShape, PaletteShape, PaletteWork, SideShape, ToolShape, TrackWork,
-    ViewShape, Work,
+    BoardShape, CalibrateWork, CameraShape, FulcrumShape, MarkShape, PaletteShape, PaletteWork, SideShape, ToolShape,
+    TrackWork, ViewShape, Work,
 };
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
@@ -13,7 +13,8 @@ use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, TrackInput};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
-use crate::ids::BoxId;
+use crate::ids::{BoxId, CalibrationId, SessionId};
+use crate::pipeline::quality::ports::{self, Ports};
 use crate::sandbox::MOST_INPUTS;
 use crate::store::{Palette, Store, StoreError};
 use crate::vault::Vault;
@@ -24,8 +25,17 @@ pub(super) struct Orders {
     pub(super) work: Work,
     /// On which files.
     pub(super) inputs: Vec<File>,
+    /// What the result is judged with.
+    pub(super) known: KnownBefore,
+}
+
+/// What is known of a recording's box before it is tracked.
+#[derive(Clone, Debug, Default)]
+pub(super) struct KnownBefore {
     /// RMS reprojection error of the camera that tracks, pixels, where it is known.
     pub(super) calibration_rms_px: Option<f64>,
+    /// Where trocars were in earlier sessions.
+    pub(super) ports: Ports,
 }
 
 impl Orders {
@@ -39,23 +49,36 @@ impl Orders {
         for blob in blobs {
             inputs.push(vault.open_blob(blob.hash).await?.0);
         }
-        let mut calibration_rms_px = None;
+        let mut known = KnownBefore::default();
         let work = match job {
             JobInput::Track(input) => {
                 let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
-                calibration_rms_px = calibration.rms_px;
+                known.calibration_rms_px = calibration.rms_px;
+                let session = store.sessions().get(&Scope::service(), input.session).await?;
+                let before = (session.created_at_ms, session.id);
+                known.ports = ports(session.box_id, input.calibration, Some(before), store).await?;
                 Work::Track(track(input, calibration.camera.camera().into(), store).await?)
             }
             JobInput::Palette(input) => Work::Palette(palette(input)?),
             JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
         };
-        Ok(Self { work, inputs, calibration_rms_px })
+        Ok(Self { work, inputs, known })
     }
 }
 
 async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
     work_with(palette, camera, store).await
+}
+
+/// Where trocars were in a box's sessions with this calibration, of those that came before this one, if one is given.
+async fn ports(
+    of: BoxId,
+    calibration: CalibrationId,
+    before: Option<(i64, SessionId)>,
+    store: &Store,
+) -> Result<Ports, StoreError> {
+    Ok(Ports::of_sessions(&store.sessions().fulcrums(of, calibration, before, ports::MOST).await?))
 }
 
 async fn work_with(palette: Palette, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {
@@ -71,11 +94,19 @@ async fn work_with(palette: Palette, camera: CameraShape, store: &Store) -> Resu
     })
 }
 
+/// What a recording that arrives in a box is tracked and judged with.
+pub struct LiveOrders {
+    /// Camera, tools and colours.
+    pub track: TrackWork,
+    /// Where trocars were in earlier sessions.
+    pub ports: Vec<FulcrumShape>,
+}
+
 /// What a recording that arrives in a box is tracked with, or what the box lacks.
 ///
 /// # Errors
 /// The store's.
-pub async fn track_in(of: BoxId, store: &Store) -> Result<Result<TrackWork, Problem>, StoreError> {
+pub async fn track_in(of: BoxId, store: &Store) -> Result<Result<LiveOrders, Problem>, StoreError> {
     let scope = Scope::service();
     let Some(calibration) = store.calibrations().latest(&scope, of).await? else {
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's camera is not calibrated")));
@@ -83,8 +114,10 @@ pub async fn track_in(of: BoxId, store: &Store) -> Result<Result<TrackWork, Prob
     let Some(palette) = store.palettes().latest(&scope, of).await? else {
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
     };
+    let ports = ports(of, calibration.id, None, store).await?;
+    let ports = ports.all().iter().copied().map(FulcrumShape::from).collect();
     Ok(match work_with(palette, calibration.camera.camera().into(), store).await {
-        Ok(work) => Ok(work),
+        Ok(track) => Ok(LiveOrders { track, ports }),
         Err(WorkError::Impossible(problem)) => Err(problem),
         Err(WorkError::Store(error)) => return Err(error),
         Err(error) => Err(Problem::new("box-not-ready", "The box is not ready", error.to_string())),

@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use super::diagnostics::Diagnostics;
+use super::orders::KnownBefore;
 use super::paths::{Paths, PathsError};
 use super::protocol::{PaletteShape, encode};
 use super::receipt::Heard;
@@ -54,12 +55,12 @@ pub(super) struct Tracked {
 }
 
 impl Tracked {
-    /// Judges and assesses the smoothed path and codes the rest. `calibration_rms_px` is the camera's. Takes a while for an
-    /// hour of recording: not for an async thread.
+    /// Judges and assesses the smoothed path and codes the rest. Takes a while for an hour of recording: not for an async
+    /// thread.
     pub(super) fn new(
         input: &TrackInput,
         tools: Vec<String>,
-        calibration_rms_px: Option<f64>,
+        known: &KnownBefore,
         heard: Heard,
     ) -> Result<Self, ProductError> {
         let (width, height) = heard.size.ok_or(ProductError::Missing("a picture size"))?;
@@ -80,9 +81,10 @@ impl Tracked {
             others: Some(&paths),
             tracker: Some(&counts),
             motion: MotionSettings::default(),
-            calibration_rms_px,
+            calibration_rms_px: known.calibration_rms_px,
             frames_expected: heard.frames_expected,
             frames_interlaced,
+            ports: Some(&known.ports),
         });
         let verdict = quality::judge(&figures);
         Ok(Self {
@@ -182,6 +184,7 @@ mod tests {
             effective_diameter: Some(([5.02, 0.03], true)),
             gaps: vec![],
             colour: [None, None],
+            fulcrum: None,
         };
         let heard = Heard {
             size: Some((1280, 720)),
@@ -197,8 +200,9 @@ mod tests {
         };
         let video = Blob::of(b"a recording");
         let (session, calibration, palette) = (SessionId::at(0), CalibrationId::at(0), PaletteId::at(0));
+        let known = KnownBefore { calibration_rms_px: Some(0.3), ..KnownBefore::default() };
         let input = TrackInput { session, video, calibration, palette };
-        Tracked::new(&input, vec!["orange".into()], Some(0.3), heard).unwrap_or_else(|e| panic!("{e}"))
+        Tracked::new(&input, vec!["orange".into()], &known, heard).unwrap_or_else(|e| panic!("{e}"))
     }
 
     #[test]

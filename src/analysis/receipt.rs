@@ -5,7 +5,7 @@
 
 use super::protocol::{
     self, Answer, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape, PathRow,
-    QualityShape, RunningRow, SeenRow, Work,
+    PlacementShape, QualityShape, RunningRow, SeenRow, Work,
 };
 use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD};
 use crate::domain::palette::PaletteReport;
@@ -223,6 +223,8 @@ impl Receipt {
             && followed.running.iter().flatten().count() <= self.tools * LIVE.len()
             && followed.running.iter().flatten().all(is_running)
             && followed.light.iter().flatten().all(|&x| sensible(x))
+            && followed.placement.iter().flat_map(PlacementShape::numbers).all(sensible)
+            && followed.placement.iter().all(|placement| placement.ports.len() == self.tools)
             && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_picture(jpeg));
         if consistent { Ok(News::Followed(followed)) } else { Err("news of a feed that cannot be".into()) }
     }
@@ -282,6 +284,7 @@ impl Receipt {
                         margin.margin_spread_steps.iter().all(|&x| sensible(x))
                             && margin.nearest.chars().count() <= TEXTS[0]
                     })
+                    && tool.fulcrum.is_none_or(|fulcrum| fulcrum.numbers().all(sensible))
             })
             && quality.light.len() as u64 <= frames
             && quality.light.iter().flatten().all(|&x| sensible(x));

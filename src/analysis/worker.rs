@@ -7,7 +7,7 @@ use tokio::sync::watch;
 use tokio::task::JoinError;
 
 use super::attempt::{Attempt, Failure, attempt};
-use super::orders::Orders;
+use super::orders::{KnownBefore, Orders};
 use super::product::{self, ProductError, Tracked};
 use super::protocol::{Request, Work};
 use super::receipt::{Heard, News};
@@ -107,9 +107,9 @@ impl Workshop {
             Ok(orders) => orders,
             Err(error) => return self.stumble(held, error).await,
         };
-        let (tools, rms_px) = (tool_names(&orders.work), orders.calibration_rms_px);
+        let (tools, known) = (tool_names(&orders.work), orders.known.clone());
         match self.accompany(&mut held, orders, shutdown).await {
-            Ok(Ok(heard)) => self.save(held, tools, rms_px, heard).await,
+            Ok(Ok(heard)) => self.save(held, tools, known, heard).await,
             Ok(Err(Failure::Explained(problem))) => Ok(held.fail(problem).await.map(drop)?),
             Ok(Err(Failure::Crashed(reason))) => Ok(held.crashed(crashed(&reason)).await.map(drop)?),
             Ok(Err(Failure::Stopped)) => Ok(held.give_back().await?),
@@ -182,10 +182,10 @@ impl Workshop {
     }
 
     /// Stores what came of the job and ends it, in one transaction; files first, row second.
-    async fn save(&self, held: Held, tools: Vec<String>, rms_px: Option<f64>, heard: Heard) -> Result<(), WorkError> {
+    async fn save(&self, held: Held, tools: Vec<String>, known: KnownBefore, heard: Heard) -> Result<(), WorkError> {
         match held.job().input.clone() {
             JobInput::Track(input) => {
-                let assess = move || Tracked::new(&input, tools, rms_px, heard);
+                let assess = move || Tracked::new(&input, tools, &known, heard);
                 self.save_tracking(held, tokio::task::spawn_blocking(assess).await).await
             }
             JobInput::Palette(input) => match product::palette(&input.annotations, heard) {

@@ -22,7 +22,7 @@ use tokio::time::{interval, timeout};
 
 use super::{Feed, Feeds};
 use crate::analysis::protocol::{FollowWork, Followed, Place, Request, RunningRow, Work, live_features};
-use crate::analysis::{self, Attempt, Failure, attempt};
+use crate::analysis::{self, Attempt, Failure, LiveOrders, attempt};
 use crate::domain::feed::TimeBase;
 use crate::domain::problem::Problem;
 use crate::domain::session::LiveFeature;
@@ -287,9 +287,9 @@ impl Follower {
     async fn run_child(&self, feeds: &Feeds, row: &store::Feed, time_base: TimeBase) -> Result<(), Failure> {
         let lost = |error: &dyn std::fmt::Display| Failure::Crashed(format!("met {error}"));
         let track = analysis::track_in(row.box_id, &feeds.0.store).await.map_err(|why| lost(&why))?;
-        let track = track.map_err(Failure::Explained)?;
+        let LiveOrders { track, ports } = track.map_err(Failure::Explained)?;
         let tools = track.tools.iter().map(|tool| tool.name.clone()).collect();
-        let work = FollowWork { track, codec: row.codec, size: (row.width, row.height), time_base };
+        let work = FollowWork { track, codec: row.codec, size: (row.width, row.height), time_base, ports };
         let request = Request { threads: 1, work: Work::Follow(work) };
         let (log, _) = feeds.0.vault.read_feed(row.id).await.map_err(|error| lost(&error))?;
         let (theirs, ours) = pipe().map_err(|error| lost(&error))?;

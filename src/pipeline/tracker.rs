@@ -31,6 +31,7 @@ pub use trace::{Fit, FrameTrace, Look, ToolTrace};
 use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::edges::mixing;
 use crate::pipeline::frame::{ColourEncoding, Frame};
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::segmentation::palette;
@@ -111,6 +112,11 @@ impl Tracker {
     /// The scene's light when it was looked at last.
     pub fn light(&self) -> Option<LightSample> {
         self.light.last()
+    }
+
+    /// Where each tool passes through the box's wall, as far as it is known well by now.
+    pub fn fulcrums(&self) -> Vec<Option<Fulcrum>> {
+        self.tools.iter().map(|tool| tool.fulcrum()?.stated(STATED_SHARE)).collect()
     }
 
     /// Looks at the next frame.

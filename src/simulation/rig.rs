@@ -68,6 +68,14 @@ impl Rig {
         };
         Self { camera, view, camera_from_board, fulcrums, lighting: lighting(&camera_from_board), optics }
     }
+
+    /// The same after somebody has moved its camera to the camera's right, mm.
+    pub fn moved(self, right_mm: f64) -> Self {
+        let shift = Translation3::new(-right_mm, 0.0, 0.0);
+        let camera_from_board = shift * self.camera_from_board;
+        let fulcrums = self.fulcrums.map(|fulcrum| shift * fulcrum);
+        Self { camera_from_board, fulcrums, lighting: lighting(&camera_from_board), ..self }
+    }
 }
 
 /// The point at `x`, `y` on the board, `over` mm above it; board frame.

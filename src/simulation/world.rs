@@ -35,6 +35,8 @@ pub struct Setup {
     pub tapes: [Tape; 2],
     /// Outer diameter of the tools over the tape, mm.
     pub diameter_mm: f64,
+    /// How far the camera was moved to its right since its box was set up, mm.
+    pub camera_moved_mm: f64,
 }
 
 impl Setup {
@@ -51,6 +53,7 @@ impl Setup {
             at_least_s: 0.0,
             tapes: [Tape::ALL[0], Tape::ALL[1]],
             diameter_mm: 5.0,
+            camera_moved_mm: 0.0,
         }
     }
 }
@@ -74,7 +77,7 @@ pub struct World {
 impl World {
     /// Builds the world.
     pub fn new(setup: &Setup) -> Self {
-        let rig = Rig::new(setup.rig, setup.view, setup.width, setup.height);
+        let rig = Rig::new(setup.rig, setup.view, setup.width, setup.height).moved(setup.camera_moved_mm);
         let script = setup.scenario.play(&rig, setup.skill, setup.seed, setup.at_least_s);
         let duration_s = script.hands.iter().map(|(_, hand)| hand.now_s()).fold(0.0, f64::max);
         let Script { hands, beads, props, strokes } = script;

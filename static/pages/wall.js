@@ -12,6 +12,7 @@ import { stateOf, ToolState, useToolStates } from '../parts/live_tools.js';
 import { Elapsed, Line } from '../parts/live_view.js';
 import { lightFault } from '../parts/light.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { placementFault } from '../parts/placement.js';
 import { ToolMark } from '../parts/readouts.js';
 
 const words = t.wall;
@@ -44,7 +45,7 @@ export default function Wall() {
 function Tile({ session, onClosed }) {
   const watch = useWatch(session.id, onClosed);
   useToolStates(watch);
-  const fault = lightFault(watch.light);
+  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? [])].filter(Boolean);
   return html`
     <article class="card tile">
       <${LiveScreen} watch=${watch} name=${t.watch.picture(session.box?.name)} show=${TILE} />
@@ -58,7 +59,7 @@ function Tile({ session, onClosed }) {
           <${Line} watch=${watch} />
         </div>
         <ul>${watch.track?.tools.map(tool => html`<${ToolLine} key=${tool.name} tool=${tool} watch=${watch} />`)}</ul>
-        ${fault && html`<p class="small fault">${fault.title}</p>`}
+        ${faults.map(({ title }) => html`<p key=${title} class="small fault">${title}</p>`)}
       </div>
     </article>`;
 }

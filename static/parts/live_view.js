@@ -1,4 +1,4 @@
-// A session while it arrives: picture, state of the tools, tips in space, features so far, light.
+// A session while it arrives: picture, state of the tools, tips in space, features so far, light, place of the camera.
 import { html, useEffect, useRef } from './preact.js';
 import { clock, number, unit } from '../format.js';
 import { t } from '../texts.js';
@@ -10,6 +10,7 @@ import { LiveScreen } from './live_screen.js';
 import { LiveSpace } from './live_space.js';
 import { LiveTools } from './live_tools.js';
 import { Empty, Notice } from './notice.js';
+import { placementFault } from './placement.js';
 
 const words = t.watch;
 
@@ -23,7 +24,7 @@ export function LiveView({ session, onClosed }) {
           <${LiveScreen} watch=${watch} name=${words.picture(session.box?.name)} />
           <div class="live-bar">
             <${Line} watch=${watch} />
-            ${track && html`<${Light} light=${watch.isFresh ? watch.light : null} />`}
+            ${track && html`<div class="row"><${Light} watch=${watch} /><${Placed} watch=${watch} /></div>`}
             <${Elapsed} watch=${watch} />
           </div>
         </section>
@@ -50,10 +51,17 @@ export function Line({ watch: { state, why, track } }) {
 }
 
 /** Whether the light is what it was at first. */
-export function Light({ light }) {
-  const fault = lightFault(light);
-  if (!fault) return html`<span class="light small muted"><${icons.sun} size="18" />${light ? words.light.steady
-    : words.light.unknown}</span>`;
+export const Light = ({ watch: { isFresh, light } }) => html`<${Steady} icon=${icons.sun} fault=${isFresh && lightFault(light)}
+  told=${words.light[isFresh && light ? 'steady' : 'unknown']} />`;
+
+/** Whether camera and ports are where they were in earlier recordings. */
+export const Placed = ({ watch: { isFresh, placement, track } }) => html`<${Steady} icon=${icons.camera}
+  fault=${isFresh && placementFault(placement, track.tools)}
+  told=${words.placement[isFresh && placement ? 'steady' : 'unknown']} />`;
+
+/** A word on what should stay as it is, or what is wrong with it. */
+function Steady({ icon: Icon, fault, told }) {
+  if (!fault) return html`<span class="light small muted"><${Icon} size="18" />${told}</span>`;
   return html`<span class="light notice warn" role="status"><${icons.warning} /><span><strong>${fault.title}</strong>
     ${' '}<span class="small">${fault.advice}</span></span></span>`;
 }

@@ -50,7 +50,7 @@ function Tool({ tool }) {
 
 /** What is known of a tool besides its shares; shares of nothing are left out, as are gaps of one that was always seen. */
 function figures(tool, all) {
-  const { noise_floor: noise, effective_diameter: diameter } = tool;
+  const { noise_floor: noise, effective_diameter: diameter, port_shift: port } = tool;
   return {
     left_view_share: tool.left_view_share > 0 && percent(tool.left_view_share),
     lost_share: tool.lost_share > 0 && percent(tool.lost_share),
@@ -59,5 +59,6 @@ function figures(tool, all) {
     error_median_mm: Number.isFinite(tool.error_median_mm) &&
       words.error(number(tool.error_median_mm), number(tool.error_p95_mm)),
     effective_diameter: diameter && words.diameter(diameter.mm.toFixed(2), diameter.sigma_mm.toFixed(2), diameter.basis),
+    port_shift: port && words.portShift(port.mm.toFixed(1), port.sigma_mm.toFixed(1)),
   };
 }

@@ -2,7 +2,7 @@
 import { html } from './preact.js';
 import { bytes, fixed } from '../format.js';
 import { t } from '../texts.js';
-import { Light } from './live_view.js';
+import { Light, Placed } from './live_view.js';
 import { Empty } from './notice.js';
 import { behindOf } from './record_view.js';
 import { SeenLevel } from './seen_level.js';
@@ -20,7 +20,7 @@ export const Standing = ({ now, watch }) => html`
     </header>
     ${watch?.track?.frames ? html`
       <${SeenLevel} watch=${watch} />
-      <div class="body"><${Light} light=${watch.isFresh ? watch.light : null} /></div>`
+      <div class="body"><${Light} watch=${watch} /><${Placed} watch=${watch} /></div>`
     : html`<${Untracked} now=${now} watch=${watch} />`}
   </section>
   <section class="card">

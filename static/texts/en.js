@@ -424,7 +424,9 @@ export default {
       noise_floor: 'Noise floor',
       error_median_mm: 'Error stated',
       effective_diameter: 'Tape seems',
+      port_shift: 'Port from its usual place',
     },
+    portShift: (mm, sigma) => `${mm} ± ${sigma} mm`,
     noise: (smoothed, causal) => `${smoothed} mm/s${causal ? `, live ${causal} mm/s` : ''}`,
     error: (median, most) => `σ ${median} mm, on 95 % of the frames at most ${most} mm`,
     diameter: (mm, sigma, basis) => `${mm} ± ${sigma} mm wide, ${
@@ -500,6 +502,16 @@ export default {
       darker: percent => `The picture is ${percent} darker than at first`,
       colour: 'The colour of the light has changed',
       advice: 'Switch off the camera’s automatic exposure and white balance, and keep the light as it is.',
+    },
+    placement: {
+      steady: 'Camera and ports where they were',
+      unknown: 'Camera’s place not judged yet',
+      camera: mm => `The camera has moved: everything lies about ${mm} mm from where it was in earlier recordings`,
+      cameraAdvice:
+        'Put it back as it was, or tell your instructor. Lengths and speeds stay right; positions do not compare with earlier recordings.',
+      port: (tool, mm) => `The port of ${tool} is about ${mm} mm from where it was in earlier recordings`,
+      portAdvice:
+        'Put it back, or tell your instructor. Lengths and speeds stay right; positions do not compare with earlier recordings.',
     },
   },
   wall: {

@@ -9,7 +9,7 @@ use std::os::unix::fs::FileExt;
 use super::reporter::Reporter;
 use super::{Halt, explain, track};
 use crate::analysis::protocol::{
-    Answer, FollowWork, Followed, FollowedFrame, FollowedTool, Place, RunningRow, TrackWork,
+    Answer, FollowWork, Followed, FollowedFrame, FollowedTool, Place, PlacementShape, RunningRow, TrackWork,
 };
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::record::{Body, MOST_BYTES, Record};
@@ -17,6 +17,8 @@ use crate::media::{FeedDecoder, JpegMaker, JpegStyle, Limits, Picture};
 use crate::pipeline::features::FeatureSettings;
 use crate::pipeline::features::running::Running;
 use crate::pipeline::frame::Frame;
+use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::quality::Ports;
 use crate::pipeline::tracker::{MOST_REHEARSED, Tracker, TrackerSettings};
 
 /// Between two words on features and light, s of the recording.
@@ -59,6 +61,9 @@ struct Follower {
     /// Until the first picture shows how it is coded.
     work: Option<TrackWork>,
     tracker: Option<Tracker>,
+    ports: Ports,
+    /// Where each tool's trocar is, as it was last known well.
+    fulcrums: Vec<Option<Fulcrum>>,
     size: (u32, u32),
     /// The first pictures, until there are enough to rehearse.
     first: Vec<Picture>,
@@ -75,12 +80,14 @@ struct Follower {
 
 impl Follower {
     fn new(work: FollowWork, limits: Limits) -> Result<Self, Halt> {
-        let FollowWork { track, codec, size, time_base } = work;
+        let FollowWork { track, codec, size, time_base, ports } = work;
         Ok(Self {
             codec,
             decoder: FeedDecoder::new(codec, size, time_base, limits)?,
             running: Running::new(track.tools.len(), FeatureSettings::default()),
+            fulcrums: vec![None; track.tools.len()],
             work: Some(track),
+            ports: Ports::new(ports.into_iter().map(Fulcrum::from).collect()),
             tracker: None,
             size,
             first: Vec::new(),
@@ -166,6 +173,10 @@ impl Follower {
     fn tell_features(&mut self) {
         self.told.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
         let light = self.tracker.as_ref().and_then(Tracker::light);
+        for (known, now) in self.fulcrums.iter_mut().zip(self.tracker.iter().flat_map(Tracker::fulcrums)) {
+            *known = now.or(*known);
+        }
+        self.told.placement = PlacementShape::new(&self.ports.place(&self.fulcrums));
         self.told.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
     }
 

@@ -7,7 +7,7 @@ use std::io::{self, Read};
 
 use serde::{Deserialize, Serialize};
 
-use super::{PathRow, SeenRow, TrackWork};
+use super::{FulcrumShape, PathRow, PlacementShape, SeenRow, TrackWork};
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::LiveFeature;
 use crate::pipeline::features::FeatureValue;
@@ -26,6 +26,8 @@ pub struct FollowWork {
     pub size: (u32, u32),
     /// The clock of the frames.
     pub time_base: TimeBase,
+    /// Where trocars were in the box's earlier sessions.
+    pub ports: Vec<FulcrumShape>,
 }
 
 /// What a parent says on the pipe: 16 bytes.
@@ -90,6 +92,8 @@ pub struct Followed {
     /// The scene's light against the first frame's: luma ratio, shifts of blue and red as shares of the code range. Along
     /// with the features.
     pub light: Option<[f64; 3]>,
+    /// Whether camera and trocars stand where they did, once that is known. Along with the features.
+    pub placement: Option<PlacementShape>,
     /// A small JPEG, and the frame that it shows.
     pub picture: Option<(u64, Vec<u8>)>,
 }

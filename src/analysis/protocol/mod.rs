@@ -14,12 +14,14 @@
 //! The pipeline's types know no serialisation; their images here are in [`shapes`] and [`rows`].
 
 mod follow;
+mod placement;
 mod rows;
 mod shapes;
 
 use serde::{Deserialize, Serialize};
 
 pub use follow::{FollowWork, Followed, FollowedFrame, FollowedTool, Place, RunningRow, live_features};
+pub use placement::{FulcrumShape, PlacementShape};
 pub use rows::{PathRow, ReasonShape, SeenRow};
 pub use shapes::{
     BoardShape, CalibrationShape, CameraShape, MarginShape, MarkShape, PaletteShape, QualityShape, SideShape,

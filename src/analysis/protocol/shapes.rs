@@ -3,10 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::decode;
+use super::placement::FulcrumShape;
 use super::rows::ReasonShape;
 use crate::domain::files::annotations;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::segmentation::palette::{Apart, Margin};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples, Rectangle};
 use crate::pipeline::tracker::{
@@ -244,6 +246,8 @@ pub struct ToolQualityShape {
     pub gaps: Vec<(u64, u64, Option<ReasonShape>)>,
     /// How far its colour is from the other tools' and from what is no tool.
     pub colour: [Option<MarginShape>; 2],
+    /// Where its trocar is, if that is known well.
+    pub fulcrum: Option<FulcrumShape>,
 }
 
 /// [`Margin`].
@@ -279,6 +283,7 @@ impl QualityShape {
             effective_diameter: t.effective_diameter.map(|d| ([d.mm, d.sigma_mm], d.basis == DiameterBasis::Session)),
             gaps: t.gaps.iter().map(gap_shape).collect(),
             colour: [&t.colour.from_tools, &t.colour.from_background].map(|m| m.as_ref().map(Into::into)),
+            fulcrum: t.fulcrum.map(FulcrumShape::from),
         };
         let light = |l: &LightSample| [l.time_s, l.luma_ratio, l.chroma_shift[0], l.chroma_shift[1]];
         Self {
@@ -322,6 +327,7 @@ impl QualityShape {
                 }),
                 gaps: shape.gaps.iter().map(gap).collect(),
                 colour: Apart { from_tools, from_background },
+                fulcrum: shape.fulcrum.map(Fulcrum::from),
             }
         };
         let light =

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::protocol::{
-    CameraShape, MarginShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
+    CameraShape, FulcrumShape, MarginShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
 };
 use crate::domain::feed::FrameCodec;
 use crate::domain::palette::{ConfusionRow, LightShares};
@@ -157,6 +157,7 @@ fn tool() -> ToolQualityShape {
         effective_diameter: None,
         gaps,
         colour,
+        fulcrum: None,
     }
 }
 
@@ -170,6 +171,17 @@ fn a_colour_is_a_few_numbers_and_a_short_name() {
     assert!(hear(-2.5, "background".into()).is_ok());
     assert!(hear(f64::NAN, "background".into()).is_err());
     assert!(hear(-2.5, "b".repeat(100_000)).is_err());
+}
+
+#[test]
+fn a_fulcrum_is_nine_numbers() {
+    let hear = |x_mm: f64| {
+        let fulcrum = Some(FulcrumShape { at_mm: [x_mm, 70.0, 40.0], covariance_mm2: [4.0, 0.0, 0.0, 4.0, 0.0, 4.0] });
+        let tools = vec![ToolQualityShape { fulcrum, ..tool() }];
+        hear(vec![Answer::Quality(QualityShape { frames: 2, frames_interlaced: 0, tools, light: vec![] })])
+    };
+    assert!(hear(-110.0).is_ok());
+    assert!(hear(f64::NAN).is_err() && hear(1e9).is_err());
 }
 
 #[test]

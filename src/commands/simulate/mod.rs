@@ -54,6 +54,9 @@ pub struct Args {
     /// Outer diameter of the tools over the tape, mm.
     #[arg(long, default_value_t = 5.0, value_parser = diameter)]
     diameter_mm: f64,
+    /// How far the camera was moved to its right since its box was set up, mm.
+    #[arg(long, default_value_t = 0.0, value_parser = moved, allow_negative_numbers = true)]
+    camera_moved_mm: f64,
     /// Checkerboard photos to make.
     #[arg(long, default_value_t = 18, value_parser = clap::value_parser!(u16).range(0..=99))]
     boards: u16,
@@ -92,6 +95,7 @@ fn order(args: &Args) -> anyhow::Result<SceneOrder> {
         at_least_s: frames.map_or(0.0, |n| n as f64 / args.fps),
         tapes: tapes(&args.tapes)?,
         diameter_mm: args.diameter_mm,
+        camera_moved_mm: args.camera_moved_mm,
         ..Setup::new(scenario, skill, args.seed)
     };
     let names = ["yuv420p", "yuv422p", "yuv444p", "yuv420p10", "yuv444p10"];
@@ -166,6 +170,10 @@ fn rate(text: &str) -> Result<f64, String> {
 
 fn diameter(text: &str) -> Result<f64, String> {
     number(text, 1.0, 20.0)
+}
+
+fn moved(text: &str) -> Result<f64, String> {
+    number(text, -50.0, 50.0)
 }
 
 fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {

@@ -3,10 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::pipeline::quality::{Concern, Figures, NoiseFloor, SessionFigures, ToolFigures, Verdict};
+use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::quality::{Concern, Figures, NoiseFloor, SessionFigures, Shift, ToolFigures, Verdict};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::tracker::{EffectiveDiameter, Quality, ToolQuality};
 
@@ -71,6 +72,8 @@ pub struct RecordingDocument {
     pub white_drift_codes: Option<f64>,
     /// RMS reprojection error of the camera's calibration, pixels.
     pub calibration_rms_px: Option<f64>,
+    /// How far the camera has moved since earlier sessions; `null` where it has not, or nothing tells.
+    pub camera_shift: Option<ShiftDocument>,
 }
 
 /// How one tool was seen.
@@ -114,6 +117,10 @@ pub struct ToolDocument {
     pub error_median_mm: Option<f64>,
     /// 95 % of them are surer, mm.
     pub error_p95_mm: Option<f64>,
+    /// Where its tube passes through the box's wall: its trocar; `null` where that is not known well.
+    pub fulcrum: Option<FulcrumDocument>,
+    /// How far that is from the nearest trocar of earlier sessions; `null` where those are too few.
+    pub port_shift: Option<ShiftDocument>,
     /// By how many of 255 steps its colour may shift before it is taken for what is no tool.
     pub colour_to_background_steps: Option<f64>,
     /// The same for another tool's tape.
@@ -129,6 +136,24 @@ pub struct DiameterDocument {
     pub sigma_mm: f64,
     /// `session`: the session's own poses tell; `usual`: they were too few or too alike, and its own diameter is believed.
     pub basis: &'static str,
+}
+
+/// The point about which a tool turns: its trocar.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FulcrumDocument {
+    /// Where, in the camera's frame, mm.
+    pub at_mm: [f64; 3],
+    /// Covariance, mm²: xx, xy, xz, yy, yz, zz.
+    pub covariance_mm2: [f64; 6],
+}
+
+/// How far something lies from where it was.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+pub struct ShiftDocument {
+    /// How far, mm.
+    pub mm: f64,
+    /// Its standard deviation, mm.
+    pub sigma_mm: f64,
 }
 
 /// Speed that a resting tool would seem to have.
@@ -184,6 +209,7 @@ impl From<&SessionFigures> for RecordingDocument {
             exposure_drift: session.exposure_drift,
             white_drift_codes: session.white_drift_codes,
             calibration_rms_px: session.calibration_rms_px,
+            camera_shift: session.camera_shift.map(ShiftDocument::from),
         }
     }
 }
@@ -199,6 +225,25 @@ impl From<EffectiveDiameter> for DiameterDocument {
     fn from(EffectiveDiameter { mm, sigma_mm, basis }: EffectiveDiameter) -> Self {
         Self { mm, sigma_mm, basis: basis.name() }
     }
+}
+
+impl From<Fulcrum> for FulcrumDocument {
+    fn from(fulcrum: Fulcrum) -> Self {
+        Self { at_mm: fulcrum.at.into(), covariance_mm2: fulcrum.upper() }
+    }
+}
+
+impl From<Shift> for ShiftDocument {
+    fn from(Shift { mm, sigma_mm }: Shift) -> Self {
+        Self { mm, sigma_mm }
+    }
+}
+
+/// The fulcrums that a stored document knows of, if it is one.
+pub fn fulcrums_of(document: &serde_json::Value) -> Vec<Fulcrum> {
+    let tools = document["tools"].as_array().into_iter().flatten();
+    let fulcrum = |tool: &serde_json::Value| FulcrumDocument::deserialize(&tool["fulcrum"]).ok();
+    tools.filter_map(fulcrum).map(|f| Fulcrum::of_upper(f.at_mm.into(), f.covariance_mm2)).collect()
 }
 
 fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
@@ -222,6 +267,8 @@ fn tool_document(counts: &ToolQuality, figures: &ToolFigures) -> ToolDocument {
         noise_floor: figures.noise_floor.map(NoiseDocument::from),
         error_median_mm: figures.error_bar.map(|bar| bar.median_mm),
         error_p95_mm: figures.error_bar.map(|bar| bar.p95_mm),
+        fulcrum: figures.fulcrum.map(FulcrumDocument::from),
+        port_shift: figures.port_shift.map(ShiftDocument::from),
         colour_to_background_steps: figures.colour.from_background.as_ref().map(|margin| margin.margin_steps),
         colour_to_tools_steps: figures.colour.from_tools.as_ref().map(|margin| margin.margin_steps),
     }

@@ -17,7 +17,7 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{interval, timeout};
 use utoipa::IntoParams;
 
-use crate::analysis::protocol::{Followed, FollowedFrame, FollowedTool, PathRow, live_features};
+use crate::analysis::protocol::{Followed, FollowedFrame, FollowedTool, PathRow, PlacementShape, live_features};
 use crate::domain::scope::Scope;
 use crate::domain::session::{LiveFeature, SessionStatus};
 use crate::http::auth::origin;
@@ -53,8 +53,8 @@ enum Word {
     },
     /// A frame was tracked.
     Frame(Frame),
-    /// Features so far, and the light.
-    Features { features: Vec<LiveFeature>, light: Option<Light> },
+    /// Features so far, the light, and whether camera and trocars stand where they did.
+    Features { features: Vec<LiveFeature>, light: Option<Light>, placement: Option<Placement> },
     /// The watcher was too slow for so many messages.
     Missed { count: u64 },
     /// The recording is whole: the session stands so.
@@ -75,6 +75,28 @@ struct Frame {
 struct Light {
     luma_ratio: f64,
     chroma_shift: [f64; 2],
+}
+
+/// Against the box's earlier sessions.
+#[derive(Debug, Serialize)]
+struct Placement {
+    /// How far the camera has moved; `null` where it has not.
+    camera: Option<Shift>,
+    /// How far each tool's trocar has; `null` where it has not, or all have with the camera.
+    ports: Vec<Option<Shift>>,
+}
+
+#[derive(Debug, Serialize)]
+struct Shift {
+    mm: f64,
+    sigma_mm: f64,
+}
+
+impl From<&PlacementShape> for Placement {
+    fn from(PlacementShape { camera, ports }: &PlacementShape) -> Self {
+        let shift = |numbers: &Option<[f64; 2]>| numbers.map(|[mm, sigma_mm]| Shift { mm, sigma_mm });
+        Self { camera: shift(camera), ports: ports.iter().map(shift).collect() }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -301,7 +323,8 @@ async fn tell_of(socket: &mut WebSocket, followed: &Arc<Followed>, watch: &Watch
             Following::NotYet | Following::Not(_) | Following::Refused(_) => Vec::new(),
         };
         let light = followed.light.map(|[luma_ratio, blue, red]| Light { luma_ratio, chroma_shift: [blue, red] });
-        say(socket, &Word::Features { features: live_features(rows, &tools), light }).await?;
+        let placement = followed.placement.as_ref().map(Placement::from);
+        say(socket, &Word::Features { features: live_features(rows, &tools), light, placement }).await?;
     }
     if let Some((frame, jpeg)) = followed.picture.as_ref().filter(|_| watch.viewer.is_some()) {
         let mut bytes = Vec::with_capacity(PICTURE_HEAD + jpeg.len());

@@ -17,6 +17,29 @@ pub struct Fulcrum {
     pub covariance: Matrix3<f64>,
 }
 
+impl Fulcrum {
+    /// With its covariance as xx, xy, xz, yy, yz, zz.
+    pub fn of_upper(at: Point3<f64>, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Self {
+        Self { at, covariance: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) }
+    }
+
+    /// As it is stated: with this share of its standard deviations; `None` where even so it is not known well.
+    pub fn stated(self, share: f64) -> Option<Self> {
+        let covariance = self.covariance * (share * share);
+        let is_well_known = covariance.diagonal().iter().all(|variance| *variance <= WELL_KNOWN_MM * WELL_KNOWN_MM);
+        is_well_known.then_some(Self { covariance, ..self })
+    }
+
+    /// Its covariance as xx, xy, xz, yy, yz, zz.
+    pub fn upper(&self) -> [f64; 6] {
+        [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| self.covariance[place])
+    }
+}
+
+/// A fulcrum is known well from here on: the largest standard deviation along an axis, mm. What moves by less than three of
+/// these is not told from chance anyway.
+pub const WELL_KNOWN_MM: f64 = 4.0;
+
 /// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
 pub const PLAY_MM: f64 = 0.5;
 

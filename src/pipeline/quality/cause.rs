@@ -49,11 +49,15 @@ pub enum Cause {
     Exposure,
     /// The picture's white changes.
     WhiteBalance,
+    /// All trocars lie elsewhere, as if the camera had moved since earlier sessions.
+    CameraMoved,
+    /// One trocar lies elsewhere than in earlier sessions.
+    PortMoved,
 }
 
 impl Cause {
     /// Every cause, in the order in which people should mend them.
-    pub const ALL: [Cause; 23] = [
+    pub const ALL: [Cause; 25] = [
         Cause::NothingSeen,
         Cause::NeverInPicture,
         Cause::ColourBackground,
@@ -77,6 +81,8 @@ impl Cause {
         Cause::EndsInMotion,
         Cause::Exposure,
         Cause::WhiteBalance,
+        Cause::CameraMoved,
+        Cause::PortMoved,
     ];
 
     /// Stable name for files, API and pages.
@@ -105,6 +111,8 @@ impl Cause {
             Cause::EndsInMotion => "ends_in_motion",
             Cause::Exposure => "exposure",
             Cause::WhiteBalance => "white_balance",
+            Cause::CameraMoved => "camera_moved",
+            Cause::PortMoved => "port_moved",
         }
     }
 
@@ -114,7 +122,7 @@ impl Cause {
             Cause::LongGap | Cause::Break => "s",
             Cause::BorderResidual | Cause::Calibration => "px",
             Cause::NoiseFloor | Cause::BeginsInMotion | Cause::EndsInMotion => "mm/s",
-            Cause::ErrorBar => "mm",
+            Cause::ErrorBar | Cause::CameraMoved | Cause::PortMoved => "mm",
             Cause::FrameRate => "Hz",
             Cause::WhiteBalance => "codes",
             Cause::ColourBackground | Cause::ColourPair => "steps",
@@ -205,6 +213,13 @@ impl Cause {
             Cause::WhiteBalance => {
                 format!("the picture's white changes by {figure:.tenth$} codes; at most {limit:.tenth$}")
             }
+            Cause::CameraMoved => format!(
+                "the camera has moved since earlier recordings with this calibration: all trocars lie {figure:.tenth$} mm \
+                 from where they were; at most {limit:.tenth$} mm"
+            ),
+            Cause::PortMoved => format!(
+                "its trocar lies {figure:.tenth$} mm from where one was in earlier recordings; at most {limit:.tenth$} mm"
+            ),
         }
     }
 
@@ -243,6 +258,14 @@ impl Cause {
             Cause::EndsInMotion => "end the recording after the tools rest; duration and sums miss the end",
             Cause::Exposure => "switch off the camera's automatic exposure, and keep the light as it is",
             Cause::WhiteBalance => "switch off the camera's automatic white balance, and keep the light as it is",
+            Cause::CameraMoved => {
+                "lengths and speeds stay right, but positions, depth and paths do not compare with earlier ones: put the \
+                 camera back, or send the box its calibration again, and the comparison begins anew"
+            }
+            Cause::PortMoved => {
+                "put the trocar back, or, if it stays there or the camera was moved, send the box its calibration again: \
+                 positions and paths do not compare with earlier ones; lengths and speeds stay right"
+            }
         }
     }
 }

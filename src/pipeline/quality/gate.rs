@@ -142,6 +142,7 @@ fn of_the_session(figures: &Figures, cause: Cause) -> Option<f64> {
         Cause::EndsInMotion => session.last_speed_mm_s,
         Cause::Exposure => session.exposure_drift,
         Cause::WhiteBalance => session.white_drift_codes,
+        Cause::CameraMoved => session.camera_shift.map(|shift| shift.mm),
         _ => None,
     }
 }
@@ -162,6 +163,7 @@ fn of_a_tool(tool: &ToolFigures, cause: Cause) -> Option<f64> {
         Cause::BorderResidual => tool.border_residual_px,
         Cause::NoiseFloor => tool.noise_floor.map(|noise| noise.smoothed_mm_s),
         Cause::ErrorBar => tool.error_bar.map(|bar| bar.median_mm),
+        Cause::PortMoved => tool.has_port_moved.then_some(tool.port_shift?.mm),
         _ => None,
     }
 }

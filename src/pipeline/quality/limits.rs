@@ -27,6 +27,11 @@ pub struct Limits {
     pub refuse: Option<f64>,
 }
 
+/// By how much a trocar may lie elsewhere than in earlier sessions of its box, mm. Half of a peg's size (10 mm), and of what
+/// separates the targets of a task: paths that are off by more are of another place. A tube plays by a tenth of that
+/// in its trocar. A camera 250 mm away has turned by 1.1° then.
+pub const MOVED_MM: f64 = 5.0;
+
 const fn at_most(care: f64, refuse: f64) -> Limits {
     Limits { better: Better::Less, care: Some(care), refuse: Some(refuse) }
 }
@@ -100,6 +105,7 @@ impl Cause {
             Cause::Exposure => care_at_most(0.15),
             // A colour is nobody's from 8 codes beyond its samples on: half of that.
             Cause::WhiteBalance => care_at_most(4.0),
+            Cause::CameraMoved | Cause::PortMoved => care_at_most(MOVED_MM),
         }
     }
 }

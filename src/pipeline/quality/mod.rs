@@ -11,6 +11,7 @@
 //! |---|---|
 //! | [`noise_floor`] | speed that a resting tool would be given |
 //! | [`tool`] | how one tool was seen |
+//! | [`ports`] | whether camera or trocars have moved since earlier sessions |
 //! | [`session`] | the recording as such: its frames' times, its light, its ends |
 //! | [`cause`] | what can be wrong: a closed set, each with a sentence and what to do about it |
 //! | [`limits`] | from which figure on, and why from there |
@@ -20,12 +21,14 @@ pub mod cause;
 pub mod gate;
 pub mod limits;
 pub mod noise_floor;
+pub mod ports;
 pub mod session;
 pub mod tool;
 
 pub use cause::Cause;
 pub use gate::{Concern, Severity, Verdict, judge};
 pub use noise_floor::{Basis, NoiseFloor};
+pub use ports::{Placement, Ports, Shift};
 pub use session::SessionFigures;
 pub use tool::ToolFigures;
 
@@ -49,6 +52,8 @@ pub struct Evidence<'a> {
     pub frames_expected: Option<u64>,
     /// Frames that were recorded interlaced.
     pub frames_interlaced: Option<u64>,
+    /// Where trocars were in earlier sessions of the box, with this calibration.
+    pub ports: Option<&'a Ports>,
 }
 
 impl<'a> Evidence<'a> {
@@ -62,6 +67,7 @@ impl<'a> Evidence<'a> {
             calibration_rms_px: None,
             frames_expected: None,
             frames_interlaced: None,
+            ports: None,
         }
     }
 
@@ -75,6 +81,7 @@ impl<'a> Evidence<'a> {
             calibration_rms_px: None,
             frames_expected: None,
             frames_interlaced: None,
+            ports: None,
         }
     }
 }
@@ -91,10 +98,17 @@ pub struct Figures {
 /// Works out every figure that the evidence supports.
 pub fn measure(evidence: &Evidence<'_>) -> Figures {
     let shown = Shown::of(evidence.smoothed);
+    let placement = placement(evidence).unwrap_or_default();
+    let tool = |index| tool::measure(evidence, index, shown, &placement);
     Figures {
-        session: session::measure(evidence),
-        tools: (0..evidence.smoothed.tools.len()).map(|index| tool::measure(evidence, index, shown)).collect(),
+        session: session::measure(evidence, &placement),
+        tools: (0..evidence.smoothed.tools.len()).map(tool).collect(),
     }
+}
+
+fn placement(evidence: &Evidence<'_>) -> Option<Placement> {
+    let fulcrums: Vec<_> = evidence.tracker?.tools.iter().map(|tool| tool.fulcrum).collect();
+    Some(evidence.ports?.place(&fulcrums))
 }
 
 /// The frames between the first and the last on which any tool was measured: the session without its lead-in and end.

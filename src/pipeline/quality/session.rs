@@ -1,5 +1,6 @@
 //! The recording as such: when its frames were taken, whether it is whole, whether its light changed.
 
+use super::ports::{Placement, Shift};
 use super::{Evidence, quantile};
 use crate::pipeline::tracker::LightSample;
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
@@ -40,9 +41,11 @@ pub struct SessionFigures {
     pub white_drift_codes: Option<f64>,
     /// RMS reprojection error of the camera's calibration, pixels.
     pub calibration_rms_px: Option<f64>,
+    /// How far the camera has moved since earlier sessions; `None` where it has not, or nothing tells.
+    pub camera_shift: Option<Shift>,
 }
 
-pub(super) fn measure(evidence: &Evidence<'_>) -> SessionFigures {
+pub(super) fn measure(evidence: &Evidence<'_>, placement: &Placement) -> SessionFigures {
     let path = evidence.smoothed;
     let frames = evidence.tracker.map_or_else(|| rows_frames(path), |quality| quality.frames);
     let intervals = intervals(path);
@@ -64,6 +67,7 @@ pub(super) fn measure(evidence: &Evidence<'_>) -> SessionFigures {
         exposure_drift: drift(light.iter().map(|l| l.luma_ratio)).map(|(drift, median)| drift / median),
         white_drift_codes: white_drift_codes(light),
         calibration_rms_px: evidence.calibration_rms_px,
+        camera_shift: placement.camera,
     }
 }
 

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::noise_floor::{self, NoiseFloor};
-use super::{Evidence, Shown, quantile};
+use super::{Evidence, Placement, Shift, Shown, quantile};
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::palette::Apart;
 use crate::pipeline::tracker::{Absence, EffectiveDiameter, ToolQuality};
@@ -44,6 +45,12 @@ pub struct ToolFigures {
     pub error_bar: Option<ErrorBar>,
     /// How far its colour stands apart from what else was marked.
     pub colour: Apart,
+    /// Where its trocar is.
+    pub fulcrum: Option<Fulcrum>,
+    /// How far that is from the nearest trocar of earlier sessions.
+    pub port_shift: Option<Shift>,
+    /// Is that so far that this trocar, and no other, lies elsewhere?
+    pub has_port_moved: bool,
     /// It was never measured, and nothing of its colour was ever in the picture.
     pub never_in_picture: bool,
 }
@@ -57,7 +64,12 @@ pub struct ErrorBar {
     pub p95_mm: f64,
 }
 
-pub(super) fn measure(evidence: &Evidence<'_>, index: usize, shown: Option<Shown>) -> ToolFigures {
+pub(super) fn measure(
+    evidence: &Evidence<'_>,
+    index: usize,
+    shown: Option<Shown>,
+    placement: &Placement,
+) -> ToolFigures {
     let path: Vec<&Sample> = evidence.smoothed.of_tool(index).collect();
     let seen: Vec<&Sample> = path.iter().copied().filter(|s| s.state == SampleState::Observed).collect();
     let tracker = evidence.tracker.and_then(|quality| quality.tools.get(index));
@@ -86,6 +98,9 @@ pub(super) fn measure(evidence: &Evidence<'_>, index: usize, shown: Option<Shown
         noise_floor: noise_floor::estimate(evidence, index),
         error_bar: error_bar(&seen),
         colour: tracker.map(|tool| tool.colour.clone()).unwrap_or_default(),
+        fulcrum: tracker.and_then(|tool| tool.fulcrum),
+        port_shift: placement.tools.get(index).copied().flatten(),
+        has_port_moved: placement.port(index).is_some(),
         never_in_picture: observed == 0 && tracker.is_some_and(never_in_picture),
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::motion::Motion;
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::palette::Apart;
 use crate::pipeline::space::Pixel;
@@ -108,6 +109,8 @@ pub struct ToolQuality {
     pub gaps: Vec<Gap>,
     /// How far its colour stands apart from what else was marked.
     pub colour: Apart,
+    /// Where its tube passes through the box's wall; `None` where that is not known well.
+    pub fulcrum: Option<Fulcrum>,
 }
 
 /// The diameter that a tape seems to have in a recording: its own, and twice what lens, light and compression move its

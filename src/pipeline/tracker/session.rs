@@ -5,7 +5,7 @@
 
 use super::blocks::Blocks;
 use super::gaps::{self, Rim};
-use super::motion::{Instant, Motion, Run};
+use super::motion::{Instant, Motion, Run, STATED_SHARE};
 use super::record::Record;
 use super::report::{DiameterBasis, EffectiveDiameter, ToolQuality};
 use super::settings::{MotionSettings, ToolSpec};
@@ -50,6 +50,7 @@ pub fn rework(
         passing_depth_mm: motion.passing_depth_mm(),
         effective_diameter: effective_diameter(&motion, adjustment.as_ref(), spec.diameter_mm),
         gaps,
+        fulcrum: motion.fulcrum.and_then(|fulcrum| fulcrum.stated(STATED_SHARE)),
         ..quality
     };
     (motion, quality)

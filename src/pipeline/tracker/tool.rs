@@ -15,6 +15,7 @@ use crate::pipeline::edges::edge_model::EdgeModel;
 use crate::pipeline::filter::identity::{Advance, Thread, ThreadSettings};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::adjustment::{self, Adjustment};
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::colour_table::ColourTable;
@@ -320,6 +321,11 @@ impl ToolTracker {
     pub(super) fn comes_from_the_hand(&self, measurement: &Measurement) -> bool {
         const MOST_SQUARED: f64 = 18.4; // passes 99.99 % of good ones: two degrees of freedom
         measurement.is_good() || measurement.beside_squared < MOST_SQUARED
+    }
+
+    /// The point that it turns about, if that is known.
+    pub(super) fn fulcrum(&self) -> Option<Fulcrum> {
+        self.adjustment.as_ref().map(|a| a.fulcrum)
     }
 
     /// Where it comes from, as far as that is known.

@@ -3,14 +3,17 @@
 use serde_json::Value;
 use sqlx::FromRow;
 use sqlx::sqlite::SqliteRow;
+use sqlx::types::Json;
 
 use super::super::error::{StoreResult, not_found};
 use super::super::visibility::{AskedBy, sees_trainee};
 use super::{Session, Sessions, select_sessions};
 use crate::domain::blob::BlobHash;
+use crate::domain::files::quality::fulcrums_of;
 use crate::domain::session::{FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::domain::text::Key;
-use crate::ids::{CalibrationId, PaletteId, ResultId, SessionId};
+use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::store::Scope;
 
 /// What one version of the program made of a session.
@@ -79,6 +82,34 @@ impl Sessions<'_> {
                 Ok(Some(row.with(features)))
             }
         }
+    }
+
+    /// Where the trocars were in a box's sessions with this calibration, the first that came first: of those that know it and were not
+    /// refused, and in which nothing had moved, so that what has moved stays so until the box is calibrated again.
+    /// Of those that came before this one, by the clock of the service, if one is given; at most so many.
+    pub async fn fulcrums(
+        &self,
+        of: BoxId,
+        calibration: CalibrationId,
+        before: Option<(i64, SessionId)>,
+        most: usize,
+    ) -> StoreResult<Vec<Vec<Fulcrum>>> {
+        let rows = sqlx::query_scalar::<_, Json<Value>>(
+            "SELECT result.quality FROM session JOIN result ON result.id =
+                 (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+             WHERE session.box_id = $1 AND result.calibration_id = $2
+               AND ($3 IS NULL OR (session.created_at_ms, session.id) < ($3, $4))
+               AND json_extract(result.quality, '$.verdict') <> 'refused'
+               AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.tools') AS tool
+                           WHERE json_extract(tool.value, '$.fulcrum') IS NOT NULL)
+               AND NOT EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
+                               WHERE json_extract(reason.value, '$.name') IN ('camera_moved', 'port_moved'))
+             ORDER BY session.created_at_ms, session.id LIMIT $5",
+        );
+        let (created_at_ms, session) = before.unzip();
+        let rows = rows.bind(of).bind(calibration).bind(created_at_ms).bind(session).bind(most as i64);
+        Ok(rows.fetch_all(self.0.readers()).await?.iter().map(|quality| fulcrums_of(quality)).collect())
     }
 
     /// A trainee's sessions over time, oldest first, with their latest results; of one task if named; the last `most`.

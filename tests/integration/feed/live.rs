@@ -72,14 +72,14 @@ impl Watcher {
     }
 }
 
-async fn centre(scene: &Scene) -> Centre {
+pub(super) async fn centre(scene: &Scene) -> Centre {
     let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
     furnish(&centre.administrator, "box-1", &scene.folder).await;
     centre
 }
 
 /// Begins to send a scene; returns the session's id too.
-async fn begin(centre: &Centre, scene: &Scene, recording: &str) -> (Sender, String) {
+pub(super) async fn begin(centre: &Centre, scene: &Scene, recording: &str) -> (Sender, String) {
     let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
     let mut word = hello(recording);
     word["codec"] = json!("h264");
@@ -92,7 +92,7 @@ async fn begin(centre: &Centre, scene: &Scene, recording: &str) -> (Sender, Stri
     (sender, welcome["session"].as_str().unwrap().to_owned())
 }
 
-async fn send(sender: &mut Sender, scene: &Scene, numbers: std::ops::Range<usize>) {
+pub(super) async fn send(sender: &mut Sender, scene: &Scene, numbers: std::ops::Range<usize>) {
     for number in numbers {
         let frame = &scene.frames[number];
         let body = Body::Frame { time: frame.time, is_key: frame.is_key, payload: &frame.bytes };

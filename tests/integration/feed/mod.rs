@@ -2,6 +2,7 @@
 
 mod live;
 mod load;
+mod moved;
 pub mod push;
 pub mod scene;
 pub mod sender;

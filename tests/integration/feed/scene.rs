@@ -34,9 +34,13 @@ pub struct Folder(TempDir);
 
 impl Folder {
     fn simulated(seconds: u32, size: &str) -> Self {
+        Self::of(&format!("--seed 5 --seconds {seconds} --size {size}"))
+    }
+
+    /// Pegs, simulated with these options.
+    pub fn of(options: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let order =
-            format!("simulate --quiet --scene pegs --seed 5 --seconds {seconds} --size {size} --boards 0 --out");
+        let order = format!("simulate --quiet --scene pegs {options} --boards 0 --out");
         assert!(program().args(order.split(' ')).arg(folder.path()).status().unwrap().success());
         Self(folder)
     }
@@ -49,7 +53,11 @@ impl Folder {
 impl Scene {
     /// A scene of so many seconds; `None`, said loudly, without the programs that take a recording apart.
     pub fn new(seconds: u32) -> Option<Self> {
-        let folder = Folder::simulated(seconds, "640x360");
+        Self::in_folder(Folder::simulated(seconds, "640x360"))
+    }
+
+    /// The scene in this folder.
+    pub fn in_folder(folder: Folder) -> Option<Self> {
         let (frames, ticks_per_s) = frames_of_h264(&folder.file("clip.mp4"))?;
         Some(Self { frames, ticks_per_s, folder })
     }
