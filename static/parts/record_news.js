@@ -44,12 +44,15 @@ function Lost({ now: { code, kept, session } }) {
 }
 
 /** What became of it, and what comes next. */
-function Over({ now: { phase, code, session, names } }) {
+function Over({ now: { phase, code, session, names, kept } }) {
   const open = session && html`<a class="button main" href=${href(['sessions', session])}>${words.open}</a>`;
   const away = label => html`<button class="button" type="button" onClick=${forget}>${label}</button>`;
   if (phase === 'nothing') return html`<${Notice} tone="warn" title=${words.nothing}>${words.nothingBody}<//>`;
   if (phase === 'ended')
     return html`<${Notice} tone="good" title=${words.ended}>${names}
+      <span class="row after">${open}${away(words.done)}</span><//>`;
+  if (phase === 'shortened')
+    return html`<${Notice} tone="bad" title=${words.shortened(fixed(Math.max(1, kept.seconds), 0))}>${words.shortenedBody}
       <span class="row after">${open}${away(words.done)}</span><//>`;
   if (phase !== 'refused') return null;
   const { title, body } = words.refused[code] ?? words.refused.other;

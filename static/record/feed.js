@@ -19,7 +19,8 @@ const SAY_EVERY_MS = 8_000;
 const TICK_MS = 100;
 
 export class Feed {
-  /** `'connecting'`, `'open'`, `'lost'`, and at last `'ended'` or `'refused'`. */
+  /** `'connecting'`, `'open'`, `'lost'`, and at last `'ended'` (all is on the server), `'shortened'` (the server ended
+   *  it without what is still kept here) or `'refused'`. */
   line = 'connecting';
   /** The session that the recording is, once it is known. */
   session = null;
@@ -71,7 +72,7 @@ export class Feed {
 
   /** Tries at once, and again after a refusal: for a person who has mended what was wrong. */
   retry() {
-    if (this.line === 'open' || this.line === 'ended') return;
+    if (['open', 'ended', 'shortened'].includes(this.line)) return;
     this.#hangUp();
     this.#connect();
   }
@@ -128,7 +129,8 @@ export class Feed {
   #ended(session) {
     this.session = session;
     this.close();
-    this.#become('ended');
+    // Whoever was away for an hour comes back to a recording that the server has ended with what came.
+    this.#become(this.#spool.isEmpty ? 'ended' : 'shortened');
   }
 
   #broke(code) {

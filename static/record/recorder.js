@@ -4,7 +4,8 @@ import { hold } from './camera.js';
 import { h264For } from './codec.js';
 import { TICKS_PER_S } from './records.js';
 
-/** Of the phases `'recording'`, `'sending'` (stopped, not all is on the server), `'ended'`, `'refused'` (what is left is kept
+/** Of the phases `'recording'`, `'sending'` (stopped, not all is on the server), `'ended'`, `'shortened'` (the server ended it
+ *  without the last of it), `'refused'` (what is left is kept
  *  until the person decides), `'nothing'` and `'failed'` those in which a page that is left takes something with it. */
 const BUSY = ['recording', 'sending'];
 /** How much of the browser's name is told to the service. */
@@ -110,7 +111,7 @@ function hear(data) {
   change(standing);
   // A browser does not tell whether it was the network or the sign-in: asking does, and leads to the page for it.
   if (now.line === 'lost' && before.line !== 'lost') api.me().catch(() => {});
-  if (now.line === 'ended') end('ended');
+  if (['ended', 'shortened'].includes(now.line)) end(now.line);
   if (now.line === 'refused' && before.line !== 'refused') refuse();
 }
 

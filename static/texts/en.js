@@ -201,6 +201,7 @@ export default {
       recording: 'The recording runs.',
       sending: 'The recording is stopped. The rest is being sent.',
       ended: 'The recording is whole on the server.',
+      shortened: 'The service has ended the recording without its last part.',
       refused: 'The service does not take the recording.',
       nothing: 'Nothing was recorded.',
       failed: 'The recording has ended.',
@@ -252,6 +253,9 @@ export default {
     nothing: 'Nothing was recorded',
     nothingBody: 'It was stopped before the camera gave a frame.',
     ended: 'The recording is whole on the server, and is being scored',
+    shortened: seconds => `The service has ended the recording: ${seconds} s of it did not arrive`,
+    shortenedBody:
+      'The connection was away for so long that the service closed it with what it had. That is safe and is being scored; what was kept here could not be added any more, and is lost.',
     open: 'Open the session',
     done: 'Close',
     giveUp: 'Give up the rest',

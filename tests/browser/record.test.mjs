@@ -159,6 +159,34 @@ async function vectors() {
   ].map(record => [...record].map(byte => byte.toString(16).padStart(2, '0')).join(''));
 }
 
+test('a recording that the server has ended is whole only if nothing is kept here any more', () =>
+  withPage(async page => {
+    assert.equal(await page.evaluate(toldThatItEnded, [[0, 9]]), 'ended');
+    assert.equal(await page.evaluate(toldThatItEnded, [[0, 5]]), 'shortened');
+  }));
+
+/** Runs in the page: how a feed of ten frames stands that comes back, of which the server has these, and is told that it is over. */
+async function toldThatItEnded(durable) {
+  const [{ Feed }, { Spool }] = await Promise.all([import('/record/feed.js'), import('/record/spool.js')]);
+  const sockets = [];
+  const browsers = globalThis.WebSocket;
+  globalThis.WebSocket = class {
+    bufferedAmount = 0;
+    constructor() {
+      sockets.push(this);
+    }
+    send() {}
+    close() {}
+  };
+  const spool = new Spool();
+  for (let n = 0; n < 10; n++) spool.push({ time: n * 9000, isKey: n === 0, payload: new Uint8Array(10) });
+  spool.acknowledge(durable); // Before the line was cut.
+  const feed = new Feed({ address: 'ws://nowhere', hello: {}, spool, onChange: () => {} });
+  globalThis.WebSocket = browsers;
+  sockets[0].onmessage({ data: JSON.stringify({ type: 'ended', session: 'the one' }) });
+  return feed.line;
+}
+
 /** Runs in the page: ten frames a second, a key frame each second, ten bytes each; ten of them fill the memory. */
 async function fill() {
   const { Spool } = await import('/record/spool.js');
