@@ -1,11 +1,10 @@
 // The last seconds of a session that arrives, in the shape from which overlay and space are drawn (`track.js`). Arrays do
 // not grow: when they are full, their newer half moves to the front.
 import { boundsRound } from './space_painter.js';
-import { emptyTool, MISSING, OBSERVED, PREDICTED } from './track.js';
+import { BREAK_S, emptyTool, MISSING, OBSERVED, PREDICTED } from './track.js';
 
 const WINDOW_S = 10;
 const ROOM = 2400; // Rows: 10 s twice, at 120 frames a second.
-const BREAK_S = 0.5; // Over a longer pause no line is drawn.
 const AROUND_MM = 30; // Room round the first tip.
 const STATES = { seen: OBSERVED, bridged: PREDICTED };
 const FIELDS = ['x_mm', 'y_mm', 'z_mm', 'speed', 'tip_u_px', 'tip_v_px', 'sigma_xy_mm', 'sigma_z_mm'];

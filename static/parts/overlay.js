@@ -1,7 +1,7 @@
 // What the tracker saw, drawn over the recording: past path, borders, tip, depth. Plain canvas, one call per picture.
 import { colour } from '../theme.js';
 import { t } from '../texts.js';
-import { MISSING, PREDICTED } from './track.js';
+import { isAfterHole, MISSING, PREDICTED } from './track.js';
 
 const PATH_S = 2;
 const FONT = '600 13px system-ui, sans-serif';
@@ -63,7 +63,7 @@ function drawPath(pen, track, tool, frame, place) {
   pen.lineWidth = 2.5;
   pen.strokeStyle = tool.bright;
   for (let i = frame; i > 0 && track.times[i - 1] >= start; i--) {
-    if (tool.state[i] === MISSING || tool.state[i - 1] === MISSING) continue;
+    if (tool.state[i] === MISSING || tool.state[i - 1] === MISSING || isAfterHole(track, i)) continue;
     if (Number.isNaN(tool.tip_u_px[i]) || Number.isNaN(tool.tip_u_px[i - 1])) continue;
     pen.globalAlpha = 0.1 + (0.8 * (track.times[i] - start)) / PATH_S;
     pen.beginPath();

@@ -4,7 +4,7 @@ import { onThemeChange } from '../theme.js';
 import { number } from '../format.js';
 import { t } from '../texts.js';
 import { inkOf } from './overlay.js';
-import { MISSING, OBSERVED, PREDICTED } from './track.js';
+import { curveFrames, MISSING, OBSERVED, PREDICTED } from './track.js';
 
 const words = t.session;
 const AXES = [
@@ -82,7 +82,7 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
       ],
       series: [{}, ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
     },
-    [track.times, ...tools.flatMap(tool => split(tool, tool[field]))],
+    curves(track, tools, field),
     place,
   );
   const head = document.createElement('div');
@@ -99,6 +99,14 @@ const stroke = (tool, dashed) => ({
   spanGaps: false,
   points: { show: false },
 });
+
+/** Times, and of each tool what was observed and what was predicted; nothing where frames miss. */
+function curves(track, tools, field) {
+  const frames = curveFrames(track);
+  const timeOf = (frame, at) => track.times[frame] ?? (track.times[frames[at - 1]] + track.times[frames[at + 1]]) / 2;
+  const of = values => frames.map(frame => (frame === null ? null : values[frame]));
+  return [frames.map(timeOf), ...tools.flatMap(tool => split(tool, tool[field]).map(of))];
+}
 
 /** Observed and predicted apart; a predicted stretch takes in its neighbours, so that the curve does not break where nothing is missing. */
 function split(tool, values) {

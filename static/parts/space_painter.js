@@ -3,7 +3,7 @@
 import { number } from '../format.js';
 import { colour } from '../theme.js';
 import { fitCanvas, inkOf, outline } from './overlay.js';
-import { MISSING, PREDICTED } from './track.js';
+import { isAfterHole, MISSING, PREDICTED } from './track.js';
 
 /** More segments than a screen has room for only cost time: longer recordings are thinned. */
 const MOST_SEGMENTS = 4000;
@@ -112,6 +112,7 @@ export function drawPath(pen, track, tool, place, { shades, from = 0, to = track
   const ink = tool.ink();
   let before = null;
   for (let i = from; i < to; i += stride) {
+    if (hasHole(track, i, stride)) before = null;
     if (tool.state[i] === MISSING || !Number.isFinite(tool.x_mm[i])) {
       before = null;
       continue;
@@ -132,6 +133,12 @@ export function drawPath(pen, track, tool, place, { shades, from = 0, to = track
     pen.strokeStyle = style;
     pen.stroke(path);
   }
+}
+
+/** Do frames miss between this one and the one drawn before it? */
+function hasHole(track, frame, stride) {
+  for (let i = Math.max(1, frame - stride + 1); i <= frame; i++) if (isAfterHole(track, i)) return true;
+  return false;
 }
 
 export function drawTip(pen, tool, frame, place) {

@@ -4,6 +4,8 @@ import { colour } from '../theme.js';
 export const MISSING = 0;
 export const PREDICTED = 1;
 export const OBSERVED = 2;
+/** Over a longer pause than this no line is drawn, s. */
+export const BREAK_S = 0.5;
 
 const FIELDS = ['x_mm', 'y_mm', 'z_mm', 'tip_u_px', 'tip_v_px'];
 const KNOWN = ['orange', 'cyan', 'red', 'green', 'blue', 'yellow', 'purple', 'pink', 'grey'];
@@ -42,6 +44,19 @@ export function buildTrack(trajectory, diagnostics, frames = 0) {
     topSpeed: quantile(tools, 0.98),
     duration: times[count - 1] ?? 0,
   };
+}
+
+/** Do frames miss before this one? */
+export const isAfterHole = ({ times }, frame) => frame > 0 && times[frame] - times[frame - 1] > BREAK_S;
+
+/** The frames of curves over time, with a null wherever frames miss, so that no line is drawn across. */
+export function curveFrames(track) {
+  const frames = [];
+  for (let frame = 0; frame < track.times.length; frame++) {
+    if (isAfterHole(track, frame)) frames.push(null);
+    frames.push(frame);
+  }
+  return frames;
 }
 
 /** A tool with its colours and its sign, and room for so many rows. */

@@ -132,6 +132,14 @@ test('playing moves the picture, the overlay and the line in the curves together
   await picture('04-played');
 });
 
+test('no curve is drawn across missing frames', async () => {
+  const frames = await page.evaluate(async () => {
+    const { curveFrames } = await import('/parts/track.js');
+    return curveFrames({ times: [0, 0.04, 0.2, 2.2, 2.24] });
+  });
+  assert.deepEqual(frames, [0, 1, 2, null, 3, 4]);
+});
+
 test('a click in a curve goes to that moment, and the keys step by one frame', async () => {
   const curve = page.locator('.plot .u-over').first();
   const box = await curve.boundingBox();
