@@ -107,6 +107,8 @@ export const api = {
     /** The versions of the colours, newest first. */
     palettes: id => everything(['boxes', id, 'palette']),
     putPalette: (id, form) => call('PUT', ['boxes', id, 'palette'], { form }),
+    /** Which tapes suit the box, by a picture of it: a job, which has the advice once it is done. */
+    advise: (id, form) => call('POST', ['boxes', id, 'palette', 'advice'], { form }),
     /** Where frames go while they are recorded; record/feed.js speaks the protocol. */
     feedAddress: id => socketAddress(['boxes', id, 'feed']),
   },

@@ -60,6 +60,7 @@ impl Orders {
                 Work::Track(track(input, calibration.camera.camera().into(), store).await?)
             }
             JobInput::Palette(input) => Work::Palette(palette(input)?),
+            JobInput::Advice(_) => Work::Advise,
             JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
         };
         Ok(Self { work, inputs, known })

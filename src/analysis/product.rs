@@ -13,7 +13,7 @@ use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::{CameraFile, CameraFileError};
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::job::TrackInput;
-use crate::domain::palette::{LabelCount, NewPalette};
+use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
 use crate::domain::session::{FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{AssessmentSettings, assess};
@@ -142,6 +142,11 @@ pub(super) fn palette(annotations: &AnnotationsFile, heard: Heard) -> Result<New
         samples: encode(&palette)?,
         report: heard.palette_report.ok_or(ProductError::Missing("a report on the colours"))?,
     })
+}
+
+/// Which tapes suit a box.
+pub(super) fn advice(heard: Heard) -> Result<PaletteAdvice, ProductError> {
+    heard.palette_advice.ok_or(ProductError::Missing("advice on tapes"))
 }
 
 /// A camera as a box keeps it.

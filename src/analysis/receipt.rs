@@ -8,10 +8,11 @@ use super::protocol::{
     PlacementShape, QualityShape, RunningRow, SeenRow, Work,
 };
 use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD};
-use crate::domain::palette::PaletteReport;
+use crate::domain::palette::{PaletteAdvice, PaletteReport};
 use crate::domain::problem::Problem;
 use crate::media::{CapturedFrame, Limits, SourceInfo};
 use crate::pipeline::features::running::LIVE;
+use crate::pipeline::segmentation::palette::advice::TAPES;
 
 /// Largest preview, bytes.
 const PREVIEW_BYTES: usize = 1 << 20;
@@ -55,6 +56,8 @@ pub struct Heard {
     pub palette: Option<PaletteShape>,
     /// What they are worth.
     pub palette_report: Option<PaletteReport>,
+    /// Which tapes suit a box.
+    pub palette_advice: Option<PaletteAdvice>,
     /// A calibration.
     pub calibration: Option<CalibrationShape>,
     /// Frames in a recording that was put together, and how many were left out.
@@ -80,6 +83,7 @@ enum Kind {
     Probe,
     Track,
     Palette,
+    Advise,
     Calibrate,
     Assemble,
     Follow,
@@ -108,6 +112,7 @@ impl Receipt {
             Work::Probe => (Kind::Probe, 0),
             Work::Track(track) => (Kind::Track, track.tools.len()),
             Work::Palette(_) => (Kind::Palette, 0),
+            Work::Advise => (Kind::Advise, 0),
             Work::Calibrate(_) => (Kind::Calibrate, 0),
             Work::Assemble(_) => (Kind::Assemble, 0),
             Work::Demux => (Kind::Demux, 0),
@@ -145,6 +150,7 @@ impl Receipt {
             Answer::Preview(jpeg) => self.preview(jpeg)?,
             Answer::Palette(palette) => self.palette(palette)?,
             Answer::PaletteReport(report) => self.palette_report(report)?,
+            Answer::PaletteAdvice(advice) => self.palette_advice(advice)?,
             Answer::Calibration(calibration) => {
                 self.only(&[Kind::Calibrate])?;
                 once(&mut self.heard.calibration, calibration, "calibration")?;
@@ -320,6 +326,17 @@ impl Receipt {
             return Err("a report on colours that cannot be".into());
         }
         once(&mut self.heard.palette_report, report, "report on colours")
+    }
+
+    fn palette_advice(&mut self, advice: PaletteAdvice) -> Result<(), String> {
+        self.only(&[Kind::Advise])?;
+        let few = advice.tapes.len() <= TAPES.len()
+            && advice.pairs.len() <= TAPES.len() * TAPES.len()
+            && advice.warnings.len() <= TAPES.len();
+        if !few || !advice.numbers().all(sensible) || advice.texts().any(|text| text.chars().count() > TEXTS[1]) {
+            return Err("advice on tapes that cannot be".into());
+        }
+        once(&mut self.heard.palette_advice, advice, "advice on tapes")
     }
 }
 

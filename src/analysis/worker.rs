@@ -195,6 +195,12 @@ impl Workshop {
                 }
                 Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
             },
+            JobInput::Advice(_) => match product::advice(heard) {
+                Ok(advice) => {
+                    Ok(held.finish(async |store, lease| store.jobs().finish_advice(lease, advice).await).await?)
+                }
+                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+            },
             JobInput::Calibrate(input) => match product::calibration(input.is_video, heard) {
                 Ok(new) => {
                     held.finish(async |store, lease| store.jobs().finish_calibration(lease, new).await).await?;
@@ -274,9 +280,13 @@ fn run(
 fn tool_names(work: &Work) -> Vec<String> {
     match work {
         Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
-        Work::Probe | Work::Palette(_) | Work::Calibrate(_) | Work::Assemble(_) | Work::Follow(_) | Work::Demux => {
-            Vec::new()
-        }
+        Work::Probe
+        | Work::Palette(_)
+        | Work::Advise
+        | Work::Calibrate(_)
+        | Work::Assemble(_)
+        | Work::Follow(_)
+        | Work::Demux => Vec::new(),
     }
 }
 

@@ -27,7 +27,7 @@ named! {
         Track = "track",
         /// Make a box's next calibration from pictures of a checkerboard.
         Calibrate = "calibrate",
-        /// Collect a box's next colour samples from marked frames.
+        /// Collect a box's next colour samples from marked frames, or find out which tapes suit it.
         Palette = "palette",
     }
 }
@@ -58,6 +58,8 @@ pub enum JobInput {
     Calibrate(CalibrateInput),
     /// Collect a box's colour samples.
     Palette(PaletteInput),
+    /// Find out which tapes suit a box.
+    Advice(AdviceInput),
 }
 
 /// A recording, and the versions it is tracked with.
@@ -105,6 +107,16 @@ pub struct PaletteInput {
     pub frames: Vec<u64>,
 }
 
+/// A picture of a box without tools.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdviceInput {
+    /// Of which box.
+    #[serde(rename = "box")]
+    pub of: BoxId,
+    /// A photo, or a recording that begins with it.
+    pub picture: NamedBlob,
+}
+
 /// A file that came with a request, under the name that it had there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedBlob {
@@ -120,7 +132,7 @@ impl JobInput {
         match self {
             JobInput::Track(_) => JobKind::Track,
             JobInput::Calibrate(_) => JobKind::Calibrate,
-            JobInput::Palette(_) => JobKind::Palette,
+            JobInput::Palette(_) | JobInput::Advice(_) => JobKind::Palette,
         }
     }
 
@@ -128,7 +140,7 @@ impl JobInput {
     pub fn session(&self) -> Option<SessionId> {
         match self {
             JobInput::Track(track) => Some(track.session),
-            JobInput::Calibrate(_) | JobInput::Palette(_) => None,
+            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) => None,
         }
     }
 
@@ -138,6 +150,7 @@ impl JobInput {
             JobInput::Track(_) => None,
             JobInput::Calibrate(calibrate) => Some(calibrate.of),
             JobInput::Palette(palette) => Some(palette.of),
+            JobInput::Advice(advice) => Some(advice.of),
         }
     }
 
@@ -145,6 +158,7 @@ impl JobInput {
     pub fn blobs(&self) -> Vec<Blob> {
         match self {
             JobInput::Track(track) => vec![track.video],
+            JobInput::Advice(advice) => vec![advice.picture.blob],
             JobInput::Calibrate(CalibrateInput { files, .. }) | JobInput::Palette(PaletteInput { files, .. }) => {
                 files.iter().map(|file| file.blob).collect()
             }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::boxes::BoxTool;
 use super::files::annotations::AnnotationsFile;
 use super::named;
+use crate::pipeline::segmentation::palette::advice::{Advice, PairAdvice, TapeAdvice};
 use crate::pipeline::segmentation::palette::confusion::{Confusion, Row};
 use crate::pipeline::segmentation::palette::light::Light;
 use crate::pipeline::segmentation::palette::{FalseArea, Grade, Margin, Verdict, verdict};
@@ -75,6 +76,47 @@ pub struct ToolShare {
     pub tool: String,
     /// 0..1.
     pub share: f64,
+}
+
+/// Which tapes suit a box, by a picture of it without tools: every tape and every pair, best first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct PaletteAdvice {
+    /// Every tape.
+    pub tapes: Vec<TapeGrade>,
+    /// Every pair, for two tools.
+    pub pairs: Vec<PairGrade>,
+    /// A line for each tape that is not to be taken.
+    pub warnings: Vec<String>,
+}
+
+/// One tape against a box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct TapeGrade {
+    /// The colour's name on the roll.
+    pub tape: String,
+    /// The RAL Classic shade that is nearest.
+    pub ral: u16,
+    /// That shade as `#rrggbb`.
+    pub srgb: String,
+    /// Shift of colour that it stands before the box's colours are nearer, steps of 1/255 of the full range.
+    pub margin_steps: f64,
+    /// Share of the picture that has its colour, 0..1.
+    pub in_box: f64,
+    /// What that means.
+    pub grade: ColourGrade,
+}
+
+/// Two tapes against a box and each other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct PairGrade {
+    /// The tapes.
+    pub tapes: [String; 2],
+    /// The least of what they are apart and of both tapes' own margins, steps.
+    pub margin_steps: f64,
+    /// Shift of colour that either stands before the other is nearer, steps.
+    pub apart_steps: f64,
+    /// What that means.
+    pub grade: ColourGrade,
 }
 
 named! {
@@ -162,6 +204,47 @@ impl PaletteReport {
         let labels = self.confusion.iter().map(|row| &row.label);
         let texts = labels.chain(in_lights).chain(self.verdicts.iter().flat_map(texts_of)).chain(&self.warnings);
         texts.map(String::as_str)
+    }
+}
+
+impl From<&Advice> for PaletteAdvice {
+    fn from(advice: &Advice) -> Self {
+        let bad = advice.tapes.iter().filter(|tape| tape.grade == Grade::Bad);
+        let warning = |TapeAdvice { tape, in_box, .. }: &TapeAdvice| {
+            format!("Do not take {}: {:.2} % of this picture has its colour.", tape.name, 100.0 * in_box)
+        };
+        Self {
+            tapes: advice.tapes.iter().map(TapeGrade::from).collect(),
+            pairs: advice.pairs.iter().map(PairGrade::from).collect(),
+            warnings: bad.map(warning).collect(),
+        }
+    }
+}
+
+impl From<&TapeAdvice> for TapeGrade {
+    fn from(&TapeAdvice { tape, margin_steps, in_box, grade }: &TapeAdvice) -> Self {
+        let srgb = tape.srgb.iter().fold("#".to_owned(), |text, code| text + &format!("{code:02x}"));
+        Self { tape: tape.name.to_owned(), ral: tape.ral, srgb, margin_steps, in_box, grade: grade.into() }
+    }
+}
+
+impl From<&PairAdvice> for PairGrade {
+    fn from(&PairAdvice { tapes, apart_steps, margin_steps, grade }: &PairAdvice) -> Self {
+        Self { tapes: tapes.map(|tape| tape.name.to_owned()), margin_steps, apart_steps, grade: grade.into() }
+    }
+}
+
+impl PaletteAdvice {
+    /// Every number.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let tapes = self.tapes.iter().flat_map(|tape| [tape.margin_steps, tape.in_box]);
+        tapes.chain(self.pairs.iter().flat_map(|pair| [pair.margin_steps, pair.apart_steps]))
+    }
+
+    /// Every text.
+    pub fn texts(&self) -> impl Iterator<Item = &str> {
+        let tapes = self.tapes.iter().flat_map(|tape| [&tape.tape, &tape.srgb]);
+        tapes.chain(self.pairs.iter().flat_map(|pair| &pair.tapes)).chain(&self.warnings).map(String::as_str)
     }
 }
 

@@ -10,6 +10,7 @@ use super::read::{At, Json, Params};
 use super::show::{Page, Paging, Time};
 use super::state::App;
 use crate::domain::job::{JobKind, JobState};
+use crate::domain::palette::PaletteAdvice;
 use crate::ids::{BoxId, JobId, SessionId};
 use crate::store;
 
@@ -32,6 +33,8 @@ pub struct Job {
     /// The box it is about, if it is about one.
     #[serde(rename = "box")]
     of_box: Option<BoxId>,
+    /// Which tapes suit the box, once that was found out; only where one job is read.
+    advice: Option<PaletteAdvice>,
     created_at: Time,
     started_at: Option<Time>,
     ended_at: Option<Time>,
@@ -49,6 +52,7 @@ impl From<store::Job> for Job {
             max_attempts: job.max_attempts,
             session: job.session_id,
             of_box: job.box_id,
+            advice: None,
             created_at: Time(job.created_at_ms),
             started_at: job.started_at_ms.map(Time),
             ended_at: job.ended_at_ms.map(Time),
@@ -90,8 +94,9 @@ pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Whic
 #[utoipa::path(get, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = Job)))]
 pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Job>> {
-    let job = app.store.jobs().get(&by.scope, at.id()?).await?;
-    Ok(Json(job.into()))
+    let mut job = app.store.jobs().get(&by.scope, at.id()?).await?;
+    let advice = job.advice.take();
+    Ok(Json(Job { advice, ..job.into() }))
 }
 
 /// Queue a job again that has failed or was quarantined

@@ -35,6 +35,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(boxes::camera, boxes::put_camera))
         .routes(routes!(boxes::calibrations, boxes::calibrate))
         .routes(routes!(boxes::palette, boxes::put_palette))
+        .routes(routes!(boxes::advise))
         .routes(routes!(feed::feed))
         .routes(routes!(push::push))
         .routes(routes!(trainees::list, trainees::create))

@@ -4,12 +4,13 @@
 //! before a pixel is read. The EXIF orientation is honoured, as [`super::VideoFile`] honours a video's rotation:
 //! otherwise a phone's photos and its videos would calibrate two different cameras.
 
-use std::io::{BufRead, Seek};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek};
 
 use image::{DynamicImage, ImageDecoder, ImageReader};
 
 use super::file::check_size;
-use super::{Limits, MediaError, Picture};
+use super::{Limits, MediaError, Picture, VideoFile};
 use crate::pipeline::frame::Plane;
 
 /// Most memory that decoding one photo may take, bytes: four bytes of sixteen bits for each pixel within [`Limits`].
@@ -52,6 +53,18 @@ pub fn read_luma(bytes: impl BufRead + Seek, limits: Limits) -> Result<Luma, Med
     let picture = decode(bytes, limits)?;
     let (width, height) = (picture.width(), picture.height());
     Ok(Luma { data: luma(picture), width, height })
+}
+
+/// A photo, or a video's first frame, whatever the file is. Errors as [`read_luma`] and [`VideoFile`].
+pub fn first_picture(mut file: File, limits: Limits) -> Result<Picture, MediaError> {
+    const ENOUGH_TO_TELL: u64 = 64;
+    let mut beginning = Vec::new();
+    let told = (&mut file).take(ENOUGH_TO_TELL).read_to_end(&mut beginning).and_then(|_| file.rewind());
+    told.map_err(|error| MediaError::Photo(error.to_string()))?;
+    if is_photo(&beginning) {
+        return read_picture(BufReader::new(file), 0, limits);
+    }
+    VideoFile::open(file, limits)?.next_picture()?.ok_or(MediaError::NoFrames)
 }
 
 /// Reads a JPEG or PNG photo in colour, as the frame of this number in a recording. Errors as [`read_luma`].

@@ -6,6 +6,7 @@ import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { CameraForms, CameraSummary } from '../parts/box_camera.js';
+import { PaletteAdvice } from '../parts/box_advice.js';
 import { PaletteForm, PaletteSummary } from '../parts/box_palette.js';
 import { RowButtons, saveChanges, useEditing } from '../parts/managed.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
@@ -62,6 +63,7 @@ export default function BoxPage({ person, route }) {
         <header><h2>${words.palette}</h2><${PaletteState} palette=${box.palette} /></header>
         <div class="body stack">
           <${PaletteSummary} palette=${box.palettes[0]} />
+          ${mayEdit && html`<${PaletteAdvice} box=${box} />`}
           ${mayEdit && html`<${PaletteForm} box=${box} onChange=${reload} />`}
         </div>
       </section>

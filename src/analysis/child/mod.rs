@@ -87,6 +87,7 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
             let pictures = palette::Pictures { frames: &frames, inputs, limits };
             palette::from_pictures(&marks, &tools, pictures, reporter)
         }
+        Work::Advise => palette::advise_on(inputs, limits, reporter),
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
         Work::Follow(work) => follow::run(work, inputs, limits, reporter),
         Work::Assemble(work) => assemble::run(work, inputs, reporter),

@@ -1,5 +1,5 @@
 //! Collect the colours that an instructor marked, from the clip in which they were marked or from pictures of its frames,
-//! and judge them.
+//! and judge them; or find out which tapes suit a box.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -8,7 +8,9 @@ use super::reporter::Reporter;
 use super::{Halt, explain};
 use crate::analysis::marked::MarkedFrames;
 use crate::analysis::protocol::{Answer, MarkShape, PaletteShape};
+use crate::domain::palette::PaletteAdvice;
 use crate::media::{Limits, Picture, VideoFile, photo};
+use crate::pipeline::segmentation::palette::advice::advise;
 
 /// Frames between two signs of life.
 const FRAMES_AT_A_TIME: u64 = 32;
@@ -64,6 +66,13 @@ pub(super) fn from_pictures(
         reporter.say(&Answer::Alive { done, of })?;
     }
     tell(&marked, tools, reporter)
+}
+
+/// Which tapes suit the box in this picture.
+pub(super) fn advise_on(inputs: Vec<File>, limits: Limits, reporter: &mut Reporter) -> Result<(), Halt> {
+    let file = inputs.into_iter().next().ok_or_else(|| Halt::Explained(explain::no_input()))?;
+    let picture = photo::first_picture(file, limits)?;
+    Ok(reporter.say(&Answer::PaletteAdvice(PaletteAdvice::from(&advise(&picture.frame()))))?)
 }
 
 /// Takes what is marked on this frame.

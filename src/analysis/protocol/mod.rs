@@ -5,6 +5,7 @@
 //! probe      Confined  Recording  Frames*  Preview                              Done
 //! track      Confined  Recording  Frames*  Path*  Quality  Preview              Done
 //! palette    Confined  Recording? Alive*   Palette  PaletteReport               Done
+//! advise     Confined  PaletteAdvice                                            Done
 //! calibrate  Confined  Recording? Alive*   Calibration                          Done
 //! follow     Confined  (Followed | Alive)*                                      Done
 //! assemble   Confined  Alive*              Assembled                            Done
@@ -29,7 +30,7 @@ pub use shapes::{
 };
 
 use crate::domain::feed::{FrameCodec, TimeBase};
-use crate::domain::palette::PaletteReport;
+use crate::domain::palette::{PaletteAdvice, PaletteReport};
 use crate::domain::problem::Problem;
 use crate::media::{CapturedFrame, SourceInfo};
 use crate::pipeline::trajectory::Kind;
@@ -52,6 +53,8 @@ pub enum Work {
     Track(TrackWork),
     /// Collect colours and judge them: from one clip, or from one picture per frame.
     Palette(PaletteWork),
+    /// Find out which tapes suit a box: from a photo of it without tools, or a video's first frame.
+    Advise,
     /// Calibrate from one video, or from photos.
     Calibrate(CalibrateWork),
     /// Track a recording while it arrives: its log, and a pipe of places in it.
@@ -156,6 +159,8 @@ pub enum Answer {
     Palette(PaletteShape),
     /// What they are worth.
     PaletteReport(PaletteReport),
+    /// Which tapes suit a box.
+    PaletteAdvice(PaletteAdvice),
     /// A calibration.
     Calibration(CalibrationShape),
     /// A recording was put together.

@@ -1,4 +1,4 @@
-//! A box's colours: learned from frames in which an instructor marked tools.
+//! A box's colours: learned from frames in which an instructor marked tools; and which tapes suit it, before any is wound.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use super::form::{Form, Pictures};
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
-use crate::domain::job::{JobInput, PaletteInput};
+use crate::domain::job::{AdviceInput, JobInput, PaletteInput};
 use crate::domain::palette::{ColourVerdict, ConfusionRow, LabelCount, PaletteReport};
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{Answer, Problem};
@@ -133,4 +133,38 @@ fn check_frames(annotations: &AnnotationsFile, pictures: &Pictures) -> Answer<()
         }
         None => Ok(()),
     }
+}
+
+/// A picture of the box without tools.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "describes the form; it is read part by part")]
+pub struct AdviceForm {
+    /// A photo, or a recording that begins with such a picture.
+    #[schema(value_type = String, format = Binary)]
+    picture: Vec<u8>,
+}
+
+/// Ask which tapes suit the box, by a picture of it without tools: a job ranks them, and has them as `advice` once it is done
+#[utoipa::path(post, path = "/boxes/{id}/palette/advice", tag = "boxes",
+    params(("id" = String, Path, description = "id or code")),
+    request_body(content = AdviceForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
+pub async fn advise(State(app): State<App>, by: Staff, At(key): At, mut form: Form) -> Answer<impl IntoResponse> {
+    let of = app.store.boxes().get(&by.scope, &key).await?;
+    let mut pictures = Pictures::default();
+    while let Some(part) = form.next().await? {
+        match part.name.as_str() {
+            "picture" => pictures.add_picture(part, None).await?,
+            _ => return Err(part.unexpected("picture")),
+        }
+    }
+    let [picture] = &pictures.files[..] else {
+        return Err(Problem::invalid(
+            "picture",
+            "must be there, once: a photo of the box without tools, or a recording",
+        ));
+    };
+    let input = AdviceInput { of: of.id, picture: picture.clone() };
+    let job = app.store.jobs().enqueue(&by.scope, JobInput::Advice(input)).await?;
+    app.queue.work_arrived();
+    Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
 }

@@ -13,7 +13,7 @@ use super::enqueue::enqueue_waiting_sessions;
 use super::lease::end_as_done;
 use super::{Jobs, Lease};
 use crate::domain::calibration::NewCalibration;
-use crate::domain::palette::NewPalette;
+use crate::domain::palette::{NewPalette, PaletteAdvice};
 use crate::domain::session::{FeatureRow, NewResult};
 use crate::ids::{BoxId, ResultId, SessionId};
 
@@ -41,6 +41,19 @@ impl Jobs<'_> {
                 let calibration = calibrations::insert(tx, of, new, now_ms).await?;
                 enqueue_waiting_sessions(tx, of, now_ms, attempts).await?;
                 Ok(calibration)
+            })
+            .await
+    }
+
+    /// Stores which tapes suit a box, with the job itself.
+    pub async fn finish_advice(&self, held: &Lease, advice: PaletteAdvice) -> StoreResult<()> {
+        let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                end_as_done(tx, id, token, now_ms).await?;
+                let update = sqlx::query("UPDATE job SET advice = $2 WHERE id = $1").bind(id).bind(Json(advice));
+                update.execute(&mut *tx).await?;
+                Ok(())
             })
             .await
     }

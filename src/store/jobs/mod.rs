@@ -20,6 +20,7 @@ use super::page::{Page, PageRequest};
 use super::visibility::{AskedBy, require_staff, sees_trainee};
 use super::{Scope, Store};
 use crate::domain::job::{JobInput, JobKind, JobState};
+use crate::domain::palette::PaletteAdvice;
 use crate::domain::problem::Problem;
 use crate::ids::{BoxId, JobId, SessionId};
 
@@ -51,6 +52,9 @@ pub struct Job {
     /// Why it failed, or what happened when it last crashed.
     #[sqlx(json(nullable))]
     pub problem: Option<Problem>,
+    /// Which tapes suit the box, if it was asked that.
+    #[sqlx(json(nullable))]
+    pub advice: Option<PaletteAdvice>,
     /// Who works on it.
     pub worker: Option<String>,
     /// When it was queued first, epoch ms.
@@ -78,7 +82,7 @@ pub struct QueueCounts {
 macro_rules! job_columns {
     () => {
         "job.id, job.kind, job.input, job.session_id, job.box_id, job.state, job.attempt, job.max_attempts, \
-         job.progress, job.problem, job.worker, job.created_at_ms, job.queued_at_ms, job.started_at_ms, \
+         job.progress, job.problem, job.advice, job.worker, job.created_at_ms, job.queued_at_ms, job.started_at_ms, \
          job.ended_at_ms"
     };
 }

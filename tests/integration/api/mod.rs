@@ -1,5 +1,6 @@
 //! REST, roles and uploads, as a client sees them.
 
+mod advice;
 pub mod centre;
 mod documents;
 mod full_disk;

@@ -1,0 +1,83 @@
+//! Which tapes suit a box: asked with a picture of it, before any is wound.
+
+use image::{ImageFormat, Rgb, RgbImage};
+use reqwest::multipart::{Form, Part};
+use reqwest::{Method, StatusCode};
+use serde_json::{Value, json};
+
+use super::centre::Centre;
+use crate::feed::scene::Folder;
+use crate::support::{Client, Service, problem, read, soon};
+
+const ADVICE: &str = "/api/v1/boxes/box-1/palette/advice";
+
+fn form(picture: Vec<u8>) -> Form {
+    Form::new().part("picture", Part::bytes(picture).file_name("box.jpg"))
+}
+
+/// The job on this picture, once it has ended.
+async fn asked(client: &Client, picture: Vec<u8>) -> Value {
+    let answer = client.request(Method::POST, ADVICE).multipart(form(picture)).send().await.unwrap();
+    let job = read(answer, StatusCode::ACCEPTED).await["job"].as_str().unwrap().to_owned();
+    soon("the advice", async {
+        loop {
+            let job = client.read(&format!("/api/v1/jobs/{job}")).await;
+            if job["state"] == "done" || job["state"] == "failed" {
+                return job;
+            }
+            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+        }
+    })
+    .await
+}
+
+/// A grey box with a red mat on a quarter of it.
+fn red_mat() -> Vec<u8> {
+    let colour = |x: u32| if x < 80 { Rgb([0xcc, 0x06, 0x05]) } else { Rgb([120, 120, 118]) };
+    let picture = RgbImage::from_fn(320, 240, |x, _| colour(x));
+    let mut file = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut file, ImageFormat::Png).unwrap();
+    file.into_inner()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_picture_of_the_box_ranks_tapes_and_pairs_and_warns_of_its_own_colours() {
+    let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
+    let job = asked(&centre.instructor, red_mat()).await;
+    assert_eq!((&job["kind"], &job["state"]), (&json!("palette"), &json!("done")), "{job}");
+    let advice = &job["advice"];
+    let [tapes, pairs, warnings] = ["tapes", "pairs", "warnings"].map(|part| advice[part].as_array().unwrap());
+    let worst = tapes.last().unwrap();
+    assert_eq!((&worst["tape"], &worst["grade"], &worst["srgb"]), (&json!("red"), &json!("bad"), &json!("#cc0605")));
+    assert!((worst["in_box"].as_f64().unwrap() - 0.25).abs() < 0.01, "{worst}");
+    assert!(
+        warnings.iter().any(|warning| warning.as_str().unwrap().starts_with("Do not take red: 25.")),
+        "{warnings:?}"
+    );
+    assert_eq!((tapes.len(), pairs.len()), (10, 45));
+    assert_eq!(pairs[0]["grade"], "good");
+    assert!(!pairs[0]["tapes"].as_array().unwrap().contains(&json!("red")), "{}", pairs[0]);
+    let listed = centre.instructor.read("/api/v1/jobs").await;
+    assert_eq!(listed["items"][0]["advice"], Value::Null, "lists stay short");
+    assert_eq!(centre.instructor.read("/api/v1/boxes/box-1/palette").await["items"], json!([]), "nothing is learned");
+
+    let recording = Folder::of("--seed 1 --frames 2 --size 320x180");
+    let job = asked(&centre.instructor, std::fs::read(recording.file("clip.mp4")).unwrap()).await;
+    assert_eq!(job["advice"]["tapes"].as_array().unwrap().len(), 10, "{job}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_no_picture_fails_in_words_and_strangers_do_not_ask() {
+    let centre = Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await;
+    for broken in [b"no picture".to_vec(), red_mat()[..200].to_vec()] {
+        let job = asked(&centre.instructor, broken).await;
+        assert_eq!((&job["state"], &job["advice"]), (&json!("failed"), &Value::Null), "{job}");
+        assert!(job["error"]["detail"].as_str().unwrap().len() > 10, "{job}");
+    }
+    let ask = |client: &Client, form| client.request(Method::POST, ADVICE).multipart(form).send();
+    problem(ask(&centre.trainee, form(red_mat())).await.unwrap(), 403, "forbidden").await;
+    let twice = form(red_mat()).part("picture", Part::bytes(red_mat()));
+    for wrong in [twice, Form::new().text("photo", "x")] {
+        problem(ask(&centre.instructor, wrong).await.unwrap(), 422, "invalid").await;
+    }
+}
