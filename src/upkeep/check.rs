@@ -1,10 +1,11 @@
 //! `trocar admin check`: the database against itself and against the files, without changing either.
 
+use std::collections::HashSet;
 use std::fmt;
 
 use super::UpkeepResult;
 use crate::domain::blob::{Blob, BlobHash};
-use crate::ids::UploadId;
+use crate::ids::{FeedId, UploadId};
 use crate::store::Store;
 use crate::vault::{Vault, VaultError};
 
@@ -21,12 +22,18 @@ pub enum Finding {
     OrphanFile(BlobHash),
     /// An upload's file holds fewer bytes than were acknowledged.
     ShortUpload(UploadId),
+    /// A feed that has not ended has no log.
+    MissingFeed(FeedId),
+    /// Records of a feed's log are damaged.
+    DamagedFeed(FeedId),
+    /// A feed's log that no unfinished feed needs: harmless; the service removes it.
+    OrphanFeed(FeedId),
 }
 
 impl Finding {
     /// Is something lost? Otherwise it is only in the way.
     pub fn is_loss(&self) -> bool {
-        !matches!(self, Finding::OrphanFile(_))
+        !matches!(self, Finding::OrphanFile(_) | Finding::OrphanFeed(_))
     }
 }
 
@@ -38,6 +45,9 @@ impl fmt::Display for Finding {
             Finding::DamagedFile(hash) => write!(f, "damaged file: {hash}"),
             Finding::OrphanFile(hash) => write!(f, "file that nothing refers to: {hash} (the next start removes it)"),
             Finding::ShortUpload(id) => write!(f, "upload {id} holds fewer bytes than were acknowledged"),
+            Finding::MissingFeed(id) => write!(f, "feed {id} has not ended, and its log is missing"),
+            Finding::DamagedFeed(id) => write!(f, "feed {id} has damaged records: their frames are lost"),
+            Finding::OrphanFeed(id) => write!(f, "log that no feed needs: {id} (the service removes it)"),
         }
     }
 }
@@ -56,7 +66,34 @@ pub async fn check(store: &Store, vault: &Vault, thorough: bool) -> UpkeepResult
             findings.push(Finding::ShortUpload(upload.id));
         }
     }
+    check_feeds(store, vault, &mut findings).await?;
     Ok(findings)
+}
+
+/// Every feed that has not ended has its log, whole to the last record, and every log has such a feed. Logs are read to their
+/// end, also without `thorough`: there are few, and their names do not tell what is in them.
+async fn check_feeds(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
+    let unfinished: HashSet<FeedId> = store.feeds().unfinished().await?.iter().map(|feed| feed.id).collect();
+    let logs: HashSet<FeedId> = vault.feed_logs().await?.into_iter().collect();
+    for id in sorted(unfinished.union(&logs)) {
+        let finding = match (unfinished.contains(&id), logs.contains(&id)) {
+            (true, false) => Finding::MissingFeed(id),
+            (false, _) => Finding::OrphanFeed(id),
+            (true, true) => match vault.is_feed_intact(id).await {
+                Ok(true) | Err(VaultError::NotFound) => continue, // ended meanwhile
+                Ok(false) => Finding::DamagedFeed(id),
+                Err(error) => return Err(error.into()),
+            },
+        };
+        findings.push(finding);
+    }
+    Ok(())
+}
+
+fn sorted<'a>(ids: impl Iterator<Item = &'a FeedId>) -> Vec<FeedId> {
+    let mut ids: Vec<FeedId> = ids.copied().collect();
+    ids.sort_unstable_by_key(ToString::to_string);
+    ids
 }
 
 /// Every row has its file.

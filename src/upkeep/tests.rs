@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 
 use super::{Finding, Recovered, UpkeepError, back_up, check, clear_up, recover};
 use crate::domain::blob::{Blob, BlobHash};
+use crate::domain::feed::FrameCodec;
+use crate::domain::feed::record::{Body, HEAD, Record};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
-use crate::ids::{TraineeId, UploadId};
+use crate::ids::{FeedId, TraineeId, UploadId};
 use crate::store::testing::{Centre, NOW_MS};
-use crate::store::{NewUpload, Session, Store, StoreSettings};
+use crate::store::{NewFeed, NewUpload, Session, Store, StoreSettings};
 use crate::vault::Vault;
 
 struct Bench {
@@ -68,6 +70,32 @@ impl Bench {
         file.append(in_file).await.unwrap();
         file.sync().await.unwrap();
         uploads.advance(id, noted, NOW_MS + 1_000).await.unwrap();
+        id
+    }
+
+    /// A feed of five frames whose log is handed to be spoiled.
+    async fn feed(&self, trainee: TraineeId, spoil: impl FnOnce(&mut Vec<u8>)) -> FeedId {
+        let new = NewFeed {
+            id: FeedId::at(NOW_MS),
+            trainee,
+            task: self.centre.task.id,
+            in_box: self.centre.the_box.id,
+            codec: FrameCodec::Jpeg,
+            size: (640, 360),
+            time_base: [1, 90_000].try_into().unwrap(),
+            began_at_ms: NOW_MS,
+            sender: "a test".into(),
+            is_push: false,
+        };
+        let id = new.id;
+        self.centre.store.feeds().open(&Scope::service(), new).await.unwrap();
+        let mut log = Vec::new();
+        for number in 0..5 {
+            let body = Body::Frame { time: 3600 * number as i64, is_key: true, payload: b"a picture" };
+            Record { epoch: 1, number, body }.write(&mut log);
+        }
+        spoil(&mut log);
+        fs::write(self.centre.folder.path().join("feeds").join(id.to_string()), log).unwrap();
         id
     }
 
@@ -287,4 +315,31 @@ fn holds(folder: &Path, marker: &str) -> bool {
         let content = fs::read(&path).unwrap();
         content.windows(marker.len()).any(|window| window == marker.as_bytes())
     })
+}
+
+#[tokio::test]
+async fn feeds_are_checked_record_by_record_and_against_their_rows() {
+    const RECORD: usize = HEAD + 9;
+    let bench = Bench::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    bench.feed(ana, |_| ()).await;
+    bench.feed(ana, |log| log.truncate(4 * RECORD + 20)).await; // cut while the last was written: not acknowledged
+    bench.feed(ana, |log| log.truncate(0)).await;
+    assert_eq!(bench.findings().await, []);
+    let flipped = bench.feed(ana, |log| log[2 * RECORD + HEAD] ^= 1).await;
+    assert_eq!(bench.findings().await, [Finding::DamagedFeed(flipped)]);
+    let headless = bench.feed(ana, |log| log[2 * RECORD] = 0).await;
+    let missing = bench.feed(ana, |_| ()).await;
+    let feeds = bench.centre.folder.path().join("feeds");
+    fs::remove_file(feeds.join(missing.to_string())).unwrap();
+    let orphan = FeedId::at(NOW_MS);
+    fs::write(feeds.join(orphan.to_string()), b"").unwrap();
+    let mut expected = [
+        (flipped, Finding::DamagedFeed(flipped)),
+        (headless, Finding::DamagedFeed(headless)),
+        (missing, Finding::MissingFeed(missing)),
+        (orphan, Finding::OrphanFeed(orphan)),
+    ];
+    expected.sort_by_key(|(id, _)| id.to_string());
+    assert_eq!(bench.findings().await, expected.map(|(_, finding)| finding));
 }
