@@ -45,7 +45,7 @@ impl Feeds {
             }
             let id = row.id;
             let since_ms = if row.is_push { now_ms + 1 } else { abandoned_ms }; // nobody can come again and push the rest
-            let known = self.0.open.0.lock().await.get(&id).cloned();
+            let known = self.0.open.all.lock().await.get(&id).cloned();
             let feed = match known {
                 Some(feed) => {
                     unheard.remove(&id); // its wait begins anew when it is forgotten
@@ -71,8 +71,8 @@ impl Feeds {
 
     /// Opens the log of a recording that was not heard of since some time before then, epoch ms.
     async fn enter_unheard(&self, id: FeedId, since_ms: i64) -> Result<Option<Arc<Feed>>, LiveError> {
-        let mut open = self.0.open.0.lock().await;
-        if let Some(feed) = open.get(&id) {
+        let _door = self.0.open.door(id).await;
+        if let Some(feed) = self.0.open.all.lock().await.get(&id) {
             return Ok(Some(feed.clone())); // a connection came meanwhile
         }
         let row = match self.0.store.feeds().get(&Scope::service(), id).await {
@@ -82,21 +82,21 @@ impl Feeds {
         };
         let feed = self.enter(row).await?;
         feed.heard_ms.store(since_ms - 1, Ordering::Release);
-        open.insert(id, feed.clone());
+        self.0.open.all.lock().await.insert(id, feed.clone());
         Ok(Some(feed))
     }
 
     async fn remove_erased(&self) -> Result<(), LiveError> {
         for id in self.0.vault.feed_logs().await? {
             // Asked again while nobody can enter it: a row may have come since.
-            let mut open = self.0.open.0.lock().await;
+            let _door = self.0.open.door(id).await;
             let is_needed = match self.0.store.feeds().get(&Scope::service(), id).await {
                 Ok(row) => row.ended_at_ms.is_none(),
                 Err(StoreError::NotFound { .. }) => false,
                 Err(error) => return Err(error.into()),
             };
             if !is_needed {
-                if let Some(erased) = open.remove(&id) {
+                if let Some(erased) = self.0.open.all.lock().await.remove(&id) {
                     erased.is_gone.store(true, Ordering::Release);
                     erased.epoch.send_replace(u32::MAX); // whoever still sends it is told
                 }

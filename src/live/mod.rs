@@ -28,10 +28,10 @@ pub use push::{Broken, Push, PushError};
 pub use settings::LiveSettings;
 
 use std::collections::HashMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
+use std::sync::{Arc, PoisonError, Weak};
 
-use tokio::sync::{Mutex, watch};
+use tokio::sync::{Mutex, OwnedMutexGuard, watch};
 
 use following::Follower;
 
@@ -86,7 +86,26 @@ pub struct Parts {
 
 /// Recordings that are known to a service and not ended.
 #[derive(Default)]
-pub struct OpenFeeds(Mutex<HashMap<FeedId, Arc<Feed>>>);
+pub struct OpenFeeds {
+    all: Mutex<HashMap<FeedId, Arc<Feed>>>,
+    /// Whoever enters or removes a recording holds its door meanwhile, so that reading one's log through holds up no other.
+    /// Doors are taken before `all`.
+    doors: std::sync::Mutex<HashMap<FeedId, Weak<Mutex<()>>>>,
+}
+
+impl OpenFeeds {
+    /// Waits until nobody else enters or removes this recording.
+    async fn door(&self, id: FeedId) -> OwnedMutexGuard<()> {
+        let door = {
+            let mut doors = self.doors.lock().unwrap_or_else(PoisonError::into_inner);
+            doors.retain(|_, door| door.strong_count() > 0);
+            let door = doors.get(&id).and_then(Weak::upgrade).unwrap_or_default();
+            doors.insert(id, Arc::downgrade(&door));
+            door
+        };
+        door.lock_owned().await
+    }
+}
 
 /// A recording that arrives.
 struct Feed {
@@ -161,18 +180,19 @@ impl Feeds {
     /// # Errors
     /// A reason that the sender is told.
     pub async fn check_free(&self, in_box: BoxId) -> Result<(), Farewell> {
-        check_free(&*self.0.open.0.lock().await, in_box, None)
+        check_free(&*self.0.open.all.lock().await, in_box, None)
     }
 
     async fn open(&self, scope: &Scope, new: NewFeed) -> Result<Connected, Farewell> {
-        let id = new.id;
+        let (id, in_box) = (new.id, new.in_box);
         // Held from the epoch to the entry, so that of two hellos the one with the higher epoch is entered last.
-        let mut open = self.0.open.0.lock().await;
-        check_free(&open, new.in_box, Some(id))?;
+        let _door = self.0.open.door(id).await;
+        let open = self.0.open.all.lock().await;
+        check_free(&open, in_box, Some(id))?;
         if open.get(&id).is_some_and(|feed| feed.is_finishing.load(Ordering::Acquire)) {
             return Err(Farewell::new(Code::Busy, "the recording is being put together: come again"));
         }
-        let of_box = |row: &store::Feed| row.box_id == new.in_box && row.id != id;
+        let of_box = |row: &store::Feed| row.box_id == in_box && row.id != id;
         let unfinished = self.0.store.feeds().unfinished().await.map_err(refused)?;
         if unfinished.into_iter().filter(of_box).count() >= self.0.settings.max_unfinished {
             let why = "the box has too many unfinished recordings: end them, or wait until they end by themselves";
@@ -186,21 +206,22 @@ impl Feeds {
             self.tell(row.session_id, row.trainee_id, SessionStatus::Receiving);
         }
         let epoch = row.epoch;
-        let feed = match open.get(&id) {
-            Some(feed) => feed.clone(),
-            None => {
-                let feed = self.enter(row).await?;
-                open.insert(id, feed.clone());
-                feed
-            }
-        };
+        let begin = |feed| Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)));
         // Counted while nobody else can enter, so that the box is busy for whoever comes next.
-        Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)))
+        if let Some(feed) = open.get(&id) {
+            return begin(feed.clone());
+        }
+        drop(open);
+        let feed = self.enter(row).await?;
+        let mut open = self.0.open.all.lock().await;
+        check_free(&open, in_box, Some(id))?; // another may have come meanwhile
+        open.insert(id, feed.clone());
+        begin(feed)
     }
 
     /// Watches the recording of a session that arrives; `None` while nobody sends it.
     pub async fn watch(&self, session: SessionId, wants_pictures: bool) -> Option<Watch> {
-        let open = self.0.open.0.lock().await;
+        let open = self.0.open.all.lock().await;
         let arrives = |feed: &&Arc<Feed>| feed.row.session_id == session && feed.is_sent();
         open.values().find(arrives).map(|feed| feed.follower.watch(feed, wants_pictures))
     }
@@ -226,7 +247,7 @@ impl Feeds {
 
     /// Forgets that a recording is open: whoever names it next reads its log through.
     async fn close(&self, feed: &Arc<Feed>) {
-        let mut open = self.0.open.0.lock().await;
+        let mut open = self.0.open.all.lock().await;
         if open.get(&feed.row.id).is_some_and(|entered| Arc::ptr_eq(entered, feed)) {
             open.remove(&feed.row.id);
         }

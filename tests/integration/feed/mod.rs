@@ -7,10 +7,12 @@ pub mod push;
 pub mod scene;
 pub mod sender;
 
+use std::io::Write;
 use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
+use trocar::domain::feed::record::HEAD;
 use trocar::media::{Limits, VideoFile};
 use trocar::time::Manual;
 
@@ -114,6 +116,46 @@ async fn what_is_acknowledged_outlives_the_service() {
     sender.frames(29..31).await;
     let session = sender.end(31).await;
     assert_eq!(frames_of(&service.administrator().await, &session).await, (0..31).collect::<Vec<_>>());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_log_that_takes_long_to_be_read_through_holds_up_no_other_box() {
+    const LENGTH: u32 = 200_000;
+    let centre = Centre::open().await;
+    centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
+    let token = json!({"name": "beside box 2", "role": "agent", "box": "box-2"});
+    let token = centre.administrator.make("/api/v1/tokens", token).await["token"].clone();
+    begin(&centre.service, &centre.agent, RECORDING).await;
+    let agent = centre.agent.clone();
+    let data = centre.service.stop().await;
+    // A pipe in the log's place is read as long as it gives something, and then waited for.
+    let log = data.path().join("feeds").join(RECORDING);
+    std::fs::remove_file(&log).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&log).status().unwrap().success());
+    let mut pipe = std::fs::File::options().read(true).write(true).open(&log).unwrap();
+
+    let service = Service::start_in(data, std::sync::Arc::new(trocar::time::System), |_| ()).await;
+    let mut slow = open(&service, agent.headers(), "box-1").await.unwrap();
+    slow.say(&hello(RECORDING)).await;
+    let mut head = [0; HEAD];
+    head[0] = 1; // a frame
+    head[24..28].copy_from_slice(&LENGTH.to_be_bytes());
+    let half = [&head[..], &[7; LENGTH as usize / 2]].concat();
+    let pipe = soon("the log is read", async {
+        // More than a pipe holds: written once somebody reads.
+        let write = move || pipe.write_all(&half).map(|()| pipe);
+        tokio::task::spawn_blocking(write).await.unwrap().unwrap()
+    });
+    let mut pipe = pipe.await;
+
+    let other = service.stranger().with_token(token.as_str().unwrap());
+    let mut quick = open(&service, other.headers(), "box-2").await.unwrap();
+    quick.say(&hello(ANOTHER)).await;
+    assert!(matches!(quick.hear().await, Heard::Word(word) if word["type"] == "welcome"));
+
+    pipe.write_all(&[7; LENGTH as usize / 2]).unwrap(); // the record is whole, and damaged
+    pipe.write_all(&[0; HEAD]).unwrap(); // no record: it is read to its end, and cannot be cut there
+    assert_eq!(slow.closed().await, 4500);
 }
 
 #[tokio::test(flavor = "multi_thread")]
