@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use super::checkerboard::Held;
 use super::light::{LAMPS, Lighting, Lit, Material, Rgb};
 use super::random::Dice;
 use super::shape::RoundCone;
@@ -57,6 +58,8 @@ pub struct Scenery {
     cells: [[Cell; COLUMNS]; ROWS],
     strokes: Vec<Stroke>,
     props: Vec<Prop>,
+    /// A printed checkerboard, and its pose the other way round.
+    sheet: Option<(Held, Isometry3<f64>)>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +107,13 @@ impl Scenery {
             cells: cells(&mut Dice::new(number, "mat")),
             strokes,
             props: props.into_iter().map(in_camera).collect(),
+            sheet: None,
         }
+    }
+
+    /// The same with a printed checkerboard in it, in place of the mat.
+    pub fn with_sheet(self, held: Held) -> Self {
+        Self { sheet: Some((held, held.camera_from_sheet.inverse())), ..self }
     }
 
     /// What the ray `v = (x, y, 1)` meets first.
@@ -113,6 +122,10 @@ impl Scenery {
             let (depth, normal, material) = self.meet_box(v);
             (depth, normal, material, None)
         };
+        let on_sheet = self.sheet.as_ref().and_then(|(held, sheet_from_camera)| held.meet_ray(sheet_from_camera, v));
+        if let Some(met) = on_sheet.filter(|met| met.0 < depth) {
+            (depth, normal, material) = met;
+        }
         for (index, prop) in self.props.iter().enumerate() {
             if let Some(met) = prop.solid.meet(v).filter(|met| met.depth < depth) {
                 (depth, normal, material, own) = (met.depth, met.normal, prop.material, Some(index));
@@ -159,7 +172,7 @@ impl Scenery {
     }
 
     fn floor(&self, x: f64, y: f64) -> (Rgb, f32) {
-        if x.abs() > MAT.0 || y.abs() > MAT.1 {
+        if self.sheet.is_some() || x.abs() > MAT.0 || y.abs() > MAT.1 {
             return (RUBBER.map(|c| c * grain(x, y, 1.4, 0.25)), 0.05);
         }
         let stroke = self.strokes.iter().rev().find(|s| s.covers(x, y));

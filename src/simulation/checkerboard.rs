@@ -127,22 +127,38 @@ impl Held {
 
 fn look(held: &Held, sheet_from_camera: &Isometry3<f64>, lighting: &Lighting, v: Vector3<f64>) -> Sight {
     const TABLE_MM: f64 = 700.0;
-    let (eye, way) = (sheet_from_camera * Point3::origin(), sheet_from_camera * v);
-    let (depth, normal, matt) = match held.meet(eye, way) {
-        Some((depth, at)) => (depth, held.camera_from_sheet * held.normal(at, way), print(at)),
-        None => (TABLE_MM, -Vector3::z(), [0.5, 0.42, 0.33]),
-    };
-    let material = Material { matt, gloss: 0.05, sharpness: 10, mirror: 0.01 };
+    let met = held.meet_ray(sheet_from_camera, v);
+    let (depth, normal, material) = met.unwrap_or((TABLE_MM, -Vector3::z(), paper([0.5, 0.42, 0.33])));
     Sight { lit: lighting.reflect(Point3::from(v * depth), normal, v, &material), depth }
 }
 
 impl Held {
+    /// A flat board in this pose (sheet frame → camera frame).
+    pub fn flat(camera_from_sheet: Isometry3<f64>) -> Self {
+        Self { camera_from_sheet, bend: 0.0, bend_direction: (1.0, 0.0) }
+    }
+
+    /// Where a ray from the camera meets the sheet: depth, normal in the camera frame, and what is printed there.
+    pub fn meet_ray(
+        &self,
+        sheet_from_camera: &Isometry3<f64>,
+        v: Vector3<f64>,
+    ) -> Option<(f64, Vector3<f64>, Material)> {
+        let (eye, way) = (sheet_from_camera * Point3::origin(), sheet_from_camera * v);
+        let (depth, at) = self.meet(eye, way)?;
+        Some((depth, self.camera_from_sheet * self.normal(at, way), paper(print(at))))
+    }
+
     /// Unit normal towards the side that the ray comes from; sheet frame.
     fn normal(&self, at: Point3<f64>, way: Vector3<f64>) -> Vector3<f64> {
         let slope = self.bend * (at.x * self.bend_direction.0 + at.y * self.bend_direction.1);
         let normal = Vector3::new(-slope * self.bend_direction.0, -slope * self.bend_direction.1, 1.0).normalize();
         if normal.dot(&way) < 0.0 { normal } else { -normal }
     }
+}
+
+fn paper(matt: Rgb) -> Material {
+    Material { matt, gloss: 0.05, sharpness: 10, mirror: 0.01 }
 }
 
 fn print(at: Point3<f64>) -> Rgb {

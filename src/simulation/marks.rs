@@ -67,8 +67,9 @@ fn on_tool(world: &World, tool: usize, frame: usize, time_s: f64) -> Vec<Mark> {
     let (name, band, radius) = (design.tape.name, design.band_mm, 0.5 * design.diameter_mm);
     let along = [(0.25, name), (0.5, name), (0.75, name), (1.6, "shaft"), (2.2, "shaft")];
     let on_tube = along.map(|(share, label)| on_axis(world, &pose, share * band, radius, label, frame));
-    let jaw = on_axis(world, &pose, -0.25 * design.jaw_mm, 0.5 * radius, "jaw", frame);
-    on_tube.into_iter().chain([jaw]).flatten().collect()
+    let has_jaw = design.jaw_mm > 0.0;
+    let jaw = has_jaw.then(|| on_axis(world, &pose, -0.25 * design.jaw_mm, 0.5 * radius, "jaw", frame));
+    on_tube.into_iter().chain(jaw).flatten().collect()
 }
 
 /// The largest square round a point of the axis that stays on the tube, with a fifth of its width to spare.

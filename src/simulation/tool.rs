@@ -50,7 +50,7 @@ pub struct ToolDesign {
     pub diameter_mm: f64,
     /// Length of the tape from the distal end of the tube, mm.
     pub band_mm: f64,
-    /// From the distal end of the tube to the point of the closed jaws, mm.
+    /// From the distal end of the tube to the point of the closed jaws, mm; 0 for a rod without jaws.
     pub jaw_mm: f64,
 }
 
@@ -110,8 +110,11 @@ impl ToolDesign {
         Tube::new(pose.tip, pose.axis, (radius, radius - 0.5 * TAPE_STEP_MM), self.band_mm, pose.length_mm)
     }
 
-    /// Hinge and both halves of the jaws.
-    pub fn jaws(&self, pose: &ToolPose) -> [RoundCone; 3] {
+    /// Hinge and both halves of the jaws, if it has any.
+    pub fn jaws(&self, pose: &ToolPose) -> Option<[RoundCone; 3]> {
+        if self.jaw_mm == 0.0 {
+            return None;
+        }
         let (width, hinge) = (self.diameter_mm, pose.tip + pose.axis * (0.22 * self.jaw_mm));
         let side = side_of(pose.axis, pose.roll);
         let half = |sign: f64| {
@@ -126,18 +129,18 @@ impl ToolDesign {
             }
         };
         let block = RoundCone { a: pose.tip, radius_a: 0.34 * width, b: hinge, radius_b: 0.27 * width };
-        [block, half(1.0), half(-1.0)]
+        Some([block, half(1.0), half(-1.0)])
     }
 
-    /// The whole tool as one rod, for its shadow.
-    pub fn shadow_rods(&self, pose: &ToolPose) -> [RoundCone; 2] {
+    /// The tool as rods, for its shadow: the tube, and the jaws where it has any.
+    pub fn shadow_rods(&self, pose: &ToolPose) -> impl Iterator<Item = RoundCone> + use<> {
         let behind = pose.tip - pose.axis * pose.length_mm;
-        let [_, one, other] = self.jaws(pose);
-        let jaw_end = nalgebra::center(&one.b, &other.b);
-        [
-            RoundCone::capsule(pose.tip, behind, 0.5 * self.diameter_mm),
-            RoundCone { a: pose.tip, radius_a: 0.3 * self.diameter_mm, b: jaw_end, radius_b: 0.16 * self.diameter_mm },
-        ]
+        let (tip, width) = (pose.tip, self.diameter_mm);
+        let jaws = self.jaws(pose).map(|[_, one, other]| {
+            let end = nalgebra::center(&one.b, &other.b);
+            RoundCone { a: tip, radius_a: 0.3 * width, b: end, radius_b: 0.16 * width }
+        });
+        std::iter::once(RoundCone::capsule(tip, behind, 0.5 * width)).chain(jaws)
     }
 }
 

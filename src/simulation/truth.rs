@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use super::board::Scenery;
 use super::shape::RoundCone;
 use super::tool::{Tool, ToolPose, side_of};
 use super::world::World;
@@ -13,18 +14,19 @@ use crate::pipeline::space::{CameraPoint, Pixel};
 /// projected area, that is in the picture and not hidden by another tool or by what stands in the box.
 pub fn at(world: &World, time_s: f64) -> Vec<TruthTool> {
     let poses = world.poses(time_s);
+    let scenery = &world.stages[world.stage_at(time_s)].scenery;
     let of_tool = |(index, pose): (usize, &ToolPose)| TruthTool {
         tool: world.tools[index].name.to_owned(),
         tip_mm: pose.tip,
         axis: Some(pose.axis),
         tip_px: world.rig.camera.project(CameraPoint(pose.tip)).map(|pixel| pixel.0),
-        visible: visible_share(world, &poses, index),
+        visible: visible_share(world, scenery, &poses, index),
     };
     poses.iter().enumerate().map(of_tool).collect()
 }
 
 /// Samples the band's surface on a grid of patches of equal size, each weighed by the area that the camera sees of it.
-fn visible_share(world: &World, poses: &[ToolPose], index: usize) -> f64 {
+fn visible_share(world: &World, scenery: &Scenery, poses: &[ToolPose], index: usize) -> f64 {
     const ALONG: usize = 40;
     const AROUND: usize = 72;
     let (tool, pose) = (&world.tools[index], &poses[index]);
@@ -39,7 +41,7 @@ fn visible_share(world: &World, poses: &[ToolPose], index: usize) -> f64 {
         let square = point.coords.norm_squared();
         let area = (-normal.dot(&point.coords)).max(0.0) / (square * square.sqrt());
         facing += area;
-        if area > 0.0 && in_picture(world, point) && !is_hidden(world, &others, point) {
+        if area > 0.0 && in_picture(world, point) && !is_hidden(scenery, &others, point) {
             seen += area;
         }
     }
@@ -58,13 +60,13 @@ fn in_picture(world: &World, point: Point3<f64>) -> bool {
     seen.0.coords.norm() < WIDEST && inside(camera.pixel_of(seen))
 }
 
-fn is_hidden(world: &World, others: &[(&Tool, &ToolPose)], point: Point3<f64>) -> bool {
+fn is_hidden(scenery: &Scenery, others: &[(&Tool, &ToolPose)], point: Point3<f64>) -> bool {
     const NEARER_MM: f64 = 1e-6;
     let (v, depth) = (point.coords / point.z, point.z - NEARER_MM);
     let before = |solid: &RoundCone| solid.meet(v).is_some_and(|met| met.depth < depth);
     let behind_tool = |(tool, pose): &(&Tool, &ToolPose)| {
         let tube = tool.design.tube(pose).meet(v).is_some_and(|(met, _, _)| met.depth < depth);
-        tube || tool.design.jaws(pose).iter().any(before)
+        tube || tool.design.jaws(pose).iter().flatten().any(before)
     };
-    others.iter().any(behind_tool) || world.scenery.prop_before(v, depth).is_some()
+    others.iter().any(behind_tool) || scenery.prop_before(v, depth).is_some()
 }

@@ -1,8 +1,9 @@
 //! A known world as a pure function of time: what moves is where the seed says, at any moment, in any order.
 
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 
 use super::board::Scenery;
+use super::checkerboard::Held;
 use super::light::Material;
 use super::motion::Oscillation;
 use super::random::Dice;
@@ -58,6 +59,15 @@ impl Setup {
     }
 }
 
+/// What stays where it is, until somebody moves it.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// Since when, s.
+    pub from_s: f64,
+    /// What is there.
+    pub scenery: Scenery,
+}
+
 /// The world of one recording.
 #[derive(Clone, Debug)]
 pub struct World {
@@ -65,8 +75,8 @@ pub struct World {
     pub rig: Rig,
     /// Tools, in the order of the truth.
     pub tools: Vec<Tool>,
-    /// What stays where it is.
-    pub scenery: Scenery,
+    /// What stays where it is: one stage after the other, the first from the beginning.
+    pub stages: Vec<Stage>,
     /// Seed of everything by chance.
     pub seed: u64,
     /// Until the task is done, s.
@@ -78,12 +88,25 @@ impl World {
     /// Builds the world.
     pub fn new(setup: &Setup) -> Self {
         let rig = Rig::new(setup.rig, setup.view, setup.width, setup.height).moved(setup.camera_moved_mm);
-        let script = setup.scenario.play(&rig, setup.skill, setup.seed, setup.at_least_s);
+        let script = setup.scenario.play(&rig, setup);
         let duration_s = script.hands.iter().map(|(_, hand)| hand.now_s()).fold(0.0, f64::max);
-        let Script { hands, beads, props, strokes } = script;
+        let Script { hands, beads, props, strokes, sheets } = script;
         let tools = hands.into_iter().map(|(side, hand)| tool(setup, &rig, side, hand)).collect();
-        let scenery = Scenery::new(setup.rig, &rig.camera_from_board, rig.lighting, props, strokes);
-        Self { rig, tools, scenery, seed: setup.seed, duration_s, beads }
+        let empty = Scenery::new(setup.rig, &rig.camera_from_board, rig.lighting, props, strokes);
+        let with = |(from_s, board_from_sheet): &(f64, Isometry3<f64>)| {
+            let scenery = empty.clone().with_sheet(Held::flat(rig.camera_from_board * board_from_sheet));
+            Stage { from_s: *from_s, scenery }
+        };
+        let mut stages: Vec<Stage> = sheets.iter().map(with).collect();
+        if stages.first().is_none_or(|first| first.from_s > 0.0) {
+            stages.insert(0, Stage { from_s: 0.0, scenery: empty });
+        }
+        Self { rig, tools, stages, seed: setup.seed, duration_s, beads }
+    }
+
+    /// Place in [`Self::stages`] of what is there at a time.
+    pub fn stage_at(&self, time_s: f64) -> usize {
+        self.stages.partition_point(|stage| stage.from_s <= time_s).saturating_sub(1)
     }
 
     /// Where every tool is at a time.
@@ -116,7 +139,7 @@ fn tool(setup: &Setup, rig: &Rig, side: usize, hand: Hand) -> Tool {
         tape: setup.tapes[side],
         diameter_mm: setup.diameter_mm,
         band_mm: BANDS_MM[side],
-        jaw_mm: 12.0 + setup.diameter_mm,
+        jaw_mm: if setup.scenario == Scenario::SelfTest { 0.0 } else { 12.0 + setup.diameter_mm },
     };
     let name = if setup.tapes[0] == setup.tapes[1] { ["left", "right"][side] } else { setup.tapes[side].name };
     Tool {
@@ -133,6 +156,7 @@ fn tool(setup: &Setup, rig: &Rig, side: usize, hand: Hand) -> Tool {
 fn unsteadiness(setup: &Setup, side: usize, hand: &Hand) -> Vec<Oscillation> {
     match (setup.scenario, hand.steady) {
         (Scenario::Slide, _) => vec![super::scenario::slide_wobble(setup.seed)],
+        (Scenario::SelfTest, _) => vec![super::scenario::touch_wobble(setup.seed)],
         (_, true) => Vec::new(),
         (_, false) => {
             let mut dice = Dice::new(setup.seed, ["left tremor", "right tremor"][side]);

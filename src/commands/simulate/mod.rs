@@ -17,7 +17,7 @@ use crate::simulation::{Scenario, Setup, Skill, View};
 /// Arguments of `trocar simulate`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing or exchange.
+    /// Scene: wire, rectangle, approach, slide, rest, pegs, crossing, exchange or self-test.
     #[arg(long)]
     scene: String,
     /// Seed of the hands' motion and the sensor's noise; the same seed gives the same pixels.

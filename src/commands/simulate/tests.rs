@@ -87,7 +87,8 @@ fn what_cannot_be_made_is_refused_with_what_can() {
     };
     let refusal = |more: &[&str]| parse(more).unwrap_err();
     assert!(
-        refusal(&["--scene", "surgery"]).contains("wire, rectangle, approach, slide, rest, pegs, crossing, exchange")
+        refusal(&["--scene", "surgery"])
+            .contains("wire, rectangle, approach, slide, rest, pegs, crossing, exchange, self-test")
     );
     assert!(refusal(&["--scene", "wire", "--skill", "god"]).contains("novice, intermediate, expert"));
     assert!(refusal(&["--scene", "wire", "--size", "99999x2"]).contains("1280x720"));

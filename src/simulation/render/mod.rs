@@ -27,6 +27,7 @@ use self::picture::chroma_length;
 use self::rays::Rays;
 use self::still::Still;
 use self::tile::{Square, TILE, Tiling};
+use super::board::Scenery;
 use super::light::{LAMPS, Rgb};
 use super::shape::RoundCone;
 use super::world::World;
@@ -37,10 +38,16 @@ pub struct Renderer<'w> {
     chroma: Chroma,
     tiling: Tiling,
     rays: Rays,
-    still: Still,
     film: Film,
     grain: Grain,
-    /// The empty box, developed: what most tiles of every frame are.
+    /// The empty box, and as it is after each change.
+    backdrops: Vec<Backdrop>,
+}
+
+/// The empty box, looked at once.
+struct Backdrop {
+    still: Still,
+    /// Developed: what most tiles of every frame are.
     plates: Vec<Plate>,
     cones: Vec<Cone>,
 }
@@ -66,28 +73,36 @@ impl<'w> Renderer<'w> {
         let camera = &world.rig.camera;
         let tiling = Tiling::new(camera.width as usize, camera.height as usize);
         let rays = Rays::new(camera);
-        let still = Still::new(|v| world.scenery.look(v), &rays, tiling.width, tiling.height);
         let (film, grain) = (Film::new(&world.rig), Grain::new(&world.rig.optics));
-        let cones = (0..tiling.count()).map(|i| Cone::new(tiling.square(i), &rays, &still)).collect();
-        let mut renderer = Self { world, chroma, tiling, rays, still, film, grain, plates: Vec::new(), cones };
-        let empty: Vec<Painted> = vec![None; tiling.count()];
-        renderer.plates = (0..tiling.count()).into_par_iter().map(|i| renderer.develop(i, &empty)).collect();
+        let mut renderer = Self { world, chroma, tiling, rays, film, grain, backdrops: Vec::new() };
+        renderer.backdrops = world.stages.iter().map(|stage| renderer.backdrop(&stage.scenery)).collect();
         renderer
+    }
+
+    fn backdrop(&self, scenery: &Scenery) -> Backdrop {
+        let still = Still::new(|v| scenery.look(v), &self.rays, self.tiling.width, self.tiling.height);
+        let tiles = 0..self.tiling.count();
+        let cones = tiles.clone().map(|i| Cone::new(self.tiling.square(i), &self.rays, &still)).collect();
+        let mut backdrop = Backdrop { still, plates: Vec::new(), cones };
+        let empty: Vec<Painted> = vec![None; tiles.len()];
+        backdrop.plates = tiles.into_par_iter().map(|i| self.develop(i, &backdrop, &empty)).collect();
+        backdrop
     }
 
     /// The picture whose exposure has its middle at this time, s.
     pub fn render(&self, time_s: f64) -> Rendered {
         let exposure = Exposure::new(self.world, time_s, self.world.rig.optics.exposure_s);
+        let backdrop = &self.backdrops[self.world.stage_at(time_s)];
         let painted: Vec<Painted> =
-            (0..self.tiling.count()).into_par_iter().map(|tile| self.paint(tile, &exposure)).collect();
+            (0..self.tiling.count()).into_par_iter().map(|tile| self.paint(tile, backdrop, &exposure)).collect();
         let mut picture = Rendered::black(self.tiling.width, self.tiling.height, self.chroma);
-        self.expose(&painted, time_s, &mut picture);
+        self.expose(backdrop, &painted, time_s, &mut picture);
         picture
     }
 
     /// The light in a tile that something moving touches.
-    fn paint(&self, tile: usize, exposure: &Exposure) -> Painted {
-        let cone = &self.cones[tile];
+    fn paint(&self, tile: usize, backdrop: &Backdrop, exposure: &Exposure) -> Painted {
+        let cone = &backdrop.cones[tile];
         let bodies = exposure.near(cone.unit, cone.sine);
         let rods: Vec<RoundCone> =
             exposure.rods.iter().map(|(_, rod)| *rod).filter(|r| self.may_shade(cone, r)).collect();
@@ -95,9 +110,9 @@ impl<'w> Renderer<'w> {
             return None;
         }
         let square = self.tiling.square(tile);
-        let shadows = Shadows::new(square, |u, v| self.lost(u, v, &rods));
+        let shadows = Shadows::new(square, |u, v| self.lost((u, v), backdrop, &rods));
         let light = |(u, v): (usize, usize)| {
-            let still = self.still.at(u, v);
+            let still = backdrop.still.at(u, v);
             let lost = shadows.at(u, v);
             let behind = still.radiance.map(|c| c * (1.0 - lost));
             if bodies.is_empty() {
@@ -113,27 +128,27 @@ impl<'w> Renderer<'w> {
     }
 
     /// Share of the empty box's light at a pixel that the rods' shadows take.
-    fn lost(&self, u: usize, v: usize, rods: &[RoundCone]) -> f32 {
+    fn lost(&self, (u, v): (usize, usize), backdrop: &Backdrop, rods: &[RoundCone]) -> f32 {
         if rods.is_empty() {
             return 0.0;
         }
-        let still = self.still.at(u, v);
+        let still = backdrop.still.at(u, v);
         let point = Point3::from(self.rays.centre(u, v) * f64::from(still.depth));
         let hidden = hidden(self.world, point, rods.iter());
         (0..LAMPS).map(|lamp| still.from_lamp[lamp] * hidden[lamp]).sum()
     }
 
     /// The tile as the sensor encodes it, without noise.
-    fn develop(&self, tile: usize, painted: &[Painted]) -> Plate {
+    fn develop(&self, tile: usize, backdrop: &Backdrop, painted: &[Painted]) -> Plate {
         let square = self.tiling.square(tile);
-        let patch = self.tiling.patch(square, REACH, |u, v| self.light_at(u, v, painted));
+        let patch = self.tiling.patch(square, REACH, |u, v| self.light_at((u, v), backdrop, painted));
         let encoded = self.film.develop(&patch, square.left, square.top, square.size());
         Plate::new(&encoded, square.size(), self.chroma.shift())
     }
 
-    fn light_at(&self, u: usize, v: usize, painted: &[Painted]) -> Rgb {
+    fn light_at(&self, (u, v): (usize, usize), backdrop: &Backdrop, painted: &[Painted]) -> Rgb {
         match &painted[(v / TILE) * self.tiling.columns + u / TILE] {
-            None => self.still.at(u, v).radiance,
+            None => backdrop.still.at(u, v).radiance,
             Some(lights) => {
                 let tile_width = TILE.min(self.tiling.width - u / TILE * TILE);
                 lights[v % TILE * tile_width + u % TILE]
@@ -142,7 +157,7 @@ impl<'w> Renderer<'w> {
     }
 
     /// Fills the planes, one row of tiles at a time.
-    fn expose(&self, painted: &[Painted], time_s: f64, picture: &mut Rendered) {
+    fn expose(&self, backdrop: &Backdrop, painted: &[Painted], time_s: f64, picture: &mut Rendered) {
         let (width, columns) = (self.tiling.width, self.tiling.columns);
         let (sx, sy) = self.chroma.shift();
         let chroma_band = chroma_length(width, sx) * (TILE >> sy);
@@ -153,9 +168,9 @@ impl<'w> Renderer<'w> {
             for tile in band * columns..(band + 1) * columns {
                 let left = self.tiling.square(tile).left;
                 if self.is_still(tile, painted) {
-                    self.digitise(&self.plates[tile], left, &mut grain, (y, u, v));
+                    self.digitise(&backdrop.plates[tile], left, &mut grain, (y, u, v));
                 } else {
-                    self.digitise(&self.develop(tile, painted), left, &mut grain, (y, u, v));
+                    self.digitise(&self.develop(tile, backdrop, painted), left, &mut grain, (y, u, v));
                 }
             }
         });

@@ -64,7 +64,7 @@ impl Exposure {
         let hulls = middle.iter().zip(ends[0].iter().zip(&ends[1])).map(|(m, (f, l))| hull(m, f, l)).collect();
         let poses = world.poses(time_s);
         let of_tool =
-            |(owner, pose): (usize, &ToolPose)| world.tools[owner].design.shadow_rods(pose).map(|r| (owner, r));
+            |(owner, pose): (usize, &ToolPose)| world.tools[owner].design.shadow_rods(pose).map(move |r| (owner, r));
         let carried = world.carried(&poses, time_s);
         let beads = carried.iter().enumerate().map(|(i, (solid, _))| (world.tools.len() + i, *solid));
         let rods = poses.iter().enumerate().flat_map(of_tool).chain(beads).collect();
@@ -233,8 +233,8 @@ fn bodies(world: &World, time_s: f64) -> Vec<Body> {
     for (owner, (tool, pose)) in world.tools.iter().zip(&poses).enumerate() {
         let tape = tool.design.tape.material();
         bodies.push(Body { owner, form: Form::Tube { tube: tool.design.tube(pose), tape } });
-        let jaws = tool.design.jaws(pose).map(|solid| Body { owner, form: Form::Solid { solid, material: STEEL } });
-        bodies.extend(jaws);
+        let jaws = tool.design.jaws(pose).into_iter().flatten();
+        bodies.extend(jaws.map(|solid| Body { owner, form: Form::Solid { solid, material: STEEL } }));
     }
     for (index, (solid, material)) in world.carried(&poses, time_s).into_iter().enumerate() {
         bodies.push(Body { owner: world.tools.len() + index, form: Form::Solid { solid, material } });

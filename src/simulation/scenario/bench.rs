@@ -29,7 +29,7 @@ pub(super) fn approach(cast: &Cast) -> Script {
         hand.wait(0.6);
         hand.now_s()
     });
-    Script { hands: vec![(0, hand)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
+    Script { hands: vec![(0, hand)], ..Script::default() }
 }
 
 /// One tool is slid along a rail and back, five times, with a hand's wobble of at most 0.3 mm.
@@ -49,7 +49,7 @@ pub(super) fn slide(cast: &Cast) -> Script {
     let rod = |a, b, radius| Prop { solid: RoundCone::capsule(a, b, radius), material: RAIL };
     let post = |p: Point3<f64>| rod(under(p), Point3::new(p.x, p.y, 0.0), 2.2);
     let props = vec![rod(under(start), under(end), 1.6), post(start), post(end)];
-    Script { hands: vec![(0, hand)], beads: Vec::new(), props, strokes: Vec::new() }
+    Script { hands: vec![(0, hand)], props, ..Script::default() }
 }
 
 /// Greatest wobble of a guided slide: five sines of this RMS stay below 0.3 mm nearly always.
@@ -65,7 +65,7 @@ pub(super) fn rest(cast: &Cast) -> Script {
     hand.wait(8.0);
     let ball = RoundCone::sphere(Point3::new(place.x, place.y + 3.0, -9.0), 9.0);
     let block = Prop { solid: ball, material: FOAM };
-    Script { hands: vec![(0, hand)], beads: Vec::new(), props: vec![block], strokes: Vec::new() }
+    Script { hands: vec![(0, hand)], props: vec![block], ..Script::default() }
 }
 
 /// The right tool passes behind the left one three times, then is drawn out of the picture and comes back.
@@ -101,7 +101,7 @@ pub(super) fn crossing(cast: &Cast) -> Script {
         }
         right.now_s()
     });
-    Script { hands: vec![(0, left), (1, right)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
+    Script { hands: vec![(0, left), (1, right)], ..Script::default() }
 }
 
 /// Both tools cross to the other's side and back, one above the other; both are drawn out of the picture, the left one
@@ -145,7 +145,7 @@ pub(super) fn exchange(cast: &Cast) -> Script {
         together(&mut left, &mut right);
         right.now_s()
     });
-    Script { hands: vec![(0, left), (1, right)], beads: Vec::new(), props: Vec::new(), strokes: Vec::new() }
+    Script { hands: vec![(0, left), (1, right)], ..Script::default() }
 }
 
 /// A point so near to a trocar, this share of the way, that nothing of the tool is in the picture.

@@ -9,21 +9,27 @@
 //! | `rest` | lying still: what moves in the result is noise | 1 |
 //! | `pegs` | beads handed over from left to right pegs | 2 |
 //! | `crossing` | one tool behind the other, three times, then out of the picture and back | 2 |
+//! | `self-test` | a rod touches corners of the printed checkerboard, on the mat and lifted | 1 |
 //! | `exchange` | each to the other's side and back, then both out of the picture, and back in the other order | 2 |
 
 mod bench;
 mod hand;
 mod pegs;
+mod self_test;
 mod tracing;
 
 pub(crate) use bench::slide_wobble;
 pub use hand::{Ending, Hand};
 pub(crate) use pegs::BEAD_MM;
+pub(crate) use self_test::touch_wobble;
+
+use nalgebra::Isometry3;
 
 use super::board::{Prop, Stroke};
 use super::random::Dice;
 use super::rig::{Rig, above};
 use super::skill::Skill;
+use super::world::Setup;
 
 /// A scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,11 +50,13 @@ pub enum Scenario {
     Crossing,
     /// Each to the other's side; both out of the picture, and back in the other order.
     Exchange,
+    /// A rod's end is held on corners of the printed checkerboard.
+    SelfTest,
 }
 
 impl Scenario {
     /// Every scene.
-    pub const ALL: [Scenario; 8] = [
+    pub const ALL: [Scenario; 9] = [
         Scenario::Wire,
         Scenario::Rectangle,
         Scenario::Approach,
@@ -57,6 +65,7 @@ impl Scenario {
         Scenario::Pegs,
         Scenario::Crossing,
         Scenario::Exchange,
+        Scenario::SelfTest,
     ];
 
     /// The scene of this name.
@@ -75,11 +84,13 @@ impl Scenario {
             Scenario::Pegs => "pegs",
             Scenario::Crossing => "crossing",
             Scenario::Exchange => "exchange",
+            Scenario::SelfTest => "self-test",
         }
     }
 
-    /// The scene played by hands of this skill for at least this time; the task is repeated until then.
-    pub fn play(self, rig: &Rig, skill: Skill, seed: u64, at_least_s: f64) -> Script {
+    /// The scene played in this box as the setup wants it; the task is repeated until it is long enough.
+    pub fn play(self, rig: &Rig, setup: &Setup) -> Script {
+        let Setup { skill, seed, at_least_s, .. } = *setup;
         let cast = Cast { rig, skill, seed, at_least_s };
         match self {
             Scenario::Wire => tracing::wire(&cast),
@@ -90,12 +101,13 @@ impl Scenario {
             Scenario::Pegs => pegs::pegs(&cast),
             Scenario::Crossing => bench::crossing(&cast),
             Scenario::Exchange => bench::exchange(&cast),
+            Scenario::SelfTest => self_test::self_test(&cast, setup.diameter_mm),
         }
     }
 }
 
 /// What a scene is made of.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Script {
     /// Hands with the trocar each uses (0 left, 1 right).
     pub hands: Vec<(usize, Hand)>,
@@ -105,6 +117,8 @@ pub struct Script {
     pub props: Vec<Prop>,
     /// Lines printed on the mat.
     pub strokes: Vec<Stroke>,
+    /// Where the checkerboard lies from which time on, s; board frame, none before the first.
+    pub sheets: Vec<(f64, Isometry3<f64>)>,
 }
 
 /// A bead, and where it is from which time on.

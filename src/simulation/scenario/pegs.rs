@@ -43,7 +43,7 @@ pub(super) fn pegs(cast: &Cast) -> Script {
         hand.wait(0.6);
     }
     let [left, right] = hands;
-    Script { hands: vec![(0, left), (1, right)], beads, props: peg_props(), strokes: Vec::new() }
+    Script { hands: vec![(0, left), (1, right)], beads, props: peg_props(), ..Script::default() }
 }
 
 fn beads() -> Vec<Bead> {

@@ -25,7 +25,7 @@ pub(super) fn wire(cast: &Cast) -> Script {
     });
     hand.reach(above(-46.0, 30.0, 42.0), Ending::Stop);
     hand.wait(0.6);
-    Script { hands: vec![(0, hand)], beads: Vec::new(), props: wire_props(), strokes: Vec::new() }
+    Script { hands: vec![(0, hand)], props: wire_props(), ..Script::default() }
 }
 
 fn wire_props() -> Vec<Prop> {
@@ -63,7 +63,7 @@ pub(super) fn rectangle(cast: &Cast) -> Script {
         hand.reach(above(x, 30.0, 42.0), Ending::Stop);
         hand.wait(0.6);
     }
-    Script { hands: vec![(0, left), (1, right)], beads: Vec::new(), props: Vec::new(), strokes: rectangle_strokes() }
+    Script { hands: vec![(0, left), (1, right)], strokes: rectangle_strokes(), ..Script::default() }
 }
 
 fn trace_half(hand: &mut Hand, side: f64) {
