@@ -34,6 +34,8 @@ pub fn camera_file(calibration: &Calibration, calibrated_at: &str) -> CameraFile
         "share": to_micro(calibration.coverage.share()), "corners": calibration.coverage.corners,
     });
     let more = [
+        ("board", json!(format!("{}x{}", calibration.board.columns(), calibration.board.rows()))),
+        ("square_mm", json!(calibration.board.square_mm())),
         ("rms_px", json!(to_micro(calibration.rms_px))),
         ("photos", json!(photos)),
         ("sigma", sigma),
@@ -53,7 +55,7 @@ fn to_micro(value: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::pipeline::camera::report::Sigma;
-    use crate::pipeline::camera::{Camera, PhotoReason};
+    use crate::pipeline::camera::{Board, Camera, PhotoReason};
 
     fn calibration() -> Calibration {
         let photo = |name: &str, rms_px, reason| PhotoReport { name: name.to_owned(), rms_px, reason };
@@ -72,6 +74,7 @@ mod tests {
                 p2: -0.0001,
                 k3: 0.163,
             },
+            board: Board::new(9, 6, 20.5).unwrap(),
             rms_px: 0.195_000_04,
             photos: vec![photo("a.jpg", Some(0.2), None), photo("b.jpg", Some(3.7), Some(bent))],
             sigma: Sigma { fx: 0.4, fy: 0.4, cx: 0.3, cy: 0.3, k1: 1e-3, k2: 1e-2, p1: 1e-4, p2: 1e-4, k3: 1e-1 },
@@ -82,7 +85,9 @@ mod tests {
     #[test]
     fn the_camera_survives_the_file_to_the_last_bit() {
         let file = camera_file(&calibration(), "2026-01-02T03:04:05Z");
-        assert_eq!(CameraFile::parse(&file.to_json()).unwrap().camera(), calibration().camera);
+        let again = CameraFile::parse(&file.to_json()).unwrap();
+        assert_eq!(again.camera(), calibration().camera);
+        assert_eq!(again.board(), Some(("9x6".parse().unwrap(), 20.5)), "a self-test needs no other word of the board");
     }
 
     #[test]

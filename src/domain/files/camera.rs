@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::domain::calibration::BoardSize;
 use crate::pipeline::camera::Camera;
 
 /// A camera file as it lies on disk: the camera, what a calibration says of itself, and whatever else another
@@ -92,6 +93,13 @@ impl CameraFile {
     /// RMS reprojection error of its calibration, pixels, where it says one.
     pub fn rms_px(&self) -> Option<f64> {
         self.more.get("rms_px").and_then(Value::as_f64).filter(|rms| *rms >= 0.0)
+    }
+
+    /// The board that its calibration was made with and the side of a square, mm, where it says so.
+    pub fn board(&self) -> Option<(BoardSize, f64)> {
+        let size = self.more.get("board").and_then(Value::as_str)?.parse().ok()?;
+        let square_mm = self.more.get("square_mm").and_then(Value::as_f64)?;
+        (square_mm > 0.0 && square_mm <= 1000.0).then_some((size, square_mm))
     }
 
     fn check(&self) -> Result<(), CameraFileError> {

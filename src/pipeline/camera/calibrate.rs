@@ -221,6 +221,7 @@ fn report(views: &[BoardView], points: &[Point2<f64>], board: Board, outcome: Se
     Calibration {
         coverage: Coverage::of(corners, fit.camera.width, fit.camera.height),
         camera: fit.camera,
+        board,
         rms_px: refine::rms(&all),
         photos,
         sigma: sigma(&fit),

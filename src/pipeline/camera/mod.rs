@@ -5,6 +5,8 @@
 //! ```text
 //! luma plane → checkerboard::find → corners → calibrate (initial → refine → leave out) → Calibration
 //! ```
+//!
+//! [`placed`] asks the other way round: where does a board lie before a camera that is known, and does it still know it?
 
 mod bend;
 pub mod board;
@@ -13,6 +15,7 @@ pub mod checkerboard;
 pub mod film;
 mod initial;
 pub mod model;
+pub mod placed;
 mod refine;
 pub mod report;
 #[cfg(test)]

@@ -18,6 +18,8 @@ pub struct BoardView {
 pub struct Calibration {
     /// The camera.
     pub camera: Camera,
+    /// The board on the photos.
+    pub board: Board,
     /// Root mean square distance between seen and expected corners over all used photos, px (as OpenCV counts it).
     pub rms_px: f64,
     /// Every photo that was given, in order.
