@@ -15,6 +15,7 @@
 //! | trajectory | states | [`trajectory::Trajectory`] | `trajectory.rs` | 5 |
 //! | features | trajectory | [`features::Feature`] values with units | `features/` | 6 |
 //! | quality | trajectories, counts and reasons | figures and a [`quality::Verdict`] | `quality/` | 6, 8 |
+//! | self-test | frames of a known board, trajectory | a box's traffic light | `self_test/` | 1, 8 |
 //! | score | features | place in a reference cohort | `score/` | 7 |
 
 pub mod assessment;
@@ -30,6 +31,7 @@ pub mod quality;
 pub mod reason;
 pub mod score;
 pub mod segmentation;
+pub mod self_test;
 pub mod space;
 pub mod tracker;
 pub mod trajectory;

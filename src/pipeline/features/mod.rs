@@ -9,7 +9,7 @@
 //! little was seen; sums describe what was seen, and [`time::NOT_SEEN_SHARE`] says how much was not.
 
 pub mod fit;
-mod hull;
+pub(in crate::pipeline) mod hull;
 pub mod motion;
 pub mod movement;
 mod not_enough;

@@ -1,6 +1,5 @@
 //! The gate: every figure against its limits; the worst of them is the session's.
 
-use super::limits::Better;
 use super::{Cause, Figures, ToolFigures};
 use crate::pipeline::segmentation::palette::Margin;
 
@@ -104,7 +103,7 @@ pub fn judge(figures: &Figures) -> Verdict {
     let of_session = Cause::ALL.map(|cause| (cause, None));
     let concern = |(cause, tool): (Cause, Option<&ToolFigures>)| {
         let figure = tool.map_or_else(|| of_the_session(figures, cause), |tool| of_a_tool(tool, cause))?;
-        let (severity, limit) = breach(cause, figure)?;
+        let (severity, limit) = cause.limits().breach(figure)?;
         let label = tool.and_then(|tool| nearest(tool, cause)).map(|margin| margin.nearest.clone());
         Some(Concern { cause, tool: tool.map(|tool| tool.tool.clone()), label, figure, limit, severity })
     };
@@ -115,17 +114,6 @@ pub fn judge(figures: &Figures) -> Verdict {
         Some(Severity::Care) => Verdict::UsableWithCare(concerns),
         Some(Severity::Refuse) => Verdict::Refused(concerns),
     }
-}
-
-/// What a figure does, and the limit that it breaks; one that is no number keeps none.
-fn breach(cause: Cause, figure: f64) -> Option<(Severity, f64)> {
-    let limits = cause.limits();
-    let keeps = |limit: f64| match limits.better {
-        Better::More => figure >= limit,
-        Better::Less => figure <= limit,
-    };
-    let broken = |limit: Option<f64>, severity| limit.filter(|limit| !keeps(*limit)).map(|limit| (severity, limit));
-    broken(limits.refuse, Severity::Refuse).or_else(|| broken(limits.care, Severity::Care))
 }
 
 fn of_the_session(figures: &Figures, cause: Cause) -> Option<f64> {

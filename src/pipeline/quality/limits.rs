@@ -3,7 +3,7 @@
 //! A figure is refused where the features would describe something else than the hand, however plausible they look. It
 //! asks for care where they are still the hand's, but a reader who does not know of it would read too much into them.
 
-use super::Cause;
+use super::{Cause, Severity};
 use crate::pipeline::features::{FeatureSettings, MOVEMENT_END_RATIO};
 use crate::pipeline::segmentation::palette::verdict::MARGIN_STEPS;
 
@@ -32,8 +32,21 @@ pub struct Limits {
 /// in its trocar. A camera 250 mm away has turned by 1.1° then.
 pub const MOVED_MM: f64 = 5.0;
 
-const fn at_most(care: f64, refuse: f64) -> Limits {
+/// With care beyond the first, refused beyond the second.
+pub const fn at_most(care: f64, refuse: f64) -> Limits {
     Limits { better: Better::Less, care: Some(care), refuse: Some(refuse) }
+}
+
+impl Limits {
+    /// What a figure does, and the limit that it breaks; one that is no number keeps none.
+    pub fn breach(&self, figure: f64) -> Option<(Severity, f64)> {
+        let keeps = |limit: f64| match self.better {
+            Better::More => figure >= limit,
+            Better::Less => figure <= limit,
+        };
+        let broken = |limit: Option<f64>, severity| limit.filter(|limit| !keeps(*limit)).map(|limit| (severity, limit));
+        broken(self.refuse, Severity::Refuse).or_else(|| broken(self.care, Severity::Care))
+    }
 }
 
 const fn at_least(care: f64, refuse: f64) -> Limits {

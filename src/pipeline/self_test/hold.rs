@@ -1,0 +1,70 @@
+//! Where a tool rested, and for how long.
+//!
+//! In: the smoothed path. Out: [`Hold`]s of at least [`SHORTEST_S`], in order of time. A tool rests while its smoothed speed
+//! stays below what counts as movement everywhere else; the beginning and the end of a rest are left out, where the smoother
+//! still rounds off the motion before and after.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::pipeline::features::FeatureSettings;
+use crate::pipeline::quality::quantile;
+use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
+
+/// Shortest rest that is one, s.
+const SHORTEST_S: f64 = 1.0;
+
+/// Left out at both ends of a rest, s.
+const SETTLING_S: f64 = 0.2;
+
+/// A rest in which the tool was not seen for longer than this is two, s.
+const LONGEST_GAP_S: f64 = 0.3;
+
+/// Share of a rest's frames on which the tool must have been measured, not bridged.
+const LEAST_OBSERVED: f64 = 0.5;
+
+/// A tool at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hold {
+    /// Index into the path's tools.
+    pub tool: usize,
+    /// When it came to rest, s.
+    pub from_s: f64,
+    /// When it left, s.
+    pub to_s: f64,
+    /// Mean tip in the camera frame, mm.
+    pub tip_mm: Point3<f64>,
+    /// Mean axis, from the hand to the tip.
+    pub axis: Vector3<f64>,
+    /// Median stated standard deviation across the line of sight (RMS of x and y), and of depth, mm.
+    pub sigma_mm: Option<[f64; 2]>,
+}
+
+/// All rests of all tools.
+pub(super) fn of_path(path: &Trajectory) -> Vec<Hold> {
+    let mut holds: Vec<Hold> = (0..path.tools.len()).flat_map(|tool| of_tool(path, tool)).collect();
+    holds.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+    holds
+}
+
+fn of_tool(path: &Trajectory, tool: usize) -> Vec<Hold> {
+    let samples: Vec<Sample> = path.of_tool(tool).copied().collect();
+    let at_rest_mm_s = FeatureSettings::default().movement_speed_mm_s;
+    let rests = |sample: &Sample| sample.velocity_mm_s.is_some_and(|velocity| velocity.norm() < at_rest_mm_s);
+    let together = |a: &Sample, b: &Sample| rests(a) == rests(b) && b.time_s - a.time_s <= LONGEST_GAP_S;
+    samples.chunk_by(together).filter(|run| rests(&run[0])).filter_map(of_run).collect()
+}
+
+fn of_run(run: &[Sample]) -> Option<Hold> {
+    let (from_s, to_s) = (run.first()?.time_s, run.last()?.time_s);
+    let settled = (from_s + SETTLING_S)..=(to_s - SETTLING_S);
+    let inner: Vec<&Sample> = run.iter().filter(|sample| settled.contains(&sample.time_s)).collect();
+    let observed = inner.iter().filter(|sample| sample.state == SampleState::Observed).count();
+    if to_s - from_s < SHORTEST_S || inner.is_empty() || (observed as f64) < LEAST_OBSERVED * inner.len() as f64 {
+        return None;
+    }
+    let mean = inner.iter().map(|sample| sample.tip_mm.coords).sum::<Vector3<f64>>() / inner.len() as f64;
+    let axis = inner.iter().filter_map(|sample| sample.axis).sum::<Vector3<f64>>().try_normalize(1e-9)?;
+    let median = |of: fn(&Sample) -> Option<f64>| quantile(inner.iter().filter_map(|sample| of(sample)).collect(), 0.5);
+    let sigma_mm = median(|s| s.sigma_xy_mm).zip(median(|s| s.sigma_z_mm)).map(|(across, depth)| [across, depth]);
+    Some(Hold { tool: run[0].tool, from_s, to_s, tip_mm: mean.into(), axis, sigma_mm })
+}

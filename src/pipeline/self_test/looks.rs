@@ -1,0 +1,144 @@
+//! Which frames show the whole board, and where its corners are on them.
+//!
+//! In: the luma planes of a recording, in order. Out: a bounded number of [`Look`]s. Two or three frames a second are
+//! searched while no tool is in sight, and few while one is: a board that lies still says the same on every frame, and a
+//! frame on which a tool hides a corner gives none, since the finder never guesses. A search costs as much as tracking ten
+//! frames.
+
+use crate::pipeline::camera::checkerboard::{self, BoardReason};
+use crate::pipeline::camera::placed::{PlacedBoard, locate};
+use crate::pipeline::camera::{Board, Camera};
+use crate::pipeline::frame::Frame;
+use crate::pipeline::space::Pixel;
+
+/// Time between two searches, s: a placement of 2 s is seen four times.
+const EVERY_S: f64 = 0.4;
+
+/// The same while a tool is in sight, which hides a corner nearly always, s.
+const EVERY_BEHIND_TOOL_S: f64 = 2.0;
+
+/// Searches after which every second one is left out, again and again: a longer recording costs no more than 4 minutes'.
+const MOST_SEARCHES: usize = 600;
+
+/// A frame that shows the board whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// The frame's time, s.
+    pub time_s: f64,
+    /// Its corners, in the order of [`Board::points_mm`], the rows from left to right.
+    pub corners: Vec<Pixel>,
+    /// Where it lies.
+    pub placed: PlacedBoard,
+}
+
+/// Looks for the board in a recording.
+pub struct BoardWatch {
+    board: Board,
+    camera: Camera,
+    /// Between two searches, as a multiple of what is usual.
+    stretch: f64,
+    last_s: f64,
+    searched: usize,
+    looks: Vec<Look>,
+    reason: Option<BoardReason>,
+}
+
+impl BoardWatch {
+    /// Looks for this board before this camera.
+    pub fn new(board: Board, camera: Camera) -> Self {
+        let last_s = f64::NEG_INFINITY;
+        Self { board, camera, stretch: 1.0, last_s, searched: 0, looks: Vec::new(), reason: None }
+    }
+
+    /// Looks at a frame, if it is time to; a tool may be in sight on it.
+    pub fn look(&mut self, frame: &Frame<'_>, has_tool: bool) {
+        let every_s = if has_tool { EVERY_BEHIND_TOOL_S } else { EVERY_S };
+        if frame.time_s < self.last_s + every_s * self.stretch {
+            return;
+        }
+        self.last_s = frame.time_s;
+        self.searched += 1;
+        if self.searched.is_multiple_of(MOST_SEARCHES) {
+            self.stretch *= 2.0;
+        }
+        match checkerboard::find(&frame.y, self.board) {
+            Ok(corners) => self.take(frame.time_s, corners),
+            Err(reason) => self.reason = Some(reason),
+        }
+    }
+
+    /// One that has seen these.
+    #[cfg(test)]
+    pub(super) fn that_saw(board: Board, camera: Camera, seen: Vec<(f64, Vec<Pixel>)>) -> Self {
+        let mut watch = Self::new(board, camera);
+        seen.into_iter().for_each(|(time_s, corners)| watch.take(time_s, corners));
+        watch
+    }
+
+    /// The board that is sought.
+    pub fn board(&self) -> Board {
+        self.board
+    }
+
+    /// Frames that were searched.
+    pub fn searched(&self) -> usize {
+        self.searched
+    }
+
+    /// Why the last frame that did not show the board did not.
+    pub fn last_reason(&self) -> Option<BoardReason> {
+        self.reason
+    }
+
+    /// What was seen, in order of time.
+    pub fn into_looks(self) -> Vec<Look> {
+        self.looks
+    }
+
+    fn take(&mut self, time_s: f64, corners: Vec<Pixel>) {
+        let from_left = |corners: &Vec<Pixel>| corners[self.board.columns() - 1].u() - corners[0].u();
+        let readings = readings(corners, self.board).into_iter();
+        let Some(corners) = readings.max_by(|a, b| from_left(a).total_cmp(&from_left(b))) else { return };
+        if let Some(placed) = locate(&self.camera, self.board, &corners) {
+            self.looks.push(Look { time_s, corners, placed });
+        }
+    }
+}
+
+/// The same corners in each order in which the board could be read: begun at the other end, and along the columns where
+/// it has as many of them as rows.
+pub(super) fn readings(corners: Vec<Pixel>, board: Board) -> Vec<Vec<Pixel>> {
+    let (columns, rows) = (board.columns(), board.rows());
+    let reversed = |corners: &Vec<Pixel>| corners.iter().rev().copied().collect::<Vec<_>>();
+    let mut all = vec![reversed(&corners)];
+    if columns == rows && corners.len() == columns * rows {
+        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (rows - 1 - column) * columns + row));
+        let turned: Vec<Pixel> = places.map(|place| corners[place]).collect();
+        all.extend([reversed(&turned), turned]);
+    }
+    all.push(corners);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_square_board_can_be_read_in_four_ways_that_all_keep_its_face_and_another_in_two() {
+        let grid = |columns: usize, rows: usize| -> Vec<Pixel> {
+            let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+            cells.map(|(column, row)| Pixel::new(column as f64, row as f64)).collect()
+        };
+        let handedness = |corners: &Vec<Pixel>, columns: usize| {
+            let (along, down) = (corners[1].0 - corners[0].0, corners[columns].0 - corners[0].0);
+            along.perp(&down)
+        };
+        for (columns, rows, ways) in [(4, 4, 4), (5, 3, 2)] {
+            let all = readings(grid(columns, rows), Board::new(columns, rows, 10.0).unwrap());
+            assert_eq!(all.len(), ways);
+            assert!(all.iter().all(|corners| handedness(corners, columns) == 1.0), "{all:?}");
+            assert!((1..ways).all(|i| all[i] != all[0]));
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Where the board lay still, and from when to when.
+//!
+//! In: [`Look`]s in order of time. Out: [`Placement`]s: runs of looks that agree to [`STILL_MM`]. A board that is carried
+//! agrees with itself on no two looks and makes none. The corners of a placement are the mean of its looks', which leaves a
+//! fraction of their noise.
+
+use nalgebra::{Isometry3, Point3, Vector2, Vector3};
+
+use super::looks::{Look, readings};
+use crate::pipeline::camera::placed::locate;
+use crate::pipeline::camera::{Board, Camera};
+use crate::pipeline::quality::quantile;
+use crate::pipeline::space::Pixel;
+
+/// Looks that differ by less are of a board that lies still, mean over its corners, mm. Noise moves the mean of 54
+/// corners by a few micrometres and a rod's shadow by some 20; a slip of more would count against the rod.
+const STILL_MM: f64 = 0.25;
+
+/// A board that lies still.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placement {
+    /// First look, s.
+    pub from_s: f64,
+    /// Last look, s.
+    pub to_s: f64,
+    /// Looks that agree.
+    pub looks: usize,
+    /// Pose, mm: z runs through the board, away from the camera.
+    pub camera_from_board: Isometry3<f64>,
+    /// Median over its looks of the root mean square distance of corners from where the camera should see them, px.
+    pub rms_px: f64,
+    /// Mean corners, px.
+    pub corners: Vec<Pixel>,
+}
+
+impl Placement {
+    /// Unit normal, towards the camera.
+    pub fn normal(&self) -> Vector3<f64> {
+        -(self.camera_from_board.rotation * Vector3::z())
+    }
+
+    /// An inner corner in the camera frame, mm.
+    pub fn corner_mm(&self, board: Board, index: usize) -> Point3<f64> {
+        let on_board = board.points_mm()[index];
+        self.camera_from_board * Point3::new(on_board.x, on_board.y, 0.0)
+    }
+
+    /// Was the board seen here both before and after these times?
+    pub fn spans(&self, from_s: f64, to_s: f64) -> bool {
+        self.from_s <= from_s && to_s <= self.to_s
+    }
+}
+
+/// Groups looks.
+pub(super) fn of_looks(looks: Vec<Look>, camera: &Camera, board: Board) -> Vec<Placement> {
+    let mut runs: Vec<Run> = Vec::new();
+    for look in looks {
+        match runs.last_mut() {
+            Some(run) if run.agrees(&look, camera, board) => run.looks.push(look),
+            _ => runs.push(Run { looks: vec![look] }),
+        }
+    }
+    // A single look between two that agree was a shadow or a hand; by itself it is a board that moves.
+    runs.retain(|run| run.looks.len() > 1);
+    let mut joined: Vec<Run> = Vec::new();
+    for run in runs {
+        match joined.last_mut() {
+            Some(last) if last.agrees(&run.looks[0], camera, board) => last.looks.extend(run.looks),
+            _ => joined.push(run),
+        }
+    }
+    joined.into_iter().filter_map(|run| run.placement(camera, board)).collect()
+}
+
+/// Looks that agree with the first of them.
+struct Run {
+    looks: Vec<Look>,
+}
+
+impl Run {
+    fn agrees(&self, look: &Look, camera: &Camera, board: Board) -> bool {
+        let first = &self.looks[0];
+        let mm_per_px = first.placed.camera_from_board.translation.z / camera.fx;
+        let apart = |other: &Vec<Pixel>| mean_distance_px(&first.corners, other) * mm_per_px;
+        readings(look.corners.clone(), board).iter().map(apart).fold(f64::INFINITY, f64::min) < STILL_MM
+    }
+
+    fn placement(self, camera: &Camera, board: Board) -> Option<Placement> {
+        let first = self.looks[0].corners.clone();
+        let (count, mut sums) = (self.looks.len(), vec![Vector2::zeros(); first.len()]);
+        for look in &self.looks {
+            let readings = readings(look.corners.clone(), board);
+            let like_first =
+                readings.iter().min_by(|a, b| mean_distance_px(&first, a).total_cmp(&mean_distance_px(&first, b)))?;
+            sums.iter_mut().zip(like_first).for_each(|(sum, corner)| *sum += corner.0.coords);
+        }
+        let corners: Vec<Pixel> = sums.into_iter().map(|sum| Pixel((sum / count as f64).into())).collect();
+        let placed = locate(camera, board, &corners)?;
+        Some(Placement {
+            from_s: self.looks.first()?.time_s,
+            to_s: self.looks.last()?.time_s,
+            looks: count,
+            camera_from_board: placed.camera_from_board,
+            rms_px: quantile(self.looks.iter().map(|look| look.placed.rms_px).collect(), 0.5)?,
+            corners,
+        })
+    }
+}
+
+fn mean_distance_px(a: &[Pixel], b: &[Pixel]) -> f64 {
+    a.iter().zip(b).map(|(p, q)| (p.0 - q.0).norm()).sum::<f64>() / a.len().max(1) as f64
+}

@@ -1,0 +1,215 @@
+//! Laws of the self-test on boards and paths that are known exactly: what is right is green, what is wrong is not.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::*;
+use crate::pipeline::camera::testing::wide;
+use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::tracker::{LightSample, ToolQuality};
+use crate::pipeline::trajectory::{Sample, SampleState};
+
+const RADIUS_MM: f64 = 2.5;
+const STEP_S: f64 = 0.1;
+
+fn board() -> Board {
+    Board::new(9, 6, 21.0).unwrap()
+}
+
+/// A board that lies in the box, moved sideways by so many mm.
+fn lying(aside_mm: f64) -> Isometry3<f64> {
+    Isometry3::new(Vector3::new(4.0 + aside_mm, -6.0, 230.0), Vector3::new(0.15, 0.02, 0.03))
+}
+
+/// One minute at a box: a rod is held on corners from 3 s on, 3 s for each; the board is in sight all the time.
+struct Minute {
+    /// The lens that records.
+    lens: Camera,
+    /// Where the board lies at a time, s.
+    board_at: fn(f64) -> Isometry3<f64>,
+    /// Corners that are touched.
+    touched: Vec<usize>,
+    /// From the hand to the tip.
+    axis: Vector3<f64>,
+    /// What is added to where the rod seems to be at a touch, mm.
+    error_mm: fn(usize) -> Vector3<f64>,
+}
+
+impl Default for Minute {
+    fn default() -> Self {
+        Self {
+            lens: wide(),
+            board_at: |_| lying(0.0),
+            touched: vec![10, 16, 25, 28, 37, 43],
+            axis: Vector3::new(0.5, -0.4, 0.8).normalize(),
+            error_mm: |_| Vector3::zeros(),
+        }
+    }
+}
+
+impl Minute {
+    fn findings(&self) -> Findings {
+        let last_s = 3.0 * (self.touched.len() + 2) as f64;
+        let times = |step_s: f64| (0..(last_s / step_s) as usize).map(move |i| i as f64 * step_s);
+        let watch =
+            BoardWatch::that_saw(board(), wide(), times(0.4).map(|time_s| (time_s, self.corners(time_s))).collect());
+        let smoothed = Trajectory {
+            tools: vec!["orange".into()],
+            samples: times(STEP_S).filter_map(|time_s| self.sample(time_s)).collect(),
+            frame_times_s: times(STEP_S).collect(),
+        };
+        let spec = ToolSpec {
+            name: "orange".into(),
+            colour: "orange".into(),
+            side: None,
+            diameter_mm: 2.0 * RADIUS_MM,
+            band_length_mm: None,
+        };
+        let steady = |time_s| LightSample { time_s, luma_ratio: 1.0, chroma_shift: [0.0; 2] };
+        let tool = ToolQuality { tool: "orange".into(), ..ToolQuality::default() };
+        let quality = Quality {
+            frames: smoothed.frame_times_s.len() as u64,
+            tools: vec![tool],
+            light: times(1.0).map(steady).collect(),
+        };
+        measure(
+            watch,
+            &Evidence { camera: wide(), tools: &[spec], reach_mm: 0.0, quality: &quality, smoothed: &smoothed },
+        )
+    }
+
+    fn corners(&self, time_s: f64) -> Vec<Pixel> {
+        let pose = (self.board_at)(time_s);
+        let points = board().points_mm().into_iter().map(|p| CameraPoint(pose * Point3::new(p.x, p.y, 0.0)));
+        points.map(|point| self.lens.project(point).unwrap()).collect()
+    }
+
+    /// The rod as the tracker would see it: still for 2 s of every 3.
+    fn sample(&self, time_s: f64) -> Option<Sample> {
+        let touch = (time_s / 3.0) as usize;
+        let corner = *self.touched.get(touch.checked_sub(1)?)?;
+        let pose = (self.board_at)(time_s);
+        let normal = -(pose.rotation * Vector3::z());
+        let axis = self.axis;
+        let on_board = board().points_mm()[corner];
+        let at = pose * Point3::new(on_board.x, on_board.y, 0.0);
+        let down = (axis * normal.dot(&axis) - normal).normalize();
+        let speed = if (0.4..2.5).contains(&(time_s - 3.0 * touch as f64)) { 0.3 } else { 60.0 };
+        Some(Sample {
+            frame: (time_s / STEP_S).round() as u64,
+            time_s,
+            tool: 0,
+            tip_mm: at - down * RADIUS_MM + (self.error_mm)(touch - 1),
+            velocity_mm_s: Some(Vector3::x() * speed),
+            axis: Some(axis),
+            tip_px: None,
+            sigma_xy_mm: Some(0.1),
+            sigma_z_mm: Some(0.4),
+            state: SampleState::Observed,
+        })
+    }
+}
+
+fn signal(findings: &Findings, part: Part) -> Signal {
+    let verdict = verdict::judge(findings, Some(0.1));
+    verdict.parts.iter().find(|verdict| verdict.part == part).unwrap().signal
+}
+
+fn reasons(findings: &Findings) -> Vec<Option<Unusable>> {
+    findings.touches.iter().map(|touch| touch.outcome.err()).collect()
+}
+
+#[test]
+fn a_rod_that_is_seen_where_it_touches_is_green_and_every_corner_is_named() {
+    let minute = Minute::default();
+    let findings = minute.findings();
+    let accuracy = findings.accuracy.unwrap();
+    assert!(accuracy.rms_mm < 1e-4, "{accuracy:?}");
+    assert_eq!((accuracy.touches, accuracy.inside, accuracy.stated), (6, 6, 6));
+    let named: Vec<usize> = findings.touches.iter().map(|t| t.outcome.unwrap()).map(|m| m.row * 9 + m.column).collect();
+    assert_eq!(named, minute.touched);
+    assert_eq!(
+        (signal(&findings, Part::Accuracy), signal(&findings, Part::Calibration)),
+        (Signal::Green, Signal::Green)
+    );
+    assert_eq!(findings.placements.len(), 1);
+}
+
+#[test]
+fn an_error_is_told_as_large_as_it_is_along_and_across_the_line_of_sight() {
+    let findings = Minute { error_mm: |_| Vector3::new(0.0, 0.0, 3.0), ..Minute::default() }.findings();
+    let accuracy = findings.accuracy.unwrap();
+    assert!((accuracy.rms_mm - 3.0).abs() < 1e-3 && accuracy.along_mean_mm > 2.7, "{accuracy:?}");
+    assert_eq!((accuracy.inside, signal(&findings, Part::Accuracy)), (0, Signal::Red));
+    let advice = verdict::judge(&findings, None).parts[0].advice;
+    assert!(advice.contains("same side in depth") && advice.contains("diameter"), "{advice}");
+    let yellow = Minute { error_mm: |_| Vector3::new(0.0, 0.0, 1.5), ..Minute::default() }.findings();
+    assert_eq!(signal(&yellow, Part::Accuracy), Signal::Yellow);
+}
+
+#[test]
+fn a_touch_during_which_the_board_slid_does_not_count_and_those_before_and_after_do() {
+    let slides = |time_s: f64| lying(if time_s < 10.5 { 0.0 } else { 4.0 });
+    let findings = Minute { board_at: slides, ..Minute::default() }.findings();
+    assert_eq!(reasons(&findings), [None, None, Some(Unusable::BoardMoved), None, None, None]);
+    assert!(findings.accuracy.unwrap().rms_mm < 1e-4 && findings.placements.len() == 2);
+    let said = verdict::judge(&findings, None).parts[0].finding.clone();
+    assert!(said.contains("1 not counted: the board was moved"), "{said}");
+}
+
+#[test]
+fn waiting_above_the_board_is_no_touch_even_where_a_corner_is_seen_below() {
+    let lifted = |touch: usize| {
+        let minute = Minute::default();
+        let on_board = board().points_mm()[minute.touched[touch]];
+        let corner = lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0);
+        if touch == 2 { corner.coords.normalize() * -30.0 } else { Vector3::zeros() }
+    };
+    let findings = Minute { error_mm: lifted, ..Minute::default() }.findings();
+    assert_eq!(reasons(&findings)[2], Some(Unusable::AboveBoard));
+    assert_eq!((findings.accuracy.unwrap().touches, signal(&findings, Part::Accuracy)), (5, Signal::Green));
+}
+
+#[test]
+fn a_rod_that_would_come_from_below_the_board_was_seen_the_wrong_way_round_and_does_not_count() {
+    let findings = Minute { axis: -Minute::default().axis, ..Minute::default() }.findings();
+    assert_eq!(reasons(&findings), [Some(Unusable::WrongWay); 6]);
+    assert_eq!(signal(&findings, Part::Accuracy), Signal::NotMeasured);
+}
+
+#[test]
+fn a_rest_between_corners_does_not_count_and_three_touches_are_too_few_for_a_figure() {
+    let beside = |touch: usize| if touch < 3 { Vector3::x() * 10.5 } else { Vector3::zeros() };
+    let findings = Minute { error_mm: beside, ..Minute::default() }.findings();
+    assert_eq!(reasons(&findings)[..3], [Some(Unusable::NoCornerNear); 3]);
+    assert_eq!((findings.accuracy, signal(&findings, Part::Accuracy)), (None, Signal::NotMeasured));
+    assert!(verdict::judge(&findings, None).signal >= Signal::NotMeasured, "what was not measured is never green");
+}
+
+#[test]
+fn a_lens_that_was_turned_by_three_percent_is_red_although_the_touches_agree() {
+    let turned = Camera { fx: wide().fx * 1.03, fy: wide().fy * 1.03, ..wide() };
+    let findings = Minute { lens: turned, ..Minute::default() }.findings();
+    let change = findings.focal_change.unwrap();
+    assert!((change.share - 0.03).abs() < 1e-3 && change.sigma < 1e-4, "{change:?}");
+    assert_eq!(signal(&findings, Part::Calibration), Signal::Red);
+    assert_eq!(verdict::judge(&findings, Some(0.1)).signal, Signal::Red);
+    let slightly = Camera { fx: wide().fx * 1.004, fy: wide().fy * 1.004, ..wide() };
+    assert_eq!(signal(&Minute { lens: slightly, ..Minute::default() }.findings(), Part::Calibration), Signal::Green);
+}
+
+#[test]
+fn a_minute_without_a_board_measures_neither_accuracy_nor_calibration() {
+    let mut findings = Minute::default().findings();
+    let spec: Vec<ToolSpec> = Vec::new();
+    let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new() };
+    let evidence =
+        Evidence { camera: wide(), tools: &spec, reach_mm: 0.0, quality: &Quality::default(), smoothed: &nothing };
+    let empty = measure(BoardWatch::new(board(), wide()), &evidence);
+    for part in Part::ALL {
+        assert_eq!(signal(&empty, part), Signal::NotMeasured, "{part:?}");
+    }
+    findings.exposure_drift = Some(0.5);
+    assert_eq!(signal(&findings, Part::Lighting), Signal::Red);
+    findings.exposure_drift = Some(0.2);
+    assert_eq!(signal(&findings, Part::Lighting), Signal::Yellow);
+}

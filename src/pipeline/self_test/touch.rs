@@ -1,0 +1,207 @@
+//! Rests of a tool, held against the corners of the board.
+//!
+//! In: [`Hold`]s and [`Placement`]s. Out: a [`Touch`] for each hold: the error of the point of contact in space, or why it
+//! does not count; and over all that count the [`Accuracy`]. The corner that was meant is the one that is seen next to the
+//! point of contact: in the picture an error of depth does not show, so that the choice does not flatter.
+
+use nalgebra::{Point3, Vector3};
+
+use super::contact::Rod;
+use super::hold::Hold;
+use super::limits::FEWEST_TOUCHES;
+use super::{Evidence, Placement};
+use crate::pipeline::camera::{Board, Camera};
+use crate::pipeline::evaluation::WITHIN_95;
+use crate::pipeline::features::hull;
+use crate::pipeline::quality::quantile;
+use crate::pipeline::space::CameraPoint;
+
+/// A point of contact is seen next to a corner if it is nearer than this share of a square. Half would be any corner; hands
+/// place a rod to about half a millimetre.
+const NEAR: f64 = 0.35;
+
+/// A rest whose point of contact lies farther above the board than this beyond the median of all was none on the board, mm:
+/// someone waited over it. Errors of depth that touches share do not count against each other here.
+const ABOVE_MM: f64 = 10.0;
+
+/// A rest of a tool, and what it tells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Touch {
+    /// The rest.
+    pub hold: Hold,
+    /// Its error, or why it does not count.
+    pub outcome: Result<Measured, Unusable>,
+}
+
+/// A touch that counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// On which placement, from 0.
+    pub placement: usize,
+    /// Column of the corner on the board, from 0.
+    pub column: usize,
+    /// Row of the corner on the board, from 0.
+    pub row: usize,
+    /// The corner in the camera frame, mm.
+    pub corner_mm: Point3<f64>,
+    /// Point of contact less corner, camera frame, mm.
+    pub error_mm: Vector3<f64>,
+    /// The error along the line of sight, mm; positive where the tool seems farther away than it is.
+    pub along_mm: f64,
+    /// The error across it, mm.
+    pub across_mm: f64,
+    /// Does the error lie within the tracker's stated 95 % region? `None` where it stated none.
+    pub is_inside: Option<bool>,
+    /// How far the point of contact lies above the board, mm.
+    height_mm: f64,
+}
+
+/// Why a rest does not count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unusable {
+    /// The board was not seen whole both before and after it.
+    BoardNotSeen,
+    /// The board lay elsewhere after it than before.
+    BoardMoved,
+    /// The rod would come from below the board: the tracker took the hand's end of the tape for the tip.
+    WrongWay,
+    /// No corner is near.
+    NoCornerNear,
+    /// The tool waited above the board.
+    AboveBoard,
+}
+
+impl Unusable {
+    /// Stable name for files, API and pages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Unusable::BoardNotSeen => "board_not_seen",
+            Unusable::BoardMoved => "board_moved",
+            Unusable::WrongWay => "wrong_way",
+            Unusable::NoCornerNear => "no_corner_near",
+            Unusable::AboveBoard => "above_board",
+        }
+    }
+}
+
+/// What all touches that count tell together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accuracy {
+    /// Touches that count.
+    pub touches: usize,
+    /// Root mean square of the errors in space, mm.
+    pub rms_mm: f64,
+    /// Root mean square along the line of sight, mm.
+    pub along_rms_mm: f64,
+    /// Root mean square across it, mm.
+    pub across_rms_mm: f64,
+    /// Mean along the line of sight, mm: what all share.
+    pub along_mean_mm: f64,
+    /// Largest error, mm.
+    pub largest_mm: f64,
+    /// Least and greatest depth of the touched corners, mm.
+    pub depth_mm: [f64; 2],
+    /// Share of the picture between the touched corners (their convex hull).
+    pub picture_share: f64,
+    /// Touches within the tracker's stated 95 % region.
+    pub inside: usize,
+    /// Touches for which it stated one.
+    pub stated: usize,
+}
+
+/// Holds every rest against the board.
+pub(super) fn of_holds(holds: Vec<Hold>, placements: &[Placement], board: Board, given: &Evidence<'_>) -> Vec<Touch> {
+    let touch = |hold: Hold| Touch { outcome: measured(&hold, placements, board, given), hold };
+    let mut touches: Vec<Touch> = holds.into_iter().map(touch).collect();
+    let heights = touches.iter().filter_map(|touch| Some(touch.outcome.ok()?.height_mm)).collect();
+    let usual_mm = quantile(heights, 0.5).unwrap_or(0.0);
+    for touch in &mut touches {
+        if touch.outcome.is_ok_and(|measured| measured.height_mm - usual_mm > ABOVE_MM) {
+            touch.outcome = Err(Unusable::AboveBoard);
+        }
+    }
+    touches
+}
+
+fn measured(
+    hold: &Hold,
+    placements: &[Placement],
+    board: Board,
+    Evidence { camera, tools, reach_mm, .. }: &Evidence<'_>,
+) -> Result<Measured, Unusable> {
+    let place = placements.iter().position(|placement| placement.spans(hold.from_s, hold.to_s));
+    let index = place.ok_or_else(|| why_not_spanned(hold, placements))?;
+    let placement = &placements[index];
+    let spec = tools.get(hold.tool).ok_or(Unusable::NoCornerNear)?;
+    let rod = Rod { radius_mm: 0.5 * spec.diameter_mm, reach_mm: *reach_mm };
+    let normal = placement.normal();
+    if hold.axis.dot(&normal) > 0.0 {
+        return Err(Unusable::WrongWay);
+    }
+    let contact = rod.contact(hold.tip_mm, hold.axis, normal);
+    let corner = nearest_corner(contact, placement, camera, board).ok_or(Unusable::NoCornerNear)?;
+    let corner_mm = placement.corner_mm(board, corner);
+    let (error_mm, sight) = (contact - corner_mm, corner_mm.coords.normalize());
+    let along_mm = error_mm.dot(&sight);
+    let is_inside = hold
+        .sigma_mm
+        .map(|[across, depth]| (error_mm.xy() / across).norm_squared() + (error_mm.z / depth).powi(2) <= WITHIN_95[2]);
+    Ok(Measured {
+        placement: index,
+        column: corner % board.columns(),
+        row: corner / board.columns(),
+        corner_mm,
+        error_mm,
+        along_mm,
+        across_mm: (error_mm - sight * along_mm).norm(),
+        is_inside,
+        height_mm: error_mm.dot(&normal),
+    })
+}
+
+/// The board was seen before and after, but not in one place; or not at all on one side.
+fn why_not_spanned(hold: &Hold, placements: &[Placement]) -> Unusable {
+    let before = placements.iter().any(|placement| placement.from_s <= hold.from_s);
+    let after = placements.iter().any(|placement| placement.to_s >= hold.to_s);
+    if before && after { Unusable::BoardMoved } else { Unusable::BoardNotSeen }
+}
+
+/// The corner that is seen next to a point, if it is near.
+fn nearest_corner(point: Point3<f64>, placement: &Placement, camera: &Camera, board: Board) -> Option<usize> {
+    let seen = camera.project(CameraPoint(point))?;
+    let corners: Vec<_> = (0..board.corners())
+        .map(|corner| camera.project(CameraPoint(placement.corner_mm(board, corner))))
+        .collect::<Option<_>>()?;
+    let distance = |corner: usize| (corners[corner].0 - seen.0).norm();
+    let nearest = (0..corners.len()).min_by(|a, b| distance(*a).total_cmp(&distance(*b)))?;
+    let column = nearest % board.columns();
+    let along_row = if column + 1 < board.columns() { nearest + 1 } else { nearest - 1 };
+    let along_column =
+        if nearest + board.columns() < corners.len() { nearest + board.columns() } else { nearest - board.columns() };
+    let square_px = [along_row, along_column].map(|beside| (corners[beside].0 - corners[nearest].0).norm());
+    (distance(nearest) < NEAR * square_px[0].min(square_px[1])).then_some(nearest)
+}
+
+/// Over all touches that count; `None` where they are too few.
+pub(super) fn accuracy(touches: &[Touch], camera: &Camera) -> Option<Accuracy> {
+    let all: Vec<Measured> = touches.iter().filter_map(|touch| touch.outcome.ok()).collect();
+    if all.len() < FEWEST_TOUCHES {
+        return None;
+    }
+    let count = all.len() as f64;
+    let rms = |of: fn(&Measured) -> f64| (all.iter().map(|m| of(m).powi(2)).sum::<f64>() / count).sqrt();
+    let pixels: Vec<_> = all.iter().filter_map(|m| camera.project(CameraPoint(m.corner_mm))).map(|p| p.0).collect();
+    let depths = all.iter().map(|m| m.corner_mm.z);
+    Some(Accuracy {
+        touches: all.len(),
+        rms_mm: rms(|m| m.error_mm.norm()),
+        along_rms_mm: rms(|m| m.along_mm),
+        across_rms_mm: rms(|m| m.across_mm),
+        along_mean_mm: all.iter().map(|m| m.along_mm).sum::<f64>() / count,
+        largest_mm: all.iter().map(|m| m.error_mm.norm()).fold(0.0, f64::max),
+        depth_mm: [depths.clone().fold(f64::INFINITY, f64::min), depths.fold(0.0, f64::max)],
+        picture_share: hull::area(&pixels) / f64::from(camera.width) / f64::from(camera.height),
+        inside: all.iter().filter(|m| m.is_inside == Some(true)).count(),
+        stated: all.iter().filter(|m| m.is_inside.is_some()).count(),
+    })
+}
