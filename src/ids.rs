@@ -63,6 +63,8 @@ ids! {
     CalibrationId;
     /// One version of a box's colour samples.
     PaletteId;
+    /// One self-test of a box.
+    SelfTestId;
     /// Somebody who trains.
     TraineeId;
     /// An exercise.

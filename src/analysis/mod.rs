@@ -12,6 +12,7 @@ pub mod child;
 pub mod marked;
 pub mod paths;
 pub mod protocol;
+pub mod self_test;
 
 mod attempt;
 mod diagnostics;

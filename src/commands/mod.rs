@@ -22,6 +22,7 @@ mod evaluate;
 mod palette;
 mod progress;
 mod score;
+mod self_test;
 pub mod serve;
 pub mod simulate;
 mod table;
@@ -46,6 +47,8 @@ enum Command {
     Calibrate(calibrate::Args),
     /// Find the best tape for a box, or judge the colours that were marked.
     Palette(palette::Args),
+    /// Test a box with the printed checkerboard and a taped rod: does it still measure what it should?
+    SelfTest(self_test::Args),
     /// Track the tools in a recording.
     Track(track::Args),
     /// Compute features of trajectories.
@@ -68,6 +71,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Agent(args) => agent::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Palette(args) => palette::run(args),
+        Command::SelfTest(args) => self_test::run(args),
         Command::Track(args) => track::run(args),
         Command::Score(args) => score::run(args),
         Command::Simulate(args) => simulate::run(args),

@@ -161,16 +161,31 @@ fn settings(
     marked: &AnnotationsFile,
     samples: &ColourSamples,
 ) -> Result<TrackerSettings, Failure> {
-    let mut settings = TrackerSettings::new(camera.camera(), tools(marked, &args.annotations)?, samples.clone());
+    let pose = match args.pose {
+        Pose::Planes => PoseMethod::TangentPlanes,
+        Pose::Width => PoseMethod::PinholeWidth,
+    };
+    Ok(TrackerSettings { pose, ..tracker_settings(&args.annotations, camera, marked, samples)? })
+}
+
+/// The usual settings for what is marked in this file.
+pub(super) fn tracker_settings(
+    annotations: &Path,
+    camera: &CameraFile,
+    marked: &AnnotationsFile,
+    samples: &ColourSamples,
+) -> Result<TrackerSettings, Failure> {
+    let mut settings = TrackerSettings::new(camera.camera(), tools(marked, annotations)?, samples.clone());
     settings.view = marked.view.map(|view| match view {
         annotations::View::Top => View::Top,
         annotations::View::Side => View::Side,
     });
-    settings.pose = match args.pose {
-        Pose::Planes => PoseMethod::TangentPlanes,
-        Pose::Width => PoseMethod::PinholeWidth,
-    };
     Ok(settings)
+}
+
+/// The marked colours, from the clip that the annotations name, else from the one to be tracked.
+pub(super) fn marked_samples(marked: &AnnotationsFile, file: &Path, tracked: &Path) -> Result<ColourSamples, Failure> {
+    Marks::new(marked, file, tracked).collect(&mut StageClock::start())
 }
 
 /// A line for each colour that is not good; `trocar palette --check` tells more.

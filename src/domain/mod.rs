@@ -11,6 +11,7 @@
 //! | [`task`] | an exercise's description |
 //! | [`calibration`] | a version of a box's camera |
 //! | [`palette`] | a version of a box's colour samples |
+//! | [`self_test`] | a box's traffic light |
 //! | [`blob`] | files by their content |
 //! | [`job`] | kinds and states of work, and what it is about |
 //! | [`feed`] | frames that arrive while they are recorded: records, words, numbers |
@@ -29,6 +30,7 @@ pub mod problem;
 pub mod role;
 pub mod scope;
 pub mod secret;
+pub mod self_test;
 pub mod session;
 pub mod task;
 pub mod text;

@@ -1,0 +1,70 @@
+//! A recording of a self-test, from its file to a report: tracked, and searched for the board, in one pass.
+//!
+//! The command line and the service's confined child both go through here.
+
+use crate::domain::self_test::SelfTestReport;
+use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
+use crate::pipeline::camera::Board;
+use crate::pipeline::frame::Frame;
+use crate::pipeline::self_test::{BoardWatch, Evidence, measure, verdict};
+use crate::pipeline::tracker::{MOST_REHEARSED, SettingsProblem, Tracker, TrackerSettings};
+use crate::pipeline::trajectory::Kind;
+
+/// What is asked besides the recording and what it is tracked with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Asked {
+    /// The board that lies in the box.
+    pub board: Board,
+    /// How far beyond the tape the tool's point lies, mm; 0 for a rod that ends flat where its tape ends.
+    pub reach_mm: f64,
+    /// What the stored camera's own photos left, pixels, where that is known.
+    pub calibration_rms_px: Option<f64>,
+}
+
+/// Farthest that a tool's point can lie beyond its tape, mm: jaws are 15 to 30 long.
+pub const MOST_REACH_MM: f64 = 100.0;
+
+/// Why a recording cannot be tested.
+#[derive(Debug, thiserror::Error)]
+pub enum SelfTestError {
+    /// It cannot be decoded.
+    #[error(transparent)]
+    Media(#[from] MediaError),
+    /// It cannot be tracked with these settings.
+    #[error(transparent)]
+    Settings(#[from] SettingsProblem),
+}
+
+/// Tests a box; `done` hears of each frame and, if known, how many there will be.
+///
+/// # Errors
+/// A recording that cannot be decoded, or is of another size than the camera.
+pub fn of_video(
+    video: VideoFile,
+    settings: TrackerSettings,
+    asked: Asked,
+    mut done: impl FnMut(u64, Option<u64>),
+) -> Result<SelfTestReport, SelfTestError> {
+    let info = video.info();
+    let (camera, tools) = (settings.camera, settings.tools.clone());
+    let mut ahead = ReadAhead::new(video)?;
+    let first: Vec<Frame<'_>> = ahead.first_pictures(MOST_REHEARSED)?.iter().map(Picture::frame).collect();
+    let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
+    let mut tracker = Tracker::new(settings, info.width, info.height, encoding)?;
+    tracker.rehearse(&first);
+    let mut watch = BoardWatch::new(asked.board, camera);
+    while let Some(seen) = ahead.next_picture()? {
+        let frame = seen.frame();
+        let has_tool = tracker.observe(&frame).tools.iter().any(|tool| tool.filtered.is_some());
+        watch.look(&frame, has_tool);
+        done(frame.index + 1, info.frames_expected);
+    }
+    drop(ahead);
+    let tracking = tracker.finish();
+    let smoothed = tracking.trajectory(Kind::Smoothed);
+    let evidence =
+        Evidence { camera, tools: &tools, reach_mm: asked.reach_mm, quality: &tracking.quality, smoothed: &smoothed };
+    let findings = measure(watch, &evidence);
+    let verdict = verdict::judge(&findings, asked.calibration_rms_px);
+    Ok(SelfTestReport::new(&findings, &verdict, &smoothed.tools))
+}

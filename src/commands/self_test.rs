@@ -1,0 +1,136 @@
+//! `trocar self-test`: does a box still measure what it measured when it was set up?
+//!
+//! A recording of the printed checkerboard and a taped rod that is held on its corners; a table to stdout, the same as JSON
+//! to a file. Yellow is a warning, red and *not measured* are failures.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, anyhow};
+
+use super::progress::Meter;
+use super::table::Table;
+use super::track::{about, marked_samples, open, read, tracker_settings};
+use super::{Failure, print_result};
+use crate::analysis::self_test::{Asked, MOST_REACH_MM, of_video};
+use crate::domain::files::annotations::AnnotationsFile;
+use crate::domain::files::camera::CameraFile;
+use crate::domain::self_test::{HoldReport, Light, SelfTestReport};
+use crate::pipeline::camera::Board;
+use crate::pipeline::camera::report::BoardSize;
+
+/// Arguments of `trocar self-test`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The box's camera: camera.json of `trocar calibrate`.
+    #[arg(long, value_name = "FILE")]
+    camera: PathBuf,
+    /// What an instructor marked: tape colours, tool sizes.
+    #[arg(long, value_name = "FILE")]
+    annotations: PathBuf,
+    /// Inner corners of the board, where four squares meet: COLUMNSxROWS. Without it, the board of the calibration.
+    #[arg(long, value_name = "9x6", requires = "square_mm")]
+    board: Option<BoardSize>,
+    /// Side of a square, measured on the print, mm.
+    #[arg(long, value_name = "MM", requires = "board")]
+    square_mm: Option<f64>,
+    /// How far beyond the tape the tool's point lies, mm; 0 for a rod that ends flat where its tape ends.
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = reach)]
+    reach_mm: f64,
+    /// Where to write all figures (JSON).
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// No progress on stderr.
+    #[arg(long)]
+    quiet: bool,
+    /// The recording: see docs/self_test.md.
+    video: PathBuf,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
+    let marked = AnnotationsFile::parse(&read(&args.annotations)?).map_err(|e| about(&args.annotations, e))?;
+    let board = board(&args, &camera)?;
+    let samples = marked_samples(&marked, &args.annotations, &args.video)?;
+    let settings = tracker_settings(&args.annotations, &camera, &marked, &samples)?;
+    let asked = Asked { board, reach_mm: args.reach_mm, calibration_rms_px: camera.rms_px() };
+    let (mut meter, mut frames) = (Meter::new(args.quiet), 0);
+    let report = of_video(open(&args.video)?, settings, asked, |done, of| {
+        frames = done;
+        meter.show("frames", done as usize, of.unwrap_or(done) as usize);
+    });
+    let report = report.map_err(|e| about(&args.video, e))?;
+    meter.finish(&format!("{frames} frames tracked and searched for the board"));
+    if let Some(path) = &args.out {
+        let text = serde_json::to_string_pretty(&report).context("writing JSON")? + "\n";
+        std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    print_result(&text_of(&report))?;
+    match report.light {
+        Light::Green | Light::Yellow => Ok(()),
+        Light::Red => Err(Failure::Failed(anyhow!("the box's light is red: mend it before anybody is measured"))),
+        Light::NotMeasured => Err(Failure::Failed(anyhow!("the box's light is unknown: repeat the self-test"))),
+    }
+}
+
+fn board(args: &Args, camera: &CameraFile) -> Result<Board, Failure> {
+    let given = args.board.map(|size| (size.columns, size.rows)).zip(args.square_mm);
+    let of_calibration = || camera.board().map(|(size, mm)| ((size.columns as usize, size.rows as usize), mm));
+    let ((columns, rows), square_mm) = given
+        .or_else(of_calibration)
+        .ok_or_else(|| about(&args.camera, anyhow!("names no board; say --board COLUMNSxROWS and --square-mm MM")))?;
+    Board::new(columns, rows, square_mm).map_err(Failure::input)
+}
+
+fn reach(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    let possible = value.filter(|mm| (0.0..=MOST_REACH_MM).contains(mm));
+    possible.ok_or_else(|| format!("expected a number of mm from 0 to {MOST_REACH_MM}"))
+}
+
+fn text_of(report: &SelfTestReport) -> String {
+    let mut text = format!("light: {}\n", words(report.light));
+    for part in &report.parts {
+        text += &format!("  {} {}: {}\n", part.part, words(part.light), part.finding);
+        if !part.advice.is_empty() {
+            text += &format!("    → {}\n", part.advice);
+        }
+    }
+    for (number, placement) in (1..).zip(&report.placements) {
+        text += &format!(
+            "\nboard {number}: {:.1} to {:.1} s, {:.0} mm away, {:.2} px RMS on {} frames\n",
+            placement.from_s, placement.to_s, placement.depth_mm, placement.rms_px, placement.looks
+        );
+    }
+    if !report.holds.is_empty() {
+        text += &format!("\nEvery rest of a tool, mm:\n{}", holds(&report.holds));
+    }
+    text
+}
+
+fn words(light: Light) -> String {
+    light.name().replace('_', " ")
+}
+
+fn holds(holds: &[HoldReport]) -> String {
+    let mut table = Table::new(["tool", "from s", "to s", "board", "corner", "error", "along", "across", "stated"]);
+    for hold in holds {
+        let (seconds, mm) =
+            (|s: f64| format!("{s:.1}"), |mm: Option<f64>| mm.map_or("–".into(), |mm| format!("{mm:.2}")));
+        let corner = hold.column.zip(hold.row).map(|(column, row)| format!("{column},{row}"));
+        let why = hold.not_counted.map(|why| why.name().replace('_', " "));
+        let stated = hold.inside.map_or("–", |inside| if inside { "inside" } else { "outside" });
+        table.row([
+            hold.tool.clone(),
+            seconds(hold.from_s),
+            seconds(hold.to_s),
+            hold.placement.map_or("–".into(), |n| n.to_string()),
+            corner.or(why).unwrap_or_default(),
+            mm(hold.error_mm),
+            mm(hold.along_mm),
+            mm(hold.across_mm),
+            stated.to_owned(),
+        ]);
+    }
+    table.text()
+}

@@ -1,0 +1,322 @@
+//! A box's self-test: what it found, as it is stored, sent and shown.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::calibration::BoardSize;
+use super::named;
+use crate::ids::{CalibrationId, PaletteId, PersonId};
+use crate::pipeline::self_test::{Accuracy, Findings, Part, PartVerdict, Placement, Signal, Touch, Unusable, Verdict};
+
+named! {
+    /// A traffic light.
+    Light: "light" {
+        /// As it should be.
+        Green = "green",
+        /// To be watched.
+        Yellow = "yellow",
+        /// To be mended before anybody is measured.
+        Red = "red",
+        /// It could not be told: never green.
+        NotMeasured = "not_measured",
+    }
+}
+
+named! {
+    /// What a self-test tests.
+    TestedPart: "part" {
+        /// Where the tracker sees a rod that touches a corner.
+        Accuracy = "accuracy",
+        /// Whether camera and lens are still those that were calibrated.
+        Calibration = "calibration",
+        /// Whether the tapes can be told from all else.
+        Colours = "colours",
+        /// Whether brightness and white stay.
+        Lighting = "lighting",
+    }
+}
+
+named! {
+    /// Why a rest of a tool does not count.
+    NotCounted: "reason" {
+        /// The board was not seen whole both before and after it.
+        BoardNotSeen = "board_not_seen",
+        /// The board lay elsewhere after it than before.
+        BoardMoved = "board_moved",
+        /// The rod would come from below the board: the hand's end of the tape was taken for the tip.
+        WrongWay = "wrong_way",
+        /// No corner is near.
+        NoCornerNear = "no_corner_near",
+        /// The tool waited above the board.
+        AboveBoard = "above_board",
+    }
+}
+
+/// What a self-test found. `null` where something was not measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SelfTestReport {
+    /// The worst of the parts.
+    pub light: Light,
+    /// Each part, with the figure that decided.
+    pub parts: Vec<PartReport>,
+    /// Inner corners of the board, COLUMNSxROWS.
+    #[schema(value_type = String)]
+    pub board: BoardSize,
+    /// Side of a square, mm.
+    pub square_mm: f64,
+    /// Where the board lay still, in order of time.
+    pub placements: Vec<PlacementReport>,
+    /// By how much the focal length seems to differ from the stored camera's, percent.
+    pub focal_change_percent: Option<f64>,
+    /// Standard deviation of that, percent.
+    pub focal_sigma_percent: Option<f64>,
+    /// Over all touches that count; `null` with fewer than four.
+    pub accuracy: Option<AccuracyReport>,
+    /// Every rest of a tool, in order of time.
+    pub holds: Vec<HoldReport>,
+    /// Largest change of brightness, as a share.
+    pub exposure_drift: Option<f64>,
+    /// Largest change of white, codes.
+    pub white_drift_codes: Option<f64>,
+}
+
+/// How one part stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PartReport {
+    /// Which.
+    pub part: TestedPart,
+    /// How it stands.
+    pub light: Light,
+    /// The figure that decided.
+    pub figure: Option<f64>,
+    /// The limit that it broke; of a green one, the limit that it kept.
+    pub limit: Option<f64>,
+    /// Unit of both; `1` for shares.
+    pub unit: String,
+    /// What was found, for people.
+    pub finding: String,
+    /// What to do about it; empty where there is nothing to do.
+    pub advice: String,
+}
+
+/// A board that lay still.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PlacementReport {
+    /// First frame that shows it there, s.
+    pub from_s: f64,
+    /// Last one, s.
+    pub to_s: f64,
+    /// Frames that agree.
+    pub looks: u64,
+    /// RMS distance of its corners from where the stored camera expects them, pixels.
+    pub rms_px: f64,
+    /// Depth of its middle, mm.
+    pub depth_mm: f64,
+}
+
+/// What all touches that count tell together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct AccuracyReport {
+    /// How many.
+    pub touches: u64,
+    /// Root mean square error in space, mm.
+    pub rms_mm: f64,
+    /// Along the line of sight, mm.
+    pub along_rms_mm: f64,
+    /// Across it, mm.
+    pub across_rms_mm: f64,
+    /// Mean along the line of sight, mm: what all share; positive where tools seem farther than they are.
+    pub along_mean_mm: f64,
+    /// Largest error, mm.
+    pub largest_mm: f64,
+    /// Least depth of a touched corner, mm.
+    pub nearest_mm: f64,
+    /// Greatest depth of a touched corner, mm.
+    pub farthest_mm: f64,
+    /// Share of the picture between the touched corners.
+    pub picture_share: f64,
+    /// Touches whose error lies within the 95 % region that the tracker states.
+    pub inside: u64,
+    /// Touches for which it states one.
+    pub stated: u64,
+}
+
+/// A rest of a tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct HoldReport {
+    /// The tool.
+    pub tool: String,
+    /// When it came to rest, s.
+    pub from_s: f64,
+    /// When it left, s.
+    pub to_s: f64,
+    /// On which placement of the board, from 1.
+    pub placement: Option<u64>,
+    /// Column of the corner, from 1.
+    pub column: Option<u64>,
+    /// Row of the corner, from 1.
+    pub row: Option<u64>,
+    /// Error in space, mm.
+    pub error_mm: Option<f64>,
+    /// Error along the line of sight, mm; positive where the tool seems farther than it is.
+    pub along_mm: Option<f64>,
+    /// Error across it, mm.
+    pub across_mm: Option<f64>,
+    /// Does the error lie within the 95 % region that the tracker states?
+    pub inside: Option<bool>,
+    /// Why it does not count; `null` where it does.
+    pub not_counted: Option<NotCounted>,
+}
+
+/// A self-test to be stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewSelfTest {
+    /// With which camera.
+    pub calibration: CalibrationId,
+    /// With which colours.
+    pub palette: PaletteId,
+    /// Who asked for it.
+    pub person: Option<PersonId>,
+    /// What it found.
+    pub report: SelfTestReport,
+}
+
+impl SelfTestReport {
+    /// From the pipeline's findings; `tools` are named in the tracker's order.
+    pub fn new(findings: &Findings, verdict: &Verdict, tools: &[String]) -> Self {
+        let (columns, rows) = (findings.board.columns() as u32, findings.board.rows() as u32);
+        let percent = |share: f64| 100.0 * share;
+        Self {
+            light: verdict.signal.into(),
+            parts: verdict.parts.iter().map(PartReport::from).collect(),
+            board: BoardSize { columns, rows },
+            square_mm: findings.board.square_mm(),
+            placements: findings.placements.iter().map(PlacementReport::from).collect(),
+            focal_change_percent: findings.focal_change.map(|change| percent(change.share)),
+            focal_sigma_percent: findings.focal_change.map(|change| percent(change.sigma)),
+            accuracy: findings.accuracy.as_ref().map(AccuracyReport::from),
+            holds: findings.touches.iter().map(|touch| hold(touch, tools)).collect(),
+            exposure_drift: findings.exposure_drift,
+            white_drift_codes: findings.white_drift_codes,
+        }
+    }
+
+    /// Every number that can be other than a count.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let of_part = |part: &PartReport| [part.figure, part.limit];
+        let of_placement = |p: &PlacementReport| [p.from_s, p.to_s, p.rms_px, p.depth_mm];
+        let of_accuracy = |a: &AccuracyReport| {
+            [a.rms_mm, a.along_rms_mm, a.across_rms_mm, a.along_mean_mm, a.largest_mm, a.nearest_mm, a.farthest_mm]
+                .into_iter()
+                .chain([a.picture_share])
+        };
+        let of_hold = |h: &HoldReport| [Some(h.from_s), Some(h.to_s), h.error_mm, h.along_mm, h.across_mm];
+        let own = [self.focal_change_percent, self.focal_sigma_percent, self.exposure_drift, self.white_drift_codes];
+        let optional = self.parts.iter().flat_map(of_part).chain(self.holds.iter().flat_map(of_hold)).chain(own);
+        let always = self.placements.iter().flat_map(of_placement).chain(self.accuracy.iter().flat_map(of_accuracy));
+        optional.flatten().chain(always).chain([self.square_mm])
+    }
+
+    /// Every text.
+    pub fn texts(&self) -> impl Iterator<Item = &str> {
+        let of_parts = self.parts.iter().flat_map(|part| [&part.unit, &part.finding, &part.advice]);
+        of_parts.chain(self.holds.iter().map(|hold| &hold.tool)).map(String::as_str)
+    }
+}
+
+fn hold(touch: &Touch, tools: &[String]) -> HoldReport {
+    let measured = touch.outcome.ok();
+    let from_one = |place: usize| place as u64 + 1;
+    HoldReport {
+        tool: tools.get(touch.hold.tool).cloned().unwrap_or_default(),
+        from_s: touch.hold.from_s,
+        to_s: touch.hold.to_s,
+        placement: measured.map(|m| from_one(m.placement)),
+        column: measured.map(|m| from_one(m.column)),
+        row: measured.map(|m| from_one(m.row)),
+        error_mm: measured.map(|m| m.error_mm.norm()),
+        along_mm: measured.map(|m| m.along_mm),
+        across_mm: measured.map(|m| m.across_mm),
+        inside: measured.and_then(|m| m.is_inside),
+        not_counted: touch.outcome.err().map(NotCounted::from),
+    }
+}
+
+impl From<Signal> for Light {
+    fn from(signal: Signal) -> Self {
+        match signal {
+            Signal::Green => Light::Green,
+            Signal::Yellow => Light::Yellow,
+            Signal::Red => Light::Red,
+            Signal::NotMeasured => Light::NotMeasured,
+        }
+    }
+}
+
+impl From<Part> for TestedPart {
+    fn from(part: Part) -> Self {
+        match part {
+            Part::Accuracy => TestedPart::Accuracy,
+            Part::Calibration => TestedPart::Calibration,
+            Part::Colours => TestedPart::Colours,
+            Part::Lighting => TestedPart::Lighting,
+        }
+    }
+}
+
+impl From<Unusable> for NotCounted {
+    fn from(why: Unusable) -> Self {
+        match why {
+            Unusable::BoardNotSeen => NotCounted::BoardNotSeen,
+            Unusable::BoardMoved => NotCounted::BoardMoved,
+            Unusable::WrongWay => NotCounted::WrongWay,
+            Unusable::NoCornerNear => NotCounted::NoCornerNear,
+            Unusable::AboveBoard => NotCounted::AboveBoard,
+        }
+    }
+}
+
+impl From<&PartVerdict> for PartReport {
+    fn from(PartVerdict { part, signal, figure, limit, unit, finding, advice }: &PartVerdict) -> Self {
+        Self {
+            part: (*part).into(),
+            light: (*signal).into(),
+            figure: *figure,
+            limit: *limit,
+            unit: (*unit).to_owned(),
+            finding: finding.clone(),
+            advice: (*advice).to_owned(),
+        }
+    }
+}
+
+impl From<&Placement> for PlacementReport {
+    fn from(placement: &Placement) -> Self {
+        Self {
+            from_s: placement.from_s,
+            to_s: placement.to_s,
+            looks: placement.looks as u64,
+            rms_px: placement.rms_px,
+            depth_mm: placement.camera_from_board.translation.z,
+        }
+    }
+}
+
+impl From<&Accuracy> for AccuracyReport {
+    fn from(a: &Accuracy) -> Self {
+        let [nearest_mm, farthest_mm] = a.depth_mm;
+        Self {
+            touches: a.touches as u64,
+            rms_mm: a.rms_mm,
+            along_rms_mm: a.along_rms_mm,
+            across_rms_mm: a.across_rms_mm,
+            along_mean_mm: a.along_mean_mm,
+            largest_mm: a.largest_mm,
+            nearest_mm,
+            farthest_mm,
+            picture_share: a.picture_share,
+            inside: a.inside as u64,
+            stated: a.stated as u64,
+        }
+    }
+}
