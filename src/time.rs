@@ -10,6 +10,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use jiff::Timestamp;
 use jiff::fmt::rfc2822::DateTimePrinter;
+use jiff::tz::TimeZone;
 use tokio::sync::watch;
 
 /// A clock that the whole process shares.
@@ -96,6 +97,14 @@ pub fn to_http_date(time_ms: i64) -> String {
     printed.ok().and_then(Result::ok).unwrap_or_default() // clamped: cannot fail
 }
 
+/// When the day of this time began where the machine stands, epoch milliseconds.
+pub fn day_began_ms(time_ms: i64) -> i64 {
+    const DAY_MS: i64 = 24 * 3600 * 1000;
+    let here = Timestamp::from_millisecond(time_ms).map(|time| time.to_zoned(TimeZone::system()));
+    let began = here.and_then(|here| here.start_of_day()).map(|began| began.timestamp().as_millisecond());
+    began.unwrap_or(time_ms - DAY_MS) // at the ends of time alone
+}
+
 /// RFC 3339 text with any offset, as epoch milliseconds.
 pub fn from_rfc3339(text: &str) -> Option<i64> {
     text.parse::<Timestamp>().ok().map(|t| t.as_millisecond())
@@ -117,6 +126,15 @@ mod tests {
     #[test]
     fn http_dates_are_those_of_the_standard() {
         assert_eq!(to_http_date(784_111_777_000), "Sun, 06 Nov 1994 08:49:37 GMT");
+    }
+
+    #[test]
+    fn a_day_begins_before_every_moment_of_it_and_the_next_one_after() {
+        const HOUR_MS: i64 = 3600 * 1000;
+        let began_ms = day_began_ms(1_795_292_040_123);
+        assert!((0..25 * HOUR_MS).contains(&(1_795_292_040_123 - began_ms)), "{began_ms}");
+        assert_eq!((day_began_ms(began_ms), day_began_ms(began_ms + HOUR_MS)), (began_ms, began_ms));
+        assert!(day_began_ms(began_ms - 1) < began_ms && day_began_ms(began_ms + 26 * HOUR_MS) > began_ms);
     }
 
     #[test]

@@ -3,13 +3,14 @@
 use std::fs::File;
 
 use super::protocol::{
-    BoardShape, CalibrateWork, CameraShape, FulcrumShape, MarkShape, PaletteShape, PaletteWork, SideShape, ToolShape,
+    BoardShape, CalibrateWork, CameraShape, FulcrumShape, MarkShape, PaletteShape, PaletteWork, SelfTestWork, SideShape,
+    ToolShape,
     TrackWork, ViewShape, Work,
 };
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::{LabelledRectangle, View};
-use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, TrackInput};
+use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, SelfTestInput, TrackInput};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
@@ -62,6 +63,7 @@ impl Orders {
             JobInput::Palette(input) => Work::Palette(palette(input)?),
             JobInput::Advice(_) => Work::Advise,
             JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
+            JobInput::SelfTest(input) => Work::SelfTest(self_test(input, store).await?),
         };
         Ok(Self { work, inputs, known })
     }
@@ -80,6 +82,18 @@ async fn ports(
     store: &Store,
 ) -> Result<Ports, StoreError> {
     Ok(Ports::of_sessions(&store.sessions().fulcrums(of, calibration, before, ports::MOST).await?))
+}
+
+async fn self_test(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork, WorkError> {
+    let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
+    let palette = store.palettes().get(&Scope::service(), input.palette).await?;
+    let SelfTestInput { board, square_mm, reach_mm, .. } = *input;
+    Ok(SelfTestWork {
+        track: work_with(palette, calibration.camera.camera().into(), store).await?,
+        board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
+        reach_mm,
+        calibration_rms_px: calibration.rms_px,
+    })
 }
 
 async fn work_with(palette: Palette, camera: CameraShape, store: &Store) -> Result<TrackWork, WorkError> {

@@ -12,8 +12,9 @@ use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::{CameraFile, CameraFileError};
 use crate::domain::files::quality::QualityDocument;
-use crate::domain::job::TrackInput;
+use crate::domain::job::{SelfTestInput, TrackInput};
 use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
+use crate::domain::self_test::NewSelfTest;
 use crate::domain::session::{FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{AssessmentSettings, assess};
@@ -154,6 +155,12 @@ pub(super) fn calibration(is_video: bool, heard: Heard) -> Result<NewCalibration
     let shape = heard.calibration.ok_or(ProductError::Missing("a calibration"))?;
     let source = if is_video { CalibrationSource::Video } else { CalibrationSource::Photos };
     Ok(NewCalibration { camera: CameraFile::parse(&shape.camera_json)?, source })
+}
+
+/// A self-test as a box keeps it.
+pub(super) fn self_test(input: &SelfTestInput, heard: Heard) -> Result<NewSelfTest, ProductError> {
+    let report = heard.self_test.ok_or(ProductError::Missing("a self-test"))?;
+    Ok(NewSelfTest { calibration: input.calibration, palette: input.palette, person: input.person, report })
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use super::protocol::{
 use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD};
 use crate::domain::palette::{PaletteAdvice, PaletteReport};
 use crate::domain::problem::Problem;
+use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, Limits, SourceInfo};
 use crate::pipeline::features::running::LIVE;
 use crate::pipeline::segmentation::palette::advice::TAPES;
@@ -22,6 +23,9 @@ const MAGNITUDE: f64 = 1e7;
 
 /// Most samples in a palette.
 const SAMPLES: usize = 1_000_000;
+
+/// Most parts, placements or rests of a self-test: an hour of one-second rests.
+const SELF_TEST_ROWS: usize = 4096;
 
 /// Most frames that one record of a feed can bring forth: those that a decoder keeps back, or that were rehearsed.
 const MOST_AT_A_TIME: u64 = 64;
@@ -60,6 +64,8 @@ pub struct Heard {
     pub palette_advice: Option<PaletteAdvice>,
     /// A calibration.
     pub calibration: Option<CalibrationShape>,
+    /// What a self-test found.
+    pub self_test: Option<SelfTestReport>,
     /// Frames in a recording that was put together, and how many were left out.
     pub assembled: Option<[u64; 2]>,
     /// Why the work cannot be done.
@@ -85,6 +91,7 @@ enum Kind {
     Palette,
     Advise,
     Calibrate,
+    SelfTest,
     Assemble,
     Follow,
     Demux,
@@ -114,6 +121,7 @@ impl Receipt {
             Work::Palette(_) => (Kind::Palette, 0),
             Work::Advise => (Kind::Advise, 0),
             Work::Calibrate(_) => (Kind::Calibrate, 0),
+            Work::SelfTest(_) => (Kind::SelfTest, 0),
             Work::Assemble(_) => (Kind::Assemble, 0),
             Work::Demux => (Kind::Demux, 0),
             Work::Follow(follow) => (Kind::Follow, follow.track.tools.len()),
@@ -155,6 +163,7 @@ impl Receipt {
                 self.only(&[Kind::Calibrate])?;
                 once(&mut self.heard.calibration, calibration, "calibration")?;
             }
+            Answer::SelfTest(report) => self.self_test(*report)?,
             Answer::Assembled { frames, left_out } => {
                 self.only(&[Kind::Assemble])?;
                 if frames == 0 || frames.max(left_out) > MOST_FRAMES {
@@ -318,6 +327,19 @@ impl Receipt {
             return Err("colours that cannot be".into());
         }
         once(&mut self.heard.palette, palette, "palette")
+    }
+
+    fn self_test(&mut self, report: SelfTestReport) -> Result<(), String> {
+        self.only(&[Kind::SelfTest])?;
+        let rows = [report.parts.len(), report.placements.len(), report.holds.len()];
+        let is_short = rows.into_iter().all(|rows| rows <= SELF_TEST_ROWS);
+        if !is_short
+            || !report.numbers().all(sensible)
+            || report.texts().any(|text| text.chars().count() > TEXTS[2] || text.chars().any(char::is_control))
+        {
+            return Err("a self-test that cannot be".into());
+        }
+        once(&mut self.heard.self_test, report, "self-test")
     }
 
     fn palette_report(&mut self, report: PaletteReport) -> Result<(), String> {

@@ -201,6 +201,12 @@ impl Workshop {
                 }
                 Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
             },
+            JobInput::SelfTest(input) => match product::self_test(&input, heard) {
+                Ok(new) => {
+                    Ok(held.finish(async |store, lease| store.jobs().finish_self_test(lease, new).await).await?)
+                }
+                Err(error) => Ok(held.crashed(crashed(&error.to_string())).await.map(drop)?),
+            },
             JobInput::Calibrate(input) => match product::calibration(input.is_video, heard) {
                 Ok(new) => {
                     held.finish(async |store, lease| store.jobs().finish_calibration(lease, new).await).await?;
@@ -280,13 +286,7 @@ fn run(
 fn tool_names(work: &Work) -> Vec<String> {
     match work {
         Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
-        Work::Probe
-        | Work::Palette(_)
-        | Work::Advise
-        | Work::Calibrate(_)
-        | Work::Assemble(_)
-        | Work::Follow(_)
-        | Work::Demux => Vec::new(),
+        _ => Vec::new(), // no other work's rows count tools
     }
 }
 

@@ -18,7 +18,7 @@ use super::blob::Blob;
 use super::calibration::BoardSize;
 use super::files::annotations::AnnotationsFile;
 use super::named;
-use crate::ids::{BoxId, CalibrationId, PaletteId, SessionId};
+use crate::ids::{BoxId, CalibrationId, PaletteId, PersonId, SessionId};
 
 named! {
     /// What kind of work.
@@ -29,6 +29,8 @@ named! {
         Calibrate = "calibrate",
         /// Collect a box's next colour samples from marked frames, or find out which tapes suit it.
         Palette = "palette",
+        /// Test whether a box still measures what it should.
+        SelfTest = "self_test",
     }
 }
 
@@ -60,6 +62,9 @@ pub enum JobInput {
     Palette(PaletteInput),
     /// Find out which tapes suit a box.
     Advice(AdviceInput),
+    /// Test a box.
+    #[serde(rename = "self_test")]
+    SelfTest(SelfTestInput),
 }
 
 /// A recording, and the versions it is tracked with.
@@ -117,6 +122,28 @@ pub struct AdviceInput {
     pub picture: NamedBlob,
 }
 
+/// A recording of a printed board and a rod, and the versions that it tests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SelfTestInput {
+    /// Which box.
+    #[serde(rename = "box")]
+    pub of: BoxId,
+    /// Who asks for it.
+    pub person: Option<PersonId>,
+    /// Which camera is tested.
+    pub calibration: CalibrationId,
+    /// Which colour samples are tested.
+    pub palette: PaletteId,
+    /// The board that lies in the box.
+    pub board: BoardSize,
+    /// Side of a square, mm.
+    pub square_mm: f64,
+    /// How far beyond the tape the tool's point lies, mm.
+    pub reach_mm: f64,
+    /// The recording.
+    pub file: NamedBlob,
+}
+
 /// A file that came with a request, under the name that it had there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedBlob {
@@ -133,6 +160,7 @@ impl JobInput {
             JobInput::Track(_) => JobKind::Track,
             JobInput::Calibrate(_) => JobKind::Calibrate,
             JobInput::Palette(_) | JobInput::Advice(_) => JobKind::Palette,
+            JobInput::SelfTest(_) => JobKind::SelfTest,
         }
     }
 
@@ -140,7 +168,7 @@ impl JobInput {
     pub fn session(&self) -> Option<SessionId> {
         match self {
             JobInput::Track(track) => Some(track.session),
-            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) => None,
+            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) | JobInput::SelfTest(_) => None,
         }
     }
 
@@ -151,6 +179,7 @@ impl JobInput {
             JobInput::Calibrate(calibrate) => Some(calibrate.of),
             JobInput::Palette(palette) => Some(palette.of),
             JobInput::Advice(advice) => Some(advice.of),
+            JobInput::SelfTest(test) => Some(test.of),
         }
     }
 
@@ -159,6 +188,7 @@ impl JobInput {
         match self {
             JobInput::Track(track) => vec![track.video],
             JobInput::Advice(advice) => vec![advice.picture.blob],
+            JobInput::SelfTest(test) => vec![test.file.blob],
             JobInput::Calibrate(CalibrateInput { files, .. }) | JobInput::Palette(PaletteInput { files, .. }) => {
                 files.iter().map(|file| file.blob).collect()
             }

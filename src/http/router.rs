@@ -36,6 +36,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(boxes::calibrations, boxes::calibrate))
         .routes(routes!(boxes::palette, boxes::put_palette))
         .routes(routes!(boxes::advise))
+        .routes(routes!(boxes::self_tests, boxes::test))
         .routes(routes!(feed::feed))
         .routes(routes!(push::push))
         .routes(routes!(trainees::list, trainees::create))

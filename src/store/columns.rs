@@ -12,12 +12,13 @@ use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
+use crate::domain::self_test::Light;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SessionId, TaskId,
-    TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SelfTestId, SessionId,
+    TaskId, TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.
@@ -51,9 +52,9 @@ macro_rules! as_shown {
 }
 
 as_shown! {
-    PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken
+    PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
     Name Login Code FileName Paragraphs BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light
 }
 
 as_text! {

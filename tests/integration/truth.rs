@@ -108,7 +108,8 @@ fn rms_mm(accuracy: &Accuracy) -> f64 {
 
 #[test]
 fn tools_of_every_scene_are_found_where_they_are() {
-    for scenario in Scenario::ALL {
+    // The rod of a self-test comes only after this recording's end: api/self_tests.rs has it.
+    for scenario in Scenario::ALL.into_iter().filter(|scenario| *scenario != Scenario::SelfTest) {
         let accuracy = Recording::of(scenario).judged(|_| {});
         let level = plain(&accuracy);
         eprintln!(

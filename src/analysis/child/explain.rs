@@ -2,6 +2,7 @@
 
 use crate::analysis::calibration::ViewsError;
 use crate::analysis::protocol::MarkShape;
+use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
 use crate::media::{MediaError, MuxError, SourceError};
 use crate::pipeline::camera::{BoardProblem, CalibrationProblem};
@@ -86,6 +87,15 @@ impl Explain for ViewsError {
             ViewsError::Video { source, .. } => return source.explain(),
         };
         Problem::new(slug, title, self.to_string())
+    }
+}
+
+impl Explain for SelfTestError {
+    fn explain(&self) -> Problem {
+        match self {
+            SelfTestError::Media(error) => error.explain(),
+            SelfTestError::Settings(problem) => problem.explain(),
+        }
     }
 }
 

@@ -9,6 +9,7 @@ mod palette;
 mod preview;
 mod probe;
 mod reporter;
+mod self_test;
 mod track;
 
 use std::fs::File;
@@ -89,6 +90,7 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
         }
         Work::Advise => palette::advise_on(inputs, limits, reporter),
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
+        Work::SelfTest(work) => self_test::run(work, open(inputs, limits)?, reporter),
         Work::Follow(work) => follow::run(work, inputs, limits, reporter),
         Work::Assemble(work) => assemble::run(work, inputs, reporter),
         Work::Demux => demux::run(inputs, limits, reporter),

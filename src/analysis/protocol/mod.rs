@@ -7,6 +7,7 @@
 //! palette    Confined  Recording? Alive*   Palette  PaletteReport               Done
 //! advise     Confined  PaletteAdvice                                            Done
 //! calibrate  Confined  Recording? Alive*   Calibration                          Done
+//! self-test  Confined  Alive*              SelfTest                             Done
 //! follow     Confined  (Followed | Alive)*                                      Done
 //! assemble   Confined  Alive*              Assembled                            Done
 //! demux      Confined  Stream  Coded*                                           Done
@@ -32,6 +33,7 @@ pub use shapes::{
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::palette::{PaletteAdvice, PaletteReport};
 use crate::domain::problem::Problem;
+use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, SourceInfo};
 use crate::pipeline::trajectory::Kind;
 
@@ -57,6 +59,8 @@ pub enum Work {
     Advise,
     /// Calibrate from one video, or from photos.
     Calibrate(CalibrateWork),
+    /// Test a box: the board and a rod in one recording.
+    SelfTest(SelfTestWork),
     /// Track a recording while it arrives: its log, and a pipe of places in it.
     Follow(FollowWork),
     /// Put a feed's frames together: its log in, a recording out, which is the last of the inputs and open for writing.
@@ -87,6 +91,19 @@ pub struct TrackWork {
     pub palette: PaletteShape,
     /// Camera's place.
     pub view: Option<ViewShape>,
+}
+
+/// What a self-test needs besides the recording.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct SelfTestWork {
+    /// What the recording is tracked with.
+    pub track: TrackWork,
+    /// The board that lies in the box.
+    pub board: BoardShape,
+    /// How far beyond the tape the tool's point lies, mm.
+    pub reach_mm: f64,
+    /// RMS reprojection error of the camera's calibration, pixels, where it is known.
+    pub calibration_rms_px: Option<f64>,
 }
 
 /// What collecting colours needs besides the pictures.
@@ -163,6 +180,8 @@ pub enum Answer {
     PaletteAdvice(PaletteAdvice),
     /// A calibration.
     Calibration(CalibrationShape),
+    /// What a self-test found.
+    SelfTest(Box<SelfTestReport>),
     /// A recording was put together.
     Assembled {
         /// Frames in it.

@@ -4,15 +4,17 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::protocol::{
-    CameraShape, FulcrumShape, MarginShape, PaletteWork, ReasonShape, ToolQualityShape, ToolShape, TrackWork, encode,
+    BoardShape, CameraShape, FulcrumShape, MarginShape, PaletteWork, ReasonShape, SelfTestWork, ToolQualityShape, ToolShape,
+    TrackWork, encode,
 };
 use crate::domain::feed::FrameCodec;
 use crate::domain::palette::{ConfusionRow, LightShares};
+use crate::domain::self_test::{Light, PartReport, TestedPart};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::ColourSamples;
 
-fn tracking() -> Receipt {
+fn track_work() -> TrackWork {
     let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
     let camera = Camera {
         width: 640,
@@ -27,7 +29,7 @@ fn tracking() -> Receipt {
         p2: 0.0,
         k3: 0.0,
     };
-    let work = Work::Track(TrackWork {
+    TrackWork {
         camera: CameraShape::from(camera),
         tools: vec![ToolShape {
             name: "orange".into(),
@@ -38,8 +40,11 @@ fn tracking() -> Receipt {
         }],
         palette: PaletteShape::from(&ColourSamples::new(encoding)),
         view: None,
-    });
-    Receipt::new(&work, Limits::default())
+    }
+}
+
+fn tracking() -> Receipt {
+    Receipt::new(&Work::Track(track_work()), Limits::default())
 }
 
 fn row(frame: u64, time_s: f64) -> PathRow {
@@ -231,6 +236,49 @@ fn a_report_on_colours_is_heard_once_and_only_with_numbers_that_can_be() {
     assert!(palette_hears(&[report(f64::NAN, "background")]).is_err());
     assert!(palette_hears(&[report(0.25, &"x".repeat(5000))]).is_err());
     assert!(hear(vec![Answer::PaletteReport(honest)]).is_err());
+}
+
+#[test]
+fn a_self_test_is_heard_once_and_only_with_numbers_and_texts_that_can_be() {
+    let part = |figure: f64, finding: &str| PartReport {
+        part: TestedPart::Accuracy,
+        light: Light::Green,
+        figure: Some(figure),
+        limit: None,
+        unit: "mm".into(),
+        finding: finding.into(),
+        advice: String::new(),
+    };
+    let report = |parts: Vec<PartReport>| SelfTestReport {
+        light: Light::Green,
+        parts,
+        board: "9x6".parse().unwrap(),
+        square_mm: 21.0,
+        placements: vec![],
+        focal_change_percent: None,
+        focal_sigma_percent: None,
+        accuracy: None,
+        holds: vec![],
+        exposure_drift: None,
+        white_drift_codes: None,
+    };
+    let hears = |reports: Vec<SelfTestReport>| {
+        let board = BoardShape { columns: 9, rows: 6, square_mm: 21.0 };
+        let work = SelfTestWork { track: track_work(), board, reach_mm: 0.0, calibration_rms_px: None };
+        let mut receipt = Receipt::new(&Work::SelfTest(work), Limits::default());
+        receipt.take(&encode(&Answer::Confined { landlock: true }).unwrap())?;
+        for report in reports {
+            receipt.take(&encode(&Answer::SelfTest(Box::new(report))).unwrap())?;
+        }
+        Ok::<_, String>(receipt.into_heard().self_test)
+    };
+    let honest = report(vec![part(0.6, "6 touches")]);
+    assert_eq!(hears(vec![honest.clone()]).unwrap(), Some(honest.clone()));
+    assert!(hears(vec![honest.clone(), honest.clone()]).is_err());
+    for forged in [vec![part(f64::NAN, "")], vec![part(0.6, "\u{1b}[31m")], vec![part(0.6, ""); 5000]] {
+        assert!(hears(vec![report(forged)]).is_err());
+    }
+    assert!(hear(vec![Answer::SelfTest(Box::new(honest))]).is_err(), "nobody asked for it");
 }
 
 #[test]

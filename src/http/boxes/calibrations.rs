@@ -151,7 +151,7 @@ impl Board {
     }
 }
 
-fn square(text: &str) -> Answer<f64> {
+pub(super) fn square(text: &str) -> Answer<f64> {
     let side: Option<f64> = text.trim().parse().ok();
     let possible = side.filter(|side| side.is_finite() && *side > 0.0 && *side <= 1000.0);
     possible.ok_or_else(|| Problem::invalid("square_mm", "expected a number of mm above 0 and at most 1000"))

@@ -3,11 +3,13 @@
 mod calibrations;
 mod form;
 mod palette;
+mod self_tests;
 
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use calibrations::*;
 pub use palette::*;
+pub use self_tests::*;
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -39,6 +41,8 @@ pub struct TrainingBox {
     palette: Option<i64>,
     /// The tools whose colours are known.
     tools: Vec<BoxTool>,
+    /// The light of today's last self-test; null if there was none today.
+    self_test: Option<TodaysLight>,
 }
 
 impl App {
@@ -55,6 +59,7 @@ impl App {
             created_at: Time(found.created_at_ms),
             calibration: calibration.map(Calibration::from),
             palette: palette.as_ref().map(|palette| palette.version),
+            self_test: self.light_of_today(scope, found.id).await?,
             tools: palette.map(|palette| palette.tools).unwrap_or_default(),
         })
     }

@@ -8,12 +8,13 @@ use super::super::calibrations::{self, Calibration};
 use super::super::columns::integer;
 use super::super::error::StoreResult;
 use super::super::palettes::{self, Palette};
-use super::super::{StoreError, blobs};
+use super::super::{StoreError, blobs, self_tests};
 use super::enqueue::enqueue_waiting_sessions;
 use super::lease::end_as_done;
 use super::{Jobs, Lease};
 use crate::domain::calibration::NewCalibration;
 use crate::domain::palette::{NewPalette, PaletteAdvice};
+use crate::domain::self_test::NewSelfTest;
 use crate::domain::session::{FeatureRow, NewResult};
 use crate::ids::{BoxId, ResultId, SessionId};
 
@@ -68,6 +69,21 @@ impl Jobs<'_> {
                 let palette = palettes::insert(tx, of, new, now_ms).await?;
                 enqueue_waiting_sessions(tx, of, now_ms, attempts).await?;
                 Ok(palette)
+            })
+            .await
+    }
+}
+
+impl Jobs<'_> {
+    /// Stores a box's self-test. Its recording has told all that it can, and is let go.
+    pub async fn finish_self_test(&self, held: &Lease, new: NewSelfTest) -> StoreResult<()> {
+        let of = box_of(held)?;
+        let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                end_as_done(tx, id, token, now_ms).await?;
+                sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id).execute(&mut *tx).await?;
+                self_tests::insert(tx, of, new, now_ms).await
             })
             .await
     }

@@ -111,7 +111,7 @@ macro_rules! sees_job {
 impl Jobs<'_> {
     /// Queues work about a box. The same work twice is one job: one that has failed is queued again.
     pub async fn enqueue(&self, scope: &Scope, input: JobInput) -> StoreResult<Job> {
-        require_staff(scope, "giving a box new colours or a new camera")?;
+        require_staff(scope, "giving a box new colours, a new camera or a self-test")?;
         let of = input.of_box().ok_or_else(|| StoreError::refused("a session's job is made with the session"))?;
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0

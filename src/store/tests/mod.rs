@@ -5,5 +5,6 @@ mod full_disk;
 mod isolation;
 mod queue;
 mod schema;
+mod self_tests;
 mod sign_in;
 mod writes;

@@ -9,10 +9,11 @@ use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
-const FILES: [&str; 3] = [
+const FILES: [&str; 4] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
+    include_str!("../../../migrations/0007_self_tests.sql"),
 ];
 
 /// A connection that bypasses the store's functions.

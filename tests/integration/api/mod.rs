@@ -9,6 +9,7 @@ mod nouns;
 mod playback;
 mod process;
 mod roles;
+mod self_tests;
 mod sign_in;
 mod streams;
 mod tus;

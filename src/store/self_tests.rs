@@ -1,0 +1,71 @@
+//! Self-tests of boxes, each with its traffic light: added, never changed.
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::error::{StoreResult, missing};
+use super::page::{Page, PageRequest};
+use super::visibility::{AskedBy, sees_box};
+use super::{Scope, Store};
+use crate::domain::self_test::{Light, NewSelfTest, SelfTestReport};
+use crate::ids::{BoxId, CalibrationId, PaletteId, SelfTestId};
+use crate::pipeline::PIPELINE_VERSION;
+
+/// The boxes' self-tests. New ones come from a job ([`super::Jobs::finish_self_test`]).
+pub struct SelfTests<'s>(pub(super) &'s Store);
+
+/// A self-test of a box.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct SelfTest {
+    /// Its id.
+    pub id: SelfTestId,
+    /// Of which box.
+    pub box_id: BoxId,
+    /// The camera that was tested.
+    pub calibration_id: CalibrationId,
+    /// The colours that were tested.
+    pub palette_id: PaletteId,
+    /// Name of the person who tested it, if it was one who is still there.
+    pub who: Option<String>,
+    /// The worst of its parts.
+    pub light: Light,
+    /// All figures.
+    #[sqlx(json)]
+    pub report: SelfTestReport,
+    /// When it was stored, epoch ms.
+    pub created_at_ms: i64,
+}
+
+impl SelfTests<'_> {
+    /// A box's self-tests, newest first.
+    pub async fn list(&self, scope: &Scope, of: BoxId, page: &PageRequest) -> StoreResult<Page<SelfTest>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT self_test.id, box_id, calibration_id, palette_id, person.name AS who, light, report,
+                    self_test.created_at_ms
+             FROM self_test LEFT JOIN person ON person.id = self_test.person_id
+             WHERE box_id = $3 AND ",
+            sees_box!("box_id"),
+            " AND ($4 IS NULL OR self_test.id < $4) ORDER BY self_test.id DESC LIMIT $5"
+        ));
+        let rows = rows.asked_by(scope).bind(of).bind(page.after()).bind(page.rows());
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |test: &SelfTest| test.id.to_string()))
+    }
+
+    /// The last one, if there is one since this time, epoch ms.
+    pub async fn latest_since(&self, scope: &Scope, of: BoxId, since_ms: i64) -> StoreResult<Option<SelfTest>> {
+        let latest = self.list(scope, of, &PageRequest::new(1, None)).await?.items.into_iter().next();
+        Ok(latest.filter(|test| test.created_at_ms >= since_ms))
+    }
+}
+
+/// Inserts a box's next self-test.
+pub(super) async fn insert(tx: &mut SqliteConnection, of: BoxId, new: NewSelfTest, now_ms: i64) -> StoreResult<()> {
+    let insert = sqlx::query(
+        "INSERT INTO self_test (id, box_id, calibration_id, palette_id, person_id, pipeline, light, report, created_at_ms)
+         VALUES ($1, $2, $3, $4, (SELECT id FROM person WHERE id = $5), $6, $7, $8, $9)",
+    );
+    let insert = insert.bind(SelfTestId::at(now_ms)).bind(of).bind(new.calibration).bind(new.palette).bind(new.person);
+    let insert = insert.bind(PIPELINE_VERSION).bind(new.report.light).bind(Json(new.report)).bind(now_ms);
+    insert.execute(tx).await.map_err(missing("box")).map(drop)
+}

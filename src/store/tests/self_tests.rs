@@ -1,0 +1,88 @@
+//! Self-tests of boxes: kept day by day, their recordings not.
+
+use std::time::Duration;
+
+use crate::domain::blob::Blob;
+use crate::domain::job::{JobInput, JobKind, NamedBlob, SelfTestInput};
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::self_test::{Light, NewSelfTest, SelfTestReport};
+use crate::store::PageRequest;
+use crate::store::testing::Centre;
+
+const DAY: Duration = Duration::from_secs(24 * 3600);
+
+fn report(light: Light) -> SelfTestReport {
+    SelfTestReport {
+        light,
+        parts: vec![],
+        board: "9x6".parse().unwrap(),
+        square_mm: 21.0,
+        placements: vec![],
+        focal_change_percent: None,
+        focal_sigma_percent: None,
+        accuracy: None,
+        holds: vec![],
+        exposure_drift: None,
+        white_drift_codes: None,
+    }
+}
+
+/// Sends a recording, and has it judged.
+async fn test(centre: &Centre, by: &Scope, recording: &Blob, light: Light) {
+    let (service, of) = (Scope::service(), centre.the_box.id);
+    let calibration = centre.store.calibrations().latest(&service, of).await.unwrap().unwrap().id;
+    let palette = centre.store.palettes().latest(&service, of).await.unwrap().unwrap().id;
+    let input = SelfTestInput {
+        of,
+        person: by.person(),
+        calibration,
+        palette,
+        board: "9x6".parse().unwrap(),
+        square_mm: 21.0,
+        reach_mm: 0.0,
+        file: NamedBlob { name: "test.mp4".into(), blob: *recording },
+    };
+    centre.store.jobs().enqueue(by, JobInput::SelfTest(input)).await.unwrap();
+    let lease = centre.claim().await.unwrap();
+    assert_eq!(lease.job.kind, JobKind::SelfTest);
+    assert!(!centre.store.blobs().unreferenced(9).await.unwrap().contains(&recording.hash), "it is needed until then");
+    let new = NewSelfTest { calibration, palette, person: by.person(), report: report(light) };
+    centre.store.jobs().finish_self_test(&lease, new).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_self_test_is_kept_with_who_asked_for_it_and_its_recording_is_let_go() {
+    let centre = Centre::ready().await;
+    let ines = centre.person("ines", Role::Instructor, None).await;
+    centre.person("adam", Role::Administrator, None).await;
+    let recording = Blob::of(b"a minute");
+    test(&centre, &Scope::instructor(ines.id), &recording, Light::Yellow).await;
+    let list = centre.store.self_tests().list(&Scope::service(), centre.the_box.id, &PageRequest::default()).await;
+    let [kept] = &list.unwrap().items[..] else { panic!("one test") };
+    assert_eq!((kept.light, kept.who.as_deref(), &kept.report), (Light::Yellow, Some("ines"), &report(Light::Yellow)));
+    assert_eq!(centre.store.blobs().unreferenced(9).await.unwrap(), [recording.hash]);
+    centre.store.people().delete(&Scope::service(), ines.id).await.unwrap();
+    let list = centre.store.self_tests().list(&Scope::service(), centre.the_box.id, &PageRequest::default()).await;
+    assert_eq!(list.unwrap().items[0].who, None, "the light stays when who tested it is gone");
+    centre.store.boxes().delete(&Scope::service(), &(&centre.the_box.code).into()).await.unwrap();
+    assert_eq!(centre.store.check().await.unwrap(), Vec::<String>::new());
+}
+
+#[tokio::test]
+async fn days_are_listed_from_the_newest_in_pages_and_yesterday_is_not_today() {
+    let centre = Centre::ready().await;
+    let (service, of) = (Scope::service(), centre.the_box.id);
+    for (day, light) in [Light::Green, Light::Red, Light::NotMeasured].into_iter().enumerate() {
+        test(&centre, &service, &Blob::of(&[day as u8]), light).await;
+        centre.clock.advance(DAY);
+    }
+    let first = centre.store.self_tests().list(&service, of, &PageRequest::new(2, None)).await.unwrap();
+    let second = centre.store.self_tests().list(&service, of, &PageRequest::new(2, first.next.clone())).await.unwrap();
+    let lights: Vec<Light> = first.items.iter().chain(&second.items).map(|test| test.light).collect();
+    assert_eq!((lights, second.next), (vec![Light::NotMeasured, Light::Red, Light::Green], None));
+    let last_ms = first.items[0].created_at_ms;
+    let since = async |since_ms| centre.store.self_tests().latest_since(&service, of, since_ms).await.unwrap();
+    assert_eq!(since(last_ms).await.map(|test| test.light), Some(Light::NotMeasured));
+    assert_eq!(since(last_ms + 1).await, None);
+}
