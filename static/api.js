@@ -109,6 +109,9 @@ export const api = {
     putPalette: (id, form) => call('PUT', ['boxes', id, 'palette'], { form }),
     /** Which tapes suit the box, by a picture of it: a job, which has the advice once it is done. */
     advise: (id, form) => call('POST', ['boxes', id, 'palette', 'advice'], { form }),
+    /** The latest hundred, newest first. */
+    selfTests: id => everything(['boxes', id, 'self-tests'], {}, 100),
+    selfTest: (id, form) => call('POST', ['boxes', id, 'self-tests'], { form }),
     /** Where frames go while they are recorded; record/feed.js speaks the protocol. */
     feedAddress: id => socketAddress(['boxes', id, 'feed']),
   },

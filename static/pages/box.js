@@ -1,4 +1,4 @@
-// One box: its camera and its tape colours, each with the two ways to get them.
+// One box: its camera and its tape colours, each with the two ways to get them, and whether it still measures as it should.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -8,6 +8,7 @@ import { t } from '../texts.js';
 import { CameraForms, CameraSummary } from '../parts/box_camera.js';
 import { PaletteAdvice } from '../parts/box_advice.js';
 import { PaletteForm, PaletteSummary } from '../parts/box_palette.js';
+import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/box_self_test.js';
 import { RowButtons, saveChanges, useEditing } from '../parts/managed.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { boxFields, CameraState, PaletteState } from './boxes.js';
@@ -23,12 +24,13 @@ export default function BoxPage({ person, route }) {
   } = useData(
     async signal => {
       const found = await api.boxes.get(id, signal);
-      const [camera, palettes, calibrations] = await Promise.all([
+      const [camera, palettes, calibrations, selfTests] = await Promise.all([
         found.calibration && api.boxes.camera(id),
         api.boxes.palettes(id),
         api.boxes.calibrations(id),
+        api.boxes.selfTests(id),
       ]);
-      return { ...found, camera, palettes, calibrations };
+      return { ...found, camera, palettes, calibrations, selfTests };
     },
     [id],
   );
@@ -65,6 +67,14 @@ export default function BoxPage({ person, route }) {
           <${PaletteSummary} palette=${box.palettes[0]} />
           ${mayEdit && html`<${PaletteAdvice} box=${box} />`}
           ${mayEdit && html`<${PaletteForm} box=${box} onChange=${reload} />`}
+        </div>
+      </section>
+      <section class="card">
+        <header><h2>${t.selfTest.title}</h2><${TodaysLight} test=${box.self_test} /></header>
+        <div class="body stack">
+          <${SelfTestSummary} tests=${box.selfTests} />
+          ${mayEdit && box.calibration && box.palette && html`<${SelfTestForm} box=${box} camera=${box.camera}
+            isFirst=${box.selfTests.length === 0} onChange=${reload} />`}
         </div>
       </section>
     </div>

@@ -2,8 +2,9 @@
 // without reloading, play the overlay, watch a box that sends. One scenario in steps; each step needs the ones before it.
 //
 // Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD, TROCAR_CLIP (a recording that TROCAR_BOX can score);
-// optional TROCAR_BOX, TROCAR_TRAINEE, TROCAR_TASK (names; otherwise the first of each), TROCAR_SCREENSHOTS (a folder),
-// TROCAR_CHROMIUM (/usr/bin/chromium), TROCAR_PATIENCE_S (how long a score may take, 180).
+// optional TROCAR_BOX, TROCAR_TRAINEE, TROCAR_TASK (names; otherwise the first of each), TROCAR_SELF_TEST (a recording of
+// that box's self-test with a board of 9x6 corners and 21 mm), TROCAR_SCREENSHOTS (a folder), TROCAR_CHROMIUM
+// (/usr/bin/chromium), TROCAR_PATIENCE_S (how long a score may take, 180).
 import assert from 'node:assert/strict';
 import { mkdirSync, statSync } from 'node:fs';
 import { basename, join } from 'node:path';
@@ -18,6 +19,7 @@ const url = need('TROCAR_URL').replace(/\/$/, '');
 const [login, password, clip] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD'), need('TROCAR_CLIP')];
 const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
 const shots = process.env.TROCAR_SCREENSHOTS;
+const selfTest = process.env.TROCAR_SELF_TEST;
 
 let browser;
 let page;
@@ -187,6 +189,31 @@ const excess = () =>
 
 let sender;
 let arriving;
+
+test('a box is tested on its page: its light stands there in words, with every touch', { skip: !selfTest }, async () => {
+  const { box } = await ask(`sessions/${session}`);
+  await page.goto(`${url}/boxes/${box.id}`);
+  const card = page.locator('section.card', { has: page.getByRole('heading', { name: 'Self-test', exact: true }) });
+  await card.getByText('not tested today').waitFor();
+  await card.locator('input[type=file]').setInputFiles(selfTest);
+  for (const [label, value] of [['Inner corners, across', 9], ['Inner corners, down', 6], ['Side of a square, mm', 21]])
+    await card.getByLabel(label).fill(String(value));
+  await card.getByRole('button', { name: 'Test the box' }).click();
+  await card.locator('[data-self-test]').waitFor({ timeout: patience });
+  const [told] = (await ask(`boxes/${box.id}/self-tests`)).items;
+  assert.equal(await card.locator('[data-self-test]').getAttribute('data-self-test'), told.light);
+  assert.equal(told.light, 'green', JSON.stringify(told.parts));
+  assert.match(await card.locator('header').innerText(), /green: all well/);
+  assert.equal(await card.locator('.lights li').count(), 1, 'one day so far');
+  await card.getByText(/^Every rest of the rod/).click();
+  assert.equal(await card.locator('tbody tr').count(), told.holds.length);
+  for (const look of LOOKS) {
+    await wear(look);
+    await picture(`box-tested-${look.name}`);
+    assert.ok((await excess()) <= 0, `a tested box is wider than a ${look.name}`);
+  }
+  await wear(LOOKS[0]);
+});
 
 test('a box that sends is on the wall, with the state of its tools', async () => {
   const { box, trainee, task } = await ask(`sessions/${session}`);
