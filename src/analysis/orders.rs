@@ -3,9 +3,8 @@
 use std::fs::File;
 
 use super::protocol::{
-    BoardShape, CalibrateWork, CameraShape, FulcrumShape, MarkShape, PaletteShape, PaletteWork, SelfTestWork, SideShape,
-    ToolShape,
-    TrackWork, ViewShape, Work,
+    BoardShape, CalibrateWork, CameraShape, FulcrumShape, MarkShape, PaletteShape, PaletteWork, SelfTestWork,
+    SideShape, ToolShape, TrackWork, ViewShape, Work,
 };
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;

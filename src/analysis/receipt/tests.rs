@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::protocol::{
-    BoardShape, CameraShape, FulcrumShape, MarginShape, PaletteWork, ReasonShape, SelfTestWork, ToolQualityShape, ToolShape,
-    TrackWork, encode,
+    BoardShape, CameraShape, FulcrumShape, MarginShape, PaletteWork, ReasonShape, SelfTestWork, ToolQualityShape,
+    ToolShape, TrackWork, encode,
 };
 use crate::domain::feed::FrameCodec;
 use crate::domain::palette::{ConfusionRow, LightShares};
