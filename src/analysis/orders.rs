@@ -83,6 +83,10 @@ async fn ports(
     Ok(Ports::of_sessions(&store.sessions().fulcrums(of, calibration, before, ports::MOST).await?))
 }
 
+fn shapes(ports: &Ports) -> Vec<FulcrumShape> {
+    ports.all().iter().copied().map(FulcrumShape::from).collect()
+}
+
 async fn self_test(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork, WorkError> {
     let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
     let palette = store.palettes().get(&Scope::service(), input.palette).await?;
@@ -92,6 +96,7 @@ async fn self_test(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork,
         board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
         reach_mm,
         calibration_rms_px: calibration.rms_px,
+        ports: shapes(&ports(input.of, input.calibration, None, store).await?),
     })
 }
 
@@ -128,8 +133,7 @@ pub async fn track_in(of: BoxId, store: &Store) -> Result<Result<LiveOrders, Pro
     let Some(palette) = store.palettes().latest(&scope, of).await? else {
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
     };
-    let ports = ports(of, calibration.id, None, store).await?;
-    let ports = ports.all().iter().copied().map(FulcrumShape::from).collect();
+    let ports = shapes(&ports(of, calibration.id, None, store).await?);
     Ok(match work_with(palette, calibration.camera.camera().into(), store).await {
         Ok(track) => Ok(LiveOrders { track, ports }),
         Err(WorkError::Impossible(problem)) => Err(problem),

@@ -6,12 +6,13 @@ use crate::domain::self_test::SelfTestReport;
 use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::pipeline::camera::Board;
 use crate::pipeline::frame::Frame;
+use crate::pipeline::quality::ports::Ports;
 use crate::pipeline::self_test::{BoardWatch, Evidence, measure, verdict};
 use crate::pipeline::tracker::{MOST_REHEARSED, SettingsProblem, Tracker, TrackerSettings};
 use crate::pipeline::trajectory::Kind;
 
 /// What is asked besides the recording and what it is tracked with.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Asked {
     /// The board that lies in the box.
     pub board: Board,
@@ -19,6 +20,8 @@ pub struct Asked {
     pub reach_mm: f64,
     /// What the stored camera's own photos left, pixels, where that is known.
     pub calibration_rms_px: Option<f64>,
+    /// Where trocars were in the box's sessions; none where that is not known.
+    pub ports: Ports,
 }
 
 /// Farthest that a tool's point can lie beyond its tape, mm: jaws are 15 to 30 long.
@@ -62,8 +65,14 @@ pub fn of_video(
     drop(ahead);
     let tracking = tracker.finish();
     let smoothed = tracking.trajectory(Kind::Smoothed);
-    let evidence =
-        Evidence { camera, tools: &tools, reach_mm: asked.reach_mm, quality: &tracking.quality, smoothed: &smoothed };
+    let evidence = Evidence {
+        camera,
+        tools: &tools,
+        reach_mm: asked.reach_mm,
+        quality: &tracking.quality,
+        smoothed: &smoothed,
+        ports: &asked.ports,
+    };
     let findings = measure(watch, &evidence);
     let verdict = verdict::judge(&findings, asked.calibration_rms_px);
     Ok(SelfTestReport::new(&findings, &verdict, &smoothed.tools))

@@ -17,6 +17,7 @@ use crate::domain::files::camera::CameraFile;
 use crate::domain::self_test::{HoldReport, Light, SelfTestReport};
 use crate::pipeline::camera::Board;
 use crate::pipeline::camera::report::BoardSize;
+use crate::pipeline::quality::ports::Ports;
 
 /// Arguments of `trocar self-test`.
 #[derive(clap::Args)]
@@ -53,7 +54,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let board = board(&args, &camera)?;
     let samples = marked_samples(&marked, &args.annotations, &args.video)?;
     let settings = tracker_settings(&args.annotations, &camera, &marked, &samples)?;
-    let asked = Asked { board, reach_mm: args.reach_mm, calibration_rms_px: camera.rms_px() };
+    let asked = Asked { board, reach_mm: args.reach_mm, calibration_rms_px: camera.rms_px(), ports: Ports::default() };
     let (mut meter, mut frames) = (Meter::new(args.quiet), 0);
     let report = of_video(open(&args.video)?, settings, asked, |done, of| {
         frames = done;

@@ -29,6 +29,8 @@ named! {
         Accuracy = "accuracy",
         /// Whether camera and lens are still those that were calibrated.
         Calibration = "calibration",
+        /// Whether the rod's trocar is where the box's sessions had it; only where both are known.
+        Place = "place",
         /// Whether the tapes can be told from all else.
         Colours = "colours",
         /// Whether brightness and white stay.
@@ -258,6 +260,7 @@ impl From<Part> for TestedPart {
         match part {
             Part::Accuracy => TestedPart::Accuracy,
             Part::Calibration => TestedPart::Calibration,
+            Part::Place => TestedPart::Place,
             Part::Colours => TestedPart::Colours,
             Part::Lighting => TestedPart::Lighting,
         }

@@ -679,7 +679,7 @@ export default {
     noneToday: 'not tested today',
     none: 'Never tested. A minute with the printed checkerboard and a taped rod tells whether this box still measures what it should.',
     lights: { green: 'green: all well', yellow: 'yellow: to be watched', red: 'red: to be mended', not_measured: 'not measured' },
-    parts: { accuracy: 'Accuracy', calibration: 'Calibration', colours: 'Colours', lighting: 'Light' },
+    parts: { accuracy: 'Accuracy', calibration: 'Calibration', place: 'Camera’s place', colours: 'Colours', lighting: 'Light' },
     partLight: (part, light) => `${part} – ${light}`,
     lastAt: (when, who) => `Last tested ${when}${who ? ` by ${who}` : ''}`,
     todo: 'What to do',

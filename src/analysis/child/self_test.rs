@@ -6,6 +6,8 @@ use crate::analysis::protocol::{Answer, BoardShape, SelfTestWork};
 use crate::analysis::self_test::{Asked, of_video};
 use crate::media::VideoFile;
 use crate::pipeline::camera::Board;
+use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::quality::ports::Ports;
 
 /// Frames between two signs of life.
 const FRAMES_AT_A_TIME: u64 = 32;
@@ -13,7 +15,8 @@ const FRAMES_AT_A_TIME: u64 = 32;
 pub(super) fn run(work: SelfTestWork, video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {
     let BoardShape { columns, rows, square_mm } = work.board;
     let board = Board::new(columns as usize, rows as usize, square_mm)?;
-    let asked = Asked { board, reach_mm: work.reach_mm, calibration_rms_px: work.calibration_rms_px };
+    let ports = Ports::new(work.ports.into_iter().map(Fulcrum::from).collect());
+    let asked = Asked { board, reach_mm: work.reach_mm, calibration_rms_px: work.calibration_rms_px, ports };
     let mut told = Ok(());
     let report = of_video(video, track::settings(work.track)?, asked, |done, of| {
         if told.is_ok() && done.is_multiple_of(FRAMES_AT_A_TIME) {

@@ -104,6 +104,8 @@ pub struct SelfTestWork {
     pub reach_mm: f64,
     /// RMS reprojection error of the camera's calibration, pixels, where it is known.
     pub calibration_rms_px: Option<f64>,
+    /// Where trocars were in earlier sessions.
+    pub ports: Vec<FulcrumShape>,
 }
 
 /// What collecting colours needs besides the pictures.

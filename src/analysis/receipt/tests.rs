@@ -264,7 +264,8 @@ fn a_self_test_is_heard_once_and_only_with_numbers_and_texts_that_can_be() {
     };
     let hears = |reports: Vec<SelfTestReport>| {
         let board = BoardShape { columns: 9, rows: 6, square_mm: 21.0 };
-        let work = SelfTestWork { track: track_work(), board, reach_mm: 0.0, calibration_rms_px: None };
+        let work =
+            SelfTestWork { track: track_work(), board, reach_mm: 0.0, calibration_rms_px: None, ports: Vec::new() };
         let mut receipt = Receipt::new(&Work::SelfTest(work), Limits::default());
         receipt.take(&encode(&Answer::Confined { landlock: true }).unwrap())?;
         for report in reports {

@@ -4,7 +4,7 @@
 //! by a reader who knows of it; red that they may not.
 
 use crate::pipeline::quality::Cause;
-use crate::pipeline::quality::limits::{Limits, at_most};
+use crate::pipeline::quality::limits::{Better, Limits, MOVED_MM, at_most};
 
 /// Fewest touches that make a figure: three define a plane and cannot disagree with it; six are asked for, two may fail.
 pub const FEWEST_TOUCHES: usize = 4;
@@ -34,6 +34,10 @@ pub const FOCAL_CHANGE: Limits = at_most(0.01, 0.02);
 /// A change of the focal length that is not known to this standard deviation is not judged: a board that was only seen
 /// squarely does not tell.
 pub const FOCAL_SIGMA: f64 = 0.005;
+
+/// Distance of the rod's trocar from where the box's sessions had it, mm: as for a session ([`MOVED_MM`]). Never red: what a moved
+/// camera measures is right as ever, only elsewhere.
+pub const TROCAR_MM: Limits = Limits { better: Better::Less, care: Some(MOVED_MM), refuse: None };
 
 /// Change of brightness, share. Yellow as for a session; red where colours are no longer known (0.6 to 1.6 times their
 /// light).

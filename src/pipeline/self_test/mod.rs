@@ -34,7 +34,8 @@ pub use verdict::{Part, PartVerdict, Signal, Verdict};
 use super::camera::checkerboard::BoardReason;
 use super::camera::placed::{FocalChange, focal_change};
 use super::camera::{Board, Camera};
-use super::quality::{self, Figures};
+use super::quality::ports::Ports;
+use super::quality::{self, Figures, Shift};
 use super::segmentation::palette::Apart;
 use super::tracker::{Quality, ToolSpec};
 use super::trajectory::Trajectory;
@@ -52,6 +53,8 @@ pub struct Evidence<'a> {
     pub quality: &'a Quality,
     /// Its smoothed path.
     pub smoothed: &'a Trajectory,
+    /// Where trocars were in the box's sessions; none where that is not known.
+    pub ports: &'a Ports,
 }
 
 /// What a self-test found.
@@ -71,6 +74,9 @@ pub struct Findings {
     pub touches: Vec<Touch>,
     /// Over all touches that count; `None` with fewer than [`limits::FEWEST_TOUCHES`].
     pub accuracy: Option<Accuracy>,
+    /// How far from where the box's sessions had it the rod's trocar lies: the farthest, if tools were several. `None` where
+    /// either is not known, as of a rod that is held freely.
+    pub trocar_shift: Option<Shift>,
     /// How far each tool's colour stands apart.
     pub colours: Vec<(String, Apart)>,
     /// Largest change of the picture's brightness, as a share of its median.
@@ -89,6 +95,8 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
     let touches = touch::of_holds(holds, &placements, board, evidence);
     let path = quality::Evidence::of_path(evidence.smoothed);
     let Figures { session, tools } = quality::measure(&quality::Evidence { tracker: Some(evidence.quality), ..path });
+    let fulcrums: Vec<_> = evidence.quality.tools.iter().map(|tool| tool.fulcrum).collect();
+    let shifts = evidence.ports.place(&fulcrums).tools.into_iter().flatten();
     Findings {
         board,
         searched,
@@ -97,6 +105,7 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
         accuracy: touch::accuracy(&touches, &evidence.camera),
         touches,
         placements,
+        trocar_shift: shifts.max_by(|a, b| a.mm.total_cmp(&b.mm)),
         colours: tools.into_iter().map(|tool| (tool.tool, tool.colour)).collect(),
         exposure_drift: session.exposure_drift,
         white_drift_codes: session.white_drift_codes,

@@ -1,9 +1,10 @@
 //! Laws of the self-test on boards and paths that are known exactly: what is right is green, what is wrong is not.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::*;
 use crate::pipeline::camera::testing::wide;
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tracker::{LightSample, ToolQuality};
 use crate::pipeline::trajectory::{Sample, SampleState};
@@ -13,6 +14,11 @@ const STEP_S: f64 = 0.1;
 
 fn board() -> Board {
     Board::new(9, 6, 21.0).unwrap()
+}
+
+/// A trocar that is known to half a millimetre.
+fn trocar(at: Point3<f64>) -> Fulcrum {
+    Fulcrum { at, covariance: Matrix3::identity() * 0.25 }
 }
 
 /// A board that lies in the box, moved sideways by so many mm.
@@ -32,6 +38,8 @@ struct Minute {
     axis: Vector3<f64>,
     /// What is added to where the rod seems to be at a touch, mm.
     error_mm: fn(usize) -> Vector3<f64>,
+    /// Where the rod's trocar was found, if it was.
+    trocar: Option<Point3<f64>>,
 }
 
 impl Default for Minute {
@@ -42,6 +50,7 @@ impl Default for Minute {
             touched: vec![10, 16, 25, 28, 37, 43],
             axis: Vector3::new(0.5, -0.4, 0.8).normalize(),
             error_mm: |_| Vector3::zeros(),
+            trocar: None,
         }
     }
 }
@@ -65,7 +74,7 @@ impl Minute {
             band_length_mm: None,
         };
         let steady = |time_s| LightSample { time_s, luma_ratio: 1.0, chroma_shift: [0.0; 2] };
-        let tool = ToolQuality { tool: "orange".into(), ..ToolQuality::default() };
+        let tool = ToolQuality { tool: "orange".into(), fulcrum: self.trocar.map(trocar), ..ToolQuality::default() };
         let quality = Quality {
             frames: smoothed.frame_times_s.len() as u64,
             tools: vec![tool],
@@ -73,7 +82,14 @@ impl Minute {
         };
         measure(
             watch,
-            &Evidence { camera: wide(), tools: &[spec], reach_mm: 0.0, quality: &quality, smoothed: &smoothed },
+            &Evidence {
+                camera: wide(),
+                tools: &[spec],
+                reach_mm: 0.0,
+                quality: &quality,
+                smoothed: &smoothed,
+                ports: &Ports::new(vec![trocar(Point3::new(0.0, -100.0, 120.0))]),
+            },
         )
     }
 
@@ -198,15 +214,28 @@ fn a_lens_that_was_turned_by_three_percent_is_red_although_the_touches_agree() {
 }
 
 #[test]
+fn a_trocar_that_lies_elsewhere_asks_whether_the_camera_has_moved() {
+    let part = |at: Option<Point3<f64>>| {
+        let findings = Minute { trocar: at, ..Minute::default() }.findings();
+        verdict::judge(&findings, None).parts.into_iter().find(|part| part.part == Part::Place)
+    };
+    let signal = |beside_mm: f64| part(Some(Point3::new(beside_mm, -100.0, 120.0))).unwrap().signal;
+    assert_eq!((signal(0.0), signal(4.0), signal(9.0)), (Signal::Green, Signal::Green, Signal::Yellow));
+    assert_eq!(part(None), None, "of a rod that is held freely nothing is said");
+}
+
+#[test]
 fn a_minute_without_a_board_measures_neither_accuracy_nor_calibration() {
     let mut findings = Minute::default().findings();
     let spec: Vec<ToolSpec> = Vec::new();
     let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new() };
-    let evidence =
-        Evidence { camera: wide(), tools: &spec, reach_mm: 0.0, quality: &Quality::default(), smoothed: &nothing };
+    let (quality, ports) = (&Quality::default(), &Ports::default());
+    let evidence = Evidence { camera: wide(), tools: &spec, reach_mm: 0.0, quality, smoothed: &nothing, ports };
     let empty = measure(BoardWatch::new(board(), wide()), &evidence);
-    for part in Part::ALL {
-        assert_eq!(signal(&empty, part), Signal::NotMeasured, "{part:?}");
+    let verdict = verdict::judge(&empty, None);
+    assert_eq!(verdict.parts.len(), Part::ALL.len() - 1, "a trocar that nobody knows is not spoken of");
+    for part in verdict.parts {
+        assert_eq!(part.signal, Signal::NotMeasured, "{part:?}");
     }
     findings.exposure_drift = Some(0.5);
     assert_eq!(signal(&findings, Part::Lighting), Signal::Red);

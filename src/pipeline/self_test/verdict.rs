@@ -37,6 +37,8 @@ pub enum Part {
     Accuracy,
     /// Whether camera and lens are still those that were calibrated.
     Calibration,
+    /// Whether the rod's trocar is where the box's sessions had it. Told only where both are known.
+    Place,
     /// Whether the tapes can be told from all else.
     Colours,
     /// Whether brightness and white stay.
@@ -45,13 +47,14 @@ pub enum Part {
 
 impl Part {
     /// Every part, in the order in which people should read them.
-    pub const ALL: [Part; 4] = [Part::Accuracy, Part::Calibration, Part::Colours, Part::Lighting];
+    pub const ALL: [Part; 5] = [Part::Accuracy, Part::Calibration, Part::Place, Part::Colours, Part::Lighting];
 
     /// Stable name for files, API and pages.
     pub fn name(self) -> &'static str {
         match self {
             Part::Accuracy => "accuracy",
             Part::Calibration => "calibration",
+            Part::Place => "place",
             Part::Colours => "colours",
             Part::Lighting => "lighting",
         }
@@ -82,14 +85,22 @@ pub struct PartVerdict {
 pub struct Verdict {
     /// The worst of its parts.
     pub signal: Signal,
-    /// Every part, in [`Part::ALL`]'s order.
+    /// Every part that there is something to say of, in [`Part::ALL`]'s order.
     pub parts: Vec<PartVerdict>,
 }
 
 /// Holds findings against the limits; `calibration_rms_px` is what the stored camera's own photos left, where it says so.
 pub fn judge(findings: &Findings, calibration_rms_px: Option<f64>) -> Verdict {
-    let parts =
-        vec![accuracy(findings), calibration(findings, calibration_rms_px), colours(findings), lighting(findings)];
+    let parts: Vec<PartVerdict> = [
+        Some(accuracy(findings)),
+        Some(calibration(findings, calibration_rms_px)),
+        place(findings),
+        Some(colours(findings)),
+        Some(lighting(findings)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
     let signal = parts.iter().map(|part| part.signal).max().unwrap_or(Signal::NotMeasured);
     Verdict { signal, parts }
 }
@@ -222,6 +233,20 @@ fn calibration(findings: &Findings, own_rms_px: Option<f64>) -> PartVerdict {
         let finding = format!("the board was never seen whole and still ({reason})");
         (finding, "lay the board the box was calibrated with into the picture, whole, for 3 s without a tool in sight")
     })
+}
+
+/// `None` where nobody knows, and where the shift may be its own error: a box that has no sessions yet is none the worse.
+fn place(findings: &Findings) -> Option<PartVerdict> {
+    let told = findings.trocar_shift.filter(|shift| shift.is_sure() || limits::TROCAR_MM.breach(shift.mm).is_none());
+    let check = told.map(|shift| Check {
+        figure: shift.mm,
+        limits: limits::TROCAR_MM,
+        unit: "mm",
+        finding: format!("the trocar lies {:.0} ± {:.0} mm from where sessions had it", shift.mm, shift.sigma_mm),
+        advice: "if the rod came through another port than tools do, all is well; else the camera has moved since it was \
+                 calibrated: put it back",
+    })?;
+    Some(worst(Part::Place, vec![check], Default::default))
 }
 
 fn colours(findings: &Findings) -> PartVerdict {
