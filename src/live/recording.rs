@@ -127,6 +127,7 @@ impl Feeds {
 
     /// Forgets a recording of which nothing can be shown. A sender that was only away may begin it anew.
     async fn forget(&self, feed: &Arc<Feed>, ending: Ending) -> Result<(), Farewell> {
+        let _door = self.0.open.door(feed.row.id).await;
         feed.is_gone.store(true, Ordering::Release);
         let may_come_again = matches!(ending, Ending::Abandoned { .. });
         self.0.store.feeds().forget(feed.row.id, may_come_again).await.map_err(LiveError::from)?;

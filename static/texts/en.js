@@ -77,7 +77,7 @@ export default {
     failed: 'Failed',
     quarantined: 'Set aside',
   },
-  kinds: { track: 'Tracking a recording', calibrate: 'Calibrating a camera', palette: 'Learning tape colours', self_test: 'Testing a box' },
+  kinds: { track: 'Tracking a recording', calibrate: 'Calibrating a camera', palette: 'Tape colours', self_test: 'Testing a box' },
   jobStates: { queued: 'Queued', running: 'Running', done: 'Done', failed: 'Failed', quarantined: 'Set aside' },
 
   today: {

@@ -182,12 +182,16 @@ impl EdgeModel {
     /// it is smeared.
     pub(super) fn usual_inside(&self, part: usize) -> Option<[InsideLight; 3]> {
         let mut light = self.inside[part].known()?.light;
+        /// Light of the other channels that tells how bright an end is beside the limbs, and how much it may differ.
+        const TELLS: f64 = 0.05;
+        const BRIGHTER: (f64, f64) = (0.5, 2.0);
         let overexposed = |l: &InsideLight| l.guessed > OVEREXPOSED;
         if let Some(facing) = self.facing_light().filter(|_| part >= LIMBS) {
             let told = light.iter().zip(facing).filter(|(l, _)| !overexposed(l));
             let (here, there) = told.fold((0.0, 0.0), |sum, (l, facing)| (sum.0 + l.base, sum.1 + facing));
+            let brighter = if there > TELLS { (here / there).clamp(BRIGHTER.0, BRIGHTER.1) } else { 1.0 };
             for (l, facing) in light.iter_mut().zip(facing).filter(|(l, _)| overexposed(l)) {
-                let expected = facing * here / there;
+                let expected = facing * brighter;
                 if expected > l.base {
                     (l.base, l.limb) = (expected, 0.0);
                 }

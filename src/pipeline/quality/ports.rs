@@ -31,6 +31,10 @@ const SURE: f64 = 3.76;
 /// a session that lies farther off is none that a median should have to bear.
 const ONE_PORT_MM: f64 = 25.0;
 
+/// Beyond that a tool came through another port than any that is known, mm: no port moves so far, and a camera that does is
+/// told by all tools together.
+const ANOTHER_PORT_MM: f64 = 2.0 * ONE_PORT_MM;
+
 /// A median's variance over a mean's.
 const MEDIAN_COST: f64 = std::f64::consts::FRAC_PI_2;
 
@@ -110,9 +114,13 @@ impl Ports {
         let ports = nearest(&at, &self.0.iter().map(|port| port.at).collect::<Vec<_>>());
         let pairs: Vec<Option<(Fulcrum, Fulcrum)>> =
             tools.iter().zip(ports).map(|(tool, port)| Some((self.0[port?], (*tool)?))).collect();
-        let tools = pairs.iter().map(|pair| pair.as_ref().and_then(|(port, now)| between(port, now))).collect();
-        let known: Vec<(Fulcrum, Fulcrum)> = pairs.into_iter().flatten().collect();
-        Placement { camera: camera(&known), tools }
+        let known: Vec<(Fulcrum, Fulcrum)> = pairs.iter().copied().flatten().collect();
+        let camera = camera(&known);
+        let shift = |pair: Option<(Fulcrum, Fulcrum)>| {
+            pair.and_then(|(port, now)| between(&port, &now))
+                .filter(|shift| camera.is_some() || shift.mm < ANOTHER_PORT_MM)
+        };
+        Placement { camera, tools: pairs.into_iter().map(shift).collect() }
     }
 }
 

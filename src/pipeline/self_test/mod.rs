@@ -74,7 +74,7 @@ pub struct Findings {
     pub touches: Vec<Touch>,
     /// Over all touches that count; `None` with fewer than [`limits::FEWEST_TOUCHES`].
     pub accuracy: Option<Accuracy>,
-    /// How far from where the box's sessions had it the rod's trocar lies: the farthest, if tools were several. `None` where
+    /// How far from where the box's sessions had it the rod's trocar lies: the farthest that is sure, if tools were several. `None` where
     /// either is not known, as of a rod that is held freely.
     pub trocar_shift: Option<Shift>,
     /// How far each tool's colour stands apart.
@@ -105,7 +105,7 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
         accuracy: touch::accuracy(&touches, &evidence.camera),
         touches,
         placements,
-        trocar_shift: shifts.max_by(|a, b| a.mm.total_cmp(&b.mm)),
+        trocar_shift: shifts.max_by(|a, b| a.is_sure().cmp(&b.is_sure()).then(a.mm.total_cmp(&b.mm))),
         colours: tools.into_iter().map(|tool| (tool.tool, tool.colour)).collect(),
         exposure_drift: session.exposure_drift,
         white_drift_codes: session.white_drift_codes,

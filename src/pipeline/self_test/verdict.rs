@@ -260,7 +260,10 @@ fn colours(findings: &Findings) -> PartVerdict {
                 figure: margin.margin_steps,
                 limits: cause.limits(),
                 unit: "steps",
-                finding: format!("{tool}: its colour is {:.1} steps from `{}`", margin.margin_steps, margin.nearest),
+                finding: format!(
+                    "{tool}: as it was marked, its colour is {:.1} steps from `{}`",
+                    margin.margin_steps, margin.nearest
+                ),
                 advice: OTHER_TAPE,
             })
         })

@@ -54,6 +54,7 @@ impl Jobs<'_> {
                 end_as_done(tx, id, token, now_ms).await?;
                 let update = sqlx::query("UPDATE job SET advice = $2 WHERE id = $1").bind(id).bind(Json(advice));
                 update.execute(&mut *tx).await?;
+                sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id).execute(&mut *tx).await?; // asked for no more
                 Ok(())
             })
             .await

@@ -114,3 +114,12 @@ fn a_covariance_that_is_none_tells_nothing() {
     let forged = Fulcrum { at: LEFT + Vector3::x() * 40.0, covariance: Matrix3::identity() * -9.0 };
     assert_eq!(ports.place(&[Some(forged), None]).tools, [None, None]);
 }
+
+#[test]
+fn a_tool_through_a_port_that_is_not_known_has_not_moved_the_one_that_is() {
+    let mut dice = Dice::new(5, "one-handed sessions");
+    let before: Vec<Vec<Fulcrum>> = (0..FEWEST).map(|_| session(&[LEFT], &mut dice)).collect();
+    let now = session(&[RIGHT], &mut dice);
+    let placed = Ports::of_sessions(&before).place(&[Some(now[0])]);
+    assert_eq!(placed, Placement { camera: None, tools: vec![None] });
+}
