@@ -187,7 +187,7 @@ impl Feeds {
         let (id, in_box) = (new.id, new.in_box);
         // Held from the epoch to the entry, so that of two hellos the one with the higher epoch is entered last.
         let _door = self.0.open.door(id).await;
-        let open = self.0.open.all.lock().await;
+        let mut open = self.0.open.all.lock().await;
         check_free(&open, in_box, Some(id))?;
         if open.get(&id).is_some_and(|feed| feed.is_finishing.load(Ordering::Acquire)) {
             return Err(Farewell::new(Code::Busy, "the recording is being put together: come again"));
@@ -211,10 +211,15 @@ impl Feeds {
         if let Some(feed) = open.get(&id) {
             return begin(feed.clone());
         }
-        drop(open);
-        let feed = self.enter(row).await?;
-        let mut open = self.0.open.all.lock().await;
-        check_free(&open, in_box, Some(id))?; // another may have come meanwhile
+        let feed = if epoch == 1 {
+            self.enter(row).await? // there is no log to be read yet, and nobody else shall find the box free
+        } else {
+            drop(open);
+            let feed = self.enter(row).await?;
+            open = self.0.open.all.lock().await;
+            check_free(&open, in_box, Some(id))?; // another may have come meanwhile
+            feed
+        };
         open.insert(id, feed.clone());
         begin(feed)
     }
