@@ -3,13 +3,19 @@
 //! A body at one byte a second passes a timeout that starts anew with every frame. Here each byte earns time, waiting
 //! spends it, and what is saved never exceeds the grace: a fast start does not buy a long stall. Only time in which we
 //! wait for the client counts, so a slow disk of ours never ends an upload.
+//!
+//! An answer that comes before the body's end says that the connection closes: unsaid, a client would put its next
+//! request on a connection that is already going away.
 
 use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
+use axum::http::{HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use hyper::body::{Body as HttpBody, Frame, SizeHint};
@@ -17,9 +23,19 @@ use tokio::time::{Instant, Sleep};
 
 use super::settings::HttpSettings;
 
-/// Middleware: puts every request's body under the minimum rate.
+/// Middleware: puts every request's body under the minimum rate, and says so where an answer leaves it unread.
 pub async fn keep_pace(State(pace): State<Pace>, request: Request, next: Next) -> Response {
-    next.run(request.map(|body| Body::new(PacedBody::new(body, pace)))).await
+    let mut read = Arc::default();
+    let request = request.map(|body| {
+        let paced = PacedBody::new(body, pace);
+        read = paced.read.clone();
+        Body::new(paced)
+    });
+    let mut response = next.run(request).await;
+    if !read.load(Ordering::Relaxed) {
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
 }
 
 /// How slow a body may be.
@@ -70,12 +86,15 @@ pub struct PacedBody<B> {
     credit: Credit,
     /// Since when we wait for the client, and the alarm at the end of its credit.
     waiting: Option<(Instant, Pin<Box<Sleep>>)>,
+    /// Whether its end has come.
+    read: Arc<AtomicBool>,
 }
 
-impl<B> PacedBody<B> {
+impl<B: HttpBody> PacedBody<B> {
     /// Puts `body` under `pace`.
     pub fn new(body: B, pace: Pace) -> Self {
-        Self { body, credit: Credit::new(pace), waiting: None }
+        let read = Arc::new(AtomicBool::new(body.is_end_stream()));
+        Self { body, credit: Credit::new(pace), waiting: None, read }
     }
 
     fn received(&mut self, bytes: usize) {
@@ -97,6 +116,7 @@ where
         let this = &mut *self;
         if let Poll::Ready(frame) = Pin::new(&mut this.body).poll_frame(cx) {
             this.received(bytes_in(&frame));
+            this.read.fetch_or(frame.is_none() || this.body.is_end_stream(), Ordering::Relaxed);
             return Poll::Ready(frame);
         }
         let left = this.credit.left;

@@ -234,7 +234,9 @@ async fn who_may_not_push_or_names_nobody_is_told_before_the_stream_is_read() {
     ];
     for (client, path, status, slug) in refused {
         let pushing = Pushing::begin(client.request(Method::PUT, &path)); // not a byte of the body
-        problem(pushing.answered().await, status, slug).await;
+        let answer = pushing.answered().await;
+        assert_eq!(answer.headers()["connection"], "close", "or its next request meets a connection that goes away");
+        problem(answer, status, slug).await;
     }
 }
 
