@@ -26,8 +26,9 @@ use crate::live::{Connected, Connection};
 
 /// Longest word, bytes.
 const MOST_WORD: usize = 8192;
-/// What one read of the socket takes at most; a thousand connections of the default would take 134 MB.
-const READ_BYTES: usize = 4096;
+/// What one read of the socket takes at most: a frame of 8 Mbit/s and more. Much less is a system call for each few
+/// kilobytes; each of the boxes that may send at a time has so much memory of its own.
+const READ_BYTES: usize = 64 << 10;
 /// How long a sender may take to hear the last words.
 const LAST_WORDS: Duration = Duration::from_secs(5);
 /// How long a hello may take to come.

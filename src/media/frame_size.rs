@@ -33,8 +33,20 @@ fn jpeg_size(mut bytes: &[u8]) -> Option<(u32, u32)> {
     }
 }
 
-/// From the sequence parameter set, by FFmpeg's parser.
+/// Does a sequence parameter set come before the frame's first slice? Behind that the parser does not look either. What a
+/// unit is says the byte behind its start code (ITU-T H.264, B.1 and table 7-1).
+fn says_its_size(frame: &[u8]) -> bool {
+    const SLICES: [u8; 2] = [1, 5];
+    const PARAMETERS: u8 = 7;
+    let units = frame.windows(4).filter(|bytes| bytes.starts_with(&[0, 0, 1])).map(|bytes| bytes[3] & 0x1f);
+    units.take_while(|unit| !SLICES.contains(unit)).any(|unit| unit == PARAMETERS)
+}
+
+/// From the sequence parameter set, by FFmpeg's parser. Most frames have none, and need no parser to be made.
 fn h264_size(frame: &[u8]) -> Option<(u32, u32)> {
+    if !says_its_size(frame) {
+        return None;
+    }
     let length = i32::try_from(frame.len()).ok()?;
     let mut padded = frame.to_vec();
     padded.resize(frame.len() + ffi::AV_INPUT_BUFFER_PADDING_SIZE as usize, 0);
@@ -81,6 +93,14 @@ mod tests {
     fn a_jpeg_says_its_size() {
         assert_eq!(frame_size(FrameCodec::Jpeg, &jpeg(321, 47)), Some((321, 47)));
         assert_eq!(frame_size(FrameCodec::Jpeg, &jpeg(321, 47)[..20]), None);
+    }
+
+    #[test]
+    fn a_frame_of_h264_says_its_size_before_its_first_slice_or_not_at_all() {
+        let (delimiter, parameters, slice) = ([0, 0, 1, 9, 0xf0], [0, 0, 1, 0x67, 0x42], [0, 0, 1, 0x65, 0x88]);
+        assert!(says_its_size(&[delimiter, parameters, slice].concat()));
+        assert!(!says_its_size(&[delimiter, slice, parameters].concat()));
+        assert!(!says_its_size(&delimiter[..3]));
     }
 
     proptest! {

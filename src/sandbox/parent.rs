@@ -22,6 +22,16 @@ use super::outcome::{self, Cost, Ended, Limit, Outcome};
 use super::record::{RecordError, Splitter};
 use super::stop::Stop;
 
+/// Bytes of records that are read at a time.
+const READ_BYTES: usize = 1 << 16;
+
+/// Between two looks at a child's memory, once it is older than [`YOUNG`]: a look takes several system calls, and what is looked
+/// for only grows.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// A child that lives no longer than this is looked at with each record, for none may come later.
+const YOUNG: Duration = Duration::from_secs(1);
+
 /// Bytes of standard error that are kept, from its end.
 const STDERR_TAIL: usize = 4096;
 
@@ -82,10 +92,12 @@ struct Running {
     request: Option<Outgoing>,
     stdout: Option<ChildStdout>,
     stderr: Option<ChildStderr>,
+    buffer: Box<[u8]>,
     splitter: Splitter,
     tail: Vec<u8>,
     output_bytes: u64,
     peak_rss_bytes: u64,
+    looked: Option<Instant>,
     started: Instant,
     last_record: Instant,
 }
@@ -124,10 +136,12 @@ impl Running {
             request: Some(Outgoing::new(ours, order.request, order.inputs, budget)),
             stdout: child.stdout.take(),
             stderr: child.stderr.take(),
+            buffer: vec![0; READ_BYTES].into(),
             splitter: Splitter::new(budget.record_bytes, budget.output_bytes),
             tail: Vec::new(),
             output_bytes: 0,
             peak_rss_bytes: 0,
+            looked: None,
             started,
             last_record: started,
         })
@@ -209,6 +223,11 @@ impl Running {
     /// The bill at the end names the *parent's* peak if that is higher (it is carried over `exec`), so the child's own is
     /// read while it lives; at its last word it has not ended yet.
     fn look_at_memory(&mut self) {
+        let is_young = self.started.elapsed() < YOUNG;
+        if !is_young && self.looked.is_some_and(|looked| looked.elapsed() < LOOK_EVERY) {
+            return;
+        }
+        self.looked = Some(Instant::now());
         let seen = footprint::bytes(&self.pid.to_string(), "VmHWM").unwrap_or(0);
         self.peak_rss_bytes = self.peak_rss_bytes.max(seen);
     }
@@ -221,15 +240,14 @@ impl Running {
     }
 
     fn read_records(&mut self, on_record: &mut impl FnMut(&[u8]) -> Result<(), String>) -> Result<(), RecordError> {
-        let mut buffer = [0; 1 << 16];
-        match self.stdout.as_mut().map_or(Ok(0), |s| s.read(&mut buffer)) {
+        match self.stdout.as_mut().map_or(Ok(0), |s| s.read(&mut self.buffer)) {
             Ok(0) | Err(_) => {
                 self.stdout = None;
                 Ok(())
             }
             Ok(n) => {
                 self.output_bytes += n as u64;
-                if self.splitter.push(&buffer[..n], on_record)? > 0 {
+                if self.splitter.push(&self.buffer[..n], on_record)? > 0 {
                     self.last_record = Instant::now();
                 }
                 Ok(())

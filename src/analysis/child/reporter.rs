@@ -1,6 +1,6 @@
 //! The child's voice: answers as records on standard output.
 
-use std::io::{self, BufWriter, Stdout, Write};
+use std::io::{self, BufWriter, Write};
 
 use crate::analysis::protocol::{self, Answer, SeenRow};
 use crate::media::RecordingInfo;
@@ -9,22 +9,35 @@ use crate::sandbox::write_record;
 /// Frames told of at a time: often enough to show progress, rarely enough to cost nothing.
 const FRAMES_AT_A_TIME: usize = 32;
 
+/// Standard output as a pipe. Rust's own looks for ends of lines in whatever is written and writes what is before and behind
+/// the last one apart, for each of which the parent wakes.
+struct Pipe;
+
+impl Write for Pipe {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        Ok(rustix::io::write(io::stdout(), bytes)?)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// Says answers, and collects frames into a few larger ones.
 pub(super) struct Reporter {
-    out: BufWriter<Stdout>,
+    out: BufWriter<Pipe>,
     times_s: Vec<f64>,
     seen: Vec<SeenRow>,
 }
 
 impl Reporter {
     pub(super) fn new() -> Self {
-        Self { out: BufWriter::new(io::stdout()), times_s: Vec::new(), seen: Vec::new() }
+        Self { out: BufWriter::new(Pipe), times_s: Vec::new(), seen: Vec::new() }
     }
 
     pub(super) fn say(&mut self, answer: &Answer) -> io::Result<()> {
         let bytes = protocol::encode(answer).map_err(io::Error::other)?;
-        write_record(&mut self.out, &bytes)?;
-        self.out.flush()
+        write_record(&mut self.out, &bytes)
     }
 
     pub(super) fn recording(&mut self, info: RecordingInfo) -> io::Result<()> {
