@@ -69,7 +69,7 @@ pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
-pub use sessions::{Session, SessionFilter, SessionResult, Sessions};
+pub use sessions::{Session, SessionFilter, SessionPlace, SessionResult, Sessions};
 pub use tasks::{Task, Tasks};
 pub use tokens::{ActsAs, NewToken, Token, Tokens};
 pub use trainees::{Trainee, Trainees};
