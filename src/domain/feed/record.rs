@@ -23,6 +23,9 @@ pub const HEAD: usize = 32;
 /// Largest record, bytes.
 pub const MOST_BYTES: usize = HEAD + MOST_PAYLOAD;
 
+/// Bytes that hold no record and are looked through for the next one: more than is ever written without a sync.
+pub const LONGEST_HOLE: usize = 32 << 20;
+
 const FRAME: u8 = 1;
 const GAP: u8 = 2;
 const KEY: u8 = 1;
@@ -193,8 +196,8 @@ impl<'a> Record<'a> {
 }
 
 /// Reads records that lie one after the other, and gives each of them with the place where it begins. Returns where the last
-/// of them ends. A damaged one is passed over if there are others behind it: they were acknowledged; a tail that is no record
-/// was not.
+/// of them ends. What is damaged is passed over, be it a payload or a head, if there are records within [`LONGEST_HOLE`] behind
+/// it: they may have been acknowledged. A tail in which no record lies was not.
 ///
 /// # Errors
 /// The bytes cannot be read, or whoever is given a record refuses.
@@ -207,8 +210,9 @@ pub fn read_all<E: From<io::Error>>(
     loop {
         let read = from.read(&mut buffer[held..])?;
         held += read;
+        let is_over = read == 0;
         let mut rest = &buffer[..held];
-        let is_cut = loop {
+        while !rest.is_empty() {
             let bytes = match Record::read_first(rest) {
                 Ok((record, behind)) => {
                     give(place, record)?;
@@ -216,14 +220,15 @@ pub fn read_all<E: From<io::Error>>(
                     end = place + bytes as u64;
                     bytes
                 }
-                Err(NotARecord::Cut(_)) => break true,
-                Err(NotARecord::Damaged) => HEAD + payload_length(rest).unwrap_or(0), // it is: the checksum came after
-                Err(_) => break false,
+                Err(NotARecord::Cut(_)) if !is_over => break,
+                // No head: the next record begins anywhere behind. Bytes that no head can begin with cost nothing.
+                Err(NotARecord::Cut(_) | NotARecord::Unknown(_) | NotARecord::Length(_)) => 1,
+                Err(_) => HEAD + payload_length(rest).unwrap_or(0), // it is: the checksum came after
             };
             rest = &rest[bytes..];
             place += bytes as u64;
-        };
-        if read == 0 || !is_cut {
+        }
+        if is_over || place > end + LONGEST_HOLE as u64 {
             return Ok(end);
         }
         let kept = rest.len();
@@ -356,6 +361,15 @@ mod tests {
         assert_eq!(found(&all[..5 * one - 1]).1, 4 * one);
         let zeros = [&all[..one], &[0; 500]].concat();
         assert_eq!(found(&zeros), (vec![0], one));
+        for (place, value) in [(0, 7), (1, 2), (24, 0xff), (26, 1)] {
+            let mut headless = all.clone();
+            headless[2 * one + place] = value; // of the last, the payload seems to reach beyond the end
+            assert_eq!(found(&headless), (vec![0, 1, 3, 4], 5 * one), "byte {place} of a head");
+        }
+        let hole = [&all[..one], &vec![0; 3 * MOST_BYTES], &all[one..]].concat();
+        assert_eq!(found(&hole), (vec![0, 1, 2, 3, 4], hole.len()), "what lies behind a hole is kept");
+        let endless = [&all[..one], &vec![0; LONGEST_HOLE + 2 * MOST_BYTES], &all[one..]].concat();
+        assert_eq!(found(&endless).1, one, "but not for ever looked for");
     }
 
     #[test]
