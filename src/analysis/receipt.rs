@@ -4,6 +4,7 @@
 //! are checked here; what is accepted can be stored and shown.
 
 mod advices;
+mod problems;
 mod self_tests;
 
 use super::protocol::{
@@ -178,7 +179,7 @@ impl Receipt {
             }
             Answer::Stream(info) => return self.stream(info),
             Answer::Coded(frame) => return self.coded(frame),
-            Answer::Problem(problem) => self.heard.problem = Some(presentable(problem)?),
+            Answer::Problem(problem) => self.heard.problem = Some(problems::presentable(problem)?),
             Answer::Done => self.heard.done = true,
         }
         Ok(News::Nothing)
@@ -384,19 +385,6 @@ fn sensible(x: f64) -> bool {
 fn share(done: u64, of: Option<u64>) -> News {
     let share = of.filter(|&of| of > 0).map(|of| (done as f64 / of as f64).min(1.0));
     share.map_or(News::Nothing, News::Progress)
-}
-
-/// A problem whose texts may be shown: of limited length, without control characters.
-fn presentable(problem: Problem) -> Result<Problem, String> {
-    let Problem { slug, title, detail } = problem;
-    let is_slug = !slug.is_empty() && slug.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-');
-    if !is_slug || slug.len() > TEXTS[0] {
-        return Err("a problem without a name".into());
-    }
-    let clean = |text: String, most: usize| -> String {
-        text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(most).collect()
-    };
-    Ok(Problem { slug, title: clean(title, TEXTS[1]), detail: clean(detail, TEXTS[2]) })
 }
 
 #[cfg(test)]
