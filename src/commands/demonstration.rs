@@ -176,7 +176,7 @@ impl Builder {
         }
         let calibration = self.store.calibrations().latest(&service, of).await?.context("the box has no camera")?;
         let palette = self.store.palettes().latest(&service, of).await?.context("the box has no colours")?;
-        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(Scenario::SelfTest, Skill::EXPERT, 1) };
+        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(Scenario::SelfTest, Skill::EXPERT, 3) };
         let frames = Some((SECONDS * FPS) as usize);
         let order = SceneOrder { frames, fps: FPS, boards: 0, ..SceneOrder::new(setup) };
         let folder = self.scene("self-test", order).await?;
