@@ -14,9 +14,10 @@ use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId, SessionId};
+use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::quality::ports::{self, Ports};
 use crate::sandbox::MOST_INPUTS;
-use crate::store::{Palette, Store, StoreError};
+use crate::store::{Palette, SessionPlace, Store, StoreError};
 use crate::vault::Vault;
 
 /// Work for a child and the files that go with it.
@@ -25,8 +26,20 @@ pub(super) struct Orders {
     pub(super) work: Work,
     /// On which files.
     pub(super) inputs: Vec<File>,
-    /// What the result is judged with.
+    /// What the result is judged with, but for what earlier sessions tell.
     pub(super) known: KnownBefore,
+    /// Those sessions, of a recording that is held against them.
+    pub(super) earlier: Option<Earlier>,
+}
+
+/// The sessions of a box that came before one, with the same calibration.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Earlier {
+    of: BoxId,
+    calibration: CalibrationId,
+    before: SessionPlace,
+    /// What is tracked behind this place cannot change them any more.
+    open_before: SessionPlace,
 }
 
 /// What is known of a recording's box before it is tracked.
@@ -49,22 +62,23 @@ impl Orders {
         for blob in blobs {
             inputs.push(vault.open_blob(blob.hash).await?.0);
         }
-        let mut known = KnownBefore::default();
+        let (mut known, mut earlier) = (KnownBefore::default(), None);
         let work = match job {
             JobInput::Track(input) => {
-                let calibration = store.calibrations().get(&Scope::service(), input.calibration).await?;
-                known.calibration_rms_px = calibration.rms_px;
+                let camera = store.calibrations().get(&Scope::service(), input.calibration).await?;
+                known.calibration_rms_px = camera.rms_px;
                 let session = store.sessions().get(&Scope::service(), input.session).await?;
-                let before = (session.created_at_ms, session.id);
-                known.ports = ports(session.box_id, input.calibration, Some(before), store).await?;
-                Work::Track(track(input, calibration.camera.camera().into(), store).await?)
+                let before = SessionPlace(session.created_at_ms, session.id);
+                let (of, calibration) = (session.box_id, input.calibration);
+                earlier = Some(Earlier { of, calibration, before, open_before: before });
+                Work::Track(track(input, camera.camera.camera().into(), store).await?)
             }
             JobInput::Palette(input) => Work::Palette(palette(input)?),
             JobInput::Advice(_) => Work::Advise,
             JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
             JobInput::SelfTest(input) => Work::SelfTest(self_test(input, store).await?),
         };
-        Ok(Self { work, inputs, known })
+        Ok(Self { work, inputs, known, earlier })
     }
 }
 
@@ -73,14 +87,29 @@ async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result
     work_with(palette, camera, store).await
 }
 
-/// Where trocars were in a box's sessions with this calibration, of those that came before this one, if one is given.
-async fn ports(
-    of: BoxId,
-    calibration: CalibrationId,
-    before: Option<(i64, SessionId)>,
-    store: &Store,
-) -> Result<Ports, StoreError> {
-    Ok(Ports::of_sessions(&store.sessions().fulcrums(of, calibration, before, ports::MOST).await?))
+impl Earlier {
+    /// Where trocars were in them; `None` while one is being tracked that may tell: what a session is held against must not
+    /// depend on which worker was quicker. Those that wait in the queue, as after a crash, are not waited for: there may be
+    /// no worker for them.
+    pub(super) async fn ports(&mut self, store: &Store) -> Result<Option<Ports>, StoreError> {
+        // Asked first: one that ends in between is among them.
+        let is_open = store.sessions().is_tracked_before(self.of, self.open_before).await?;
+        let found = store.sessions().fulcrums(self.of, self.calibration, self.before, ports::MOST).await?;
+        if let Some((last, _)) = found.get(ports::MOST - 1) {
+            self.open_before = *last;
+        }
+        Ok((!is_open).then(|| of_sessions(found)))
+    }
+}
+
+/// Where trocars were in all of a box's sessions with this calibration.
+async fn ports_so_far(of: BoxId, calibration: CalibrationId, store: &Store) -> Result<Ports, StoreError> {
+    let last = SessionPlace(i64::MAX, SessionId::at(0)); // by its time alone, which no session has
+    Ok(of_sessions(store.sessions().fulcrums(of, calibration, last, ports::MOST).await?))
+}
+
+fn of_sessions(found: Vec<(SessionPlace, Vec<Fulcrum>)>) -> Ports {
+    Ports::of_sessions(&found.into_iter().map(|(_, fulcrums)| fulcrums).collect::<Vec<_>>())
 }
 
 fn shapes(ports: &Ports) -> Vec<FulcrumShape> {
@@ -96,7 +125,7 @@ async fn self_test(input: &SelfTestInput, store: &Store) -> Result<SelfTestWork,
         board: BoardShape { columns: board.columns, rows: board.rows, square_mm },
         reach_mm,
         calibration_rms_px: calibration.rms_px,
-        ports: shapes(&ports(input.of, input.calibration, None, store).await?),
+        ports: shapes(&ports_so_far(input.of, input.calibration, store).await?),
     })
 }
 
@@ -133,7 +162,7 @@ pub async fn track_in(of: BoxId, store: &Store) -> Result<Result<LiveOrders, Pro
     let Some(palette) = store.palettes().latest(&scope, of).await? else {
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
     };
-    let ports = shapes(&ports(of, calibration.id, None, store).await?);
+    let ports = shapes(&ports_so_far(of, calibration.id, store).await?);
     Ok(match work_with(palette, calibration.camera.camera().into(), store).await {
         Ok(track) => Ok(LiveOrders { track, ports }),
         Err(WorkError::Impossible(problem)) => Err(problem),

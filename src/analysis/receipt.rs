@@ -3,9 +3,13 @@
 //! A record is accepted if an honest child could have written it at this point. Sizes, order, indices and numbers
 //! are checked here; what is accepted can be stored and shown.
 
+mod advices;
+mod problems;
+mod self_tests;
+
 use super::protocol::{
-    self, Answer, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape, PathRow,
-    PlacementShape, QualityShape, RunningRow, SeenRow, Work,
+    self, Answer, BoardShape, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape,
+    PathRow, PlacementShape, QualityShape, RunningRow, SeenRow, Work,
 };
 use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD};
 use crate::domain::palette::{PaletteAdvice, PaletteReport};
@@ -13,7 +17,6 @@ use crate::domain::problem::Problem;
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, Limits, SourceInfo};
 use crate::pipeline::features::running::LIVE;
-use crate::pipeline::segmentation::palette::advice::TAPES;
 
 /// Largest preview, bytes.
 const PREVIEW_BYTES: usize = 1 << 20;
@@ -23,9 +26,6 @@ const MAGNITUDE: f64 = 1e7;
 
 /// Most samples in a palette.
 const SAMPLES: usize = 1_000_000;
-
-/// Most parts, placements or rests of a self-test: an hour of one-second rests.
-const SELF_TEST_ROWS: usize = 4096;
 
 /// Most frames that one record of a feed can bring forth: those that a decoder keeps back, or that were rehearsed.
 const MOST_AT_A_TIME: u64 = 64;
@@ -78,6 +78,8 @@ pub struct Heard {
 pub(super) struct Receipt {
     work: Kind,
     tools: usize,
+    /// Board and tools of a self-test.
+    tested: Option<(BoardShape, Vec<String>)>,
     limits: Limits,
     heard: Heard,
     /// Number and time of the last frame that was followed.
@@ -115,6 +117,10 @@ pub enum News {
 impl Receipt {
     /// A receipt for what this work may answer.
     pub(super) fn new(work: &Work, limits: Limits) -> Self {
+        let tested = match work {
+            Work::SelfTest(test) => Some((test.board, test.track.tools.iter().map(|tool| tool.name.clone()).collect())),
+            _ => None,
+        };
         let (work, tools) = match work {
             Work::Probe => (Kind::Probe, 0),
             Work::Track(track) => (Kind::Track, track.tools.len()),
@@ -126,7 +132,7 @@ impl Receipt {
             Work::Demux => (Kind::Demux, 0),
             Work::Follow(follow) => (Kind::Follow, follow.track.tools.len()),
         };
-        Self { work, tools, limits, heard: Heard::default(), followed: None }
+        Self { work, tools, tested, limits, heard: Heard::default(), followed: None }
     }
 
     /// Takes one record; an error ends the child.
@@ -173,7 +179,7 @@ impl Receipt {
             }
             Answer::Stream(info) => return self.stream(info),
             Answer::Coded(frame) => return self.coded(frame),
-            Answer::Problem(problem) => self.heard.problem = Some(presentable(problem)?),
+            Answer::Problem(problem) => self.heard.problem = Some(problems::presentable(problem)?),
             Answer::Done => self.heard.done = true,
         }
         Ok(News::Nothing)
@@ -331,12 +337,8 @@ impl Receipt {
 
     fn self_test(&mut self, report: SelfTestReport) -> Result<(), String> {
         self.only(&[Kind::SelfTest])?;
-        let rows = [report.parts.len(), report.placements.len(), report.holds.len()];
-        let is_short = rows.into_iter().all(|rows| rows <= SELF_TEST_ROWS);
-        if !is_short
-            || !report.numbers().all(sensible)
-            || report.texts().any(|text| text.chars().count() > TEXTS[2] || text.chars().any(char::is_control))
-        {
+        let Some((board, tools)) = &self.tested else { return Err("an answer to another question".into()) };
+        if !self_tests::is_possible(&report, *board, tools) {
             return Err("a self-test that cannot be".into());
         }
         once(&mut self.heard.self_test, report, "self-test")
@@ -352,10 +354,7 @@ impl Receipt {
 
     fn palette_advice(&mut self, advice: PaletteAdvice) -> Result<(), String> {
         self.only(&[Kind::Advise])?;
-        let few = advice.tapes.len() <= TAPES.len()
-            && advice.pairs.len() <= TAPES.len() * TAPES.len()
-            && advice.warnings.len() <= TAPES.len();
-        if !few || !advice.numbers().all(sensible) || advice.texts().any(|text| text.chars().count() > TEXTS[1]) {
+        if !advices::is_possible(&advice) {
             return Err("advice on tapes that cannot be".into());
         }
         once(&mut self.heard.palette_advice, advice, "advice on tapes")
@@ -386,19 +385,6 @@ fn sensible(x: f64) -> bool {
 fn share(done: u64, of: Option<u64>) -> News {
     let share = of.filter(|&of| of > 0).map(|of| (done as f64 / of as f64).min(1.0));
     share.map_or(News::Nothing, News::Progress)
-}
-
-/// A problem whose texts may be shown: of limited length, without control characters.
-fn presentable(problem: Problem) -> Result<Problem, String> {
-    let Problem { slug, title, detail } = problem;
-    let is_slug = !slug.is_empty() && slug.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-');
-    if !is_slug || slug.len() > TEXTS[0] {
-        return Err("a problem without a name".into());
-    }
-    let clean = |text: String, most: usize| -> String {
-        text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(most).collect()
-    };
-    Ok(Problem { slug, title: clean(title, TEXTS[1]), detail: clean(detail, TEXTS[2]) })
 }
 
 #[cfg(test)]

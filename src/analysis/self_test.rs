@@ -7,7 +7,7 @@ use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::pipeline::camera::Board;
 use crate::pipeline::frame::Frame;
 use crate::pipeline::quality::ports::Ports;
-use crate::pipeline::self_test::{BoardWatch, Evidence, measure, verdict};
+use crate::pipeline::self_test::{BoardWatch, ColourWatch, Evidence, measure, verdict};
 use crate::pipeline::tracker::{MOST_REHEARSED, SettingsProblem, Tracker, TrackerSettings};
 use crate::pipeline::trajectory::Kind;
 
@@ -49,17 +49,20 @@ pub fn of_video(
     mut done: impl FnMut(u64, Option<u64>),
 ) -> Result<SelfTestReport, SelfTestError> {
     let info = video.info();
-    let (camera, tools) = (settings.camera, settings.tools.clone());
+    let (camera, tools, samples) = (settings.camera, settings.tools.clone(), settings.samples.clone());
     let mut ahead = ReadAhead::new(video)?;
     let first: Vec<Frame<'_>> = ahead.first_pictures(MOST_REHEARSED)?.iter().map(Picture::frame).collect();
     let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
     let mut tracker = Tracker::new(settings, info.width, info.height, encoding)?;
     tracker.rehearse(&first);
-    let mut watch = BoardWatch::new(asked.board, camera);
+    let (mut watch, mut colours) = (BoardWatch::new(asked.board, camera), ColourWatch::new(&samples, &tools, encoding));
     while let Some(seen) = ahead.next_picture()? {
         let frame = seen.frame();
         let has_tool = tracker.observe(&frame).tools.iter().any(|tool| tool.filtered.is_some());
         watch.look(&frame, has_tool);
+        if !has_tool {
+            colours.look(&frame);
+        }
         done(frame.index + 1, info.frames_expected);
     }
     drop(ahead);
@@ -72,6 +75,7 @@ pub fn of_video(
         quality: &tracking.quality,
         smoothed: &smoothed,
         ports: &asked.ports,
+        false_colours: &colours.into_found(),
     };
     let findings = measure(watch, &evidence);
     let verdict = verdict::judge(&findings, asked.calibration_rms_px);

@@ -7,7 +7,7 @@ use tokio::sync::watch;
 use tokio::task::JoinError;
 
 use super::attempt::{Attempt, Failure, attempt};
-use super::orders::{KnownBefore, Orders};
+use super::orders::{Earlier, KnownBefore, Orders};
 use super::product::{self, ProductError, Tracked};
 use super::protocol::{Request, Work};
 use super::receipt::{Heard, News};
@@ -15,6 +15,7 @@ use super::settings::AnalysisSettings;
 use crate::domain::job::JobInput;
 use crate::domain::problem::Problem;
 use crate::domain::session::NewResult;
+use crate::pipeline::quality::ports::Ports;
 use crate::queue::{Held, Queue, is_lost};
 use crate::sandbox::{Budget, Program, Stop};
 use crate::shutdown::Shutdown;
@@ -107,9 +108,13 @@ impl Workshop {
             Ok(orders) => orders,
             Err(error) => return self.stumble(held, error).await,
         };
-        let (tools, known) = (tool_names(&orders.work), orders.known.clone());
+        let (tools, known, earlier) = (tool_names(&orders.work), orders.known.clone(), orders.earlier);
         match self.accompany(&mut held, orders, shutdown).await {
-            Ok(Ok(heard)) => self.save(held, tools, known, heard).await,
+            Ok(Ok(heard)) => match self.ports(&held, earlier, shutdown).await {
+                Ok(Some(ports)) => self.save(held, tools, KnownBefore { ports, ..known }, heard).await,
+                Ok(None) => Ok(held.give_back().await?),
+                Err(error) => self.stumble(held, error.into()).await,
+            },
             Ok(Err(Failure::Explained(problem))) => Ok(held.fail(problem).await.map(drop)?),
             Ok(Err(Failure::Crashed(reason))) => Ok(held.crashed(crashed(&reason)).await.map(drop)?),
             Ok(Err(Failure::Stopped)) => Ok(held.give_back().await?),
@@ -166,6 +171,30 @@ impl Workshop {
                 Err(error) if is_lost(&error) => stop.pull(),
                 // The lease lasts for some beats; if the store stays away longer, it is lost by then.
                 Err(error) => tracing::warn!(%error, job = %held.job().id, "giving word of a job"),
+            }
+        }
+    }
+
+    /// Where trocars were in earlier sessions, once all of them that are being tracked have ended; `None` if the service ends.
+    async fn ports(
+        &self,
+        held: &Held,
+        earlier: Option<Earlier>,
+        ending: &Shutdown,
+    ) -> Result<Option<Ports>, StoreError> {
+        let Some(mut earlier) = earlier else { return Ok(Some(Ports::default())) };
+        let mut beat = self.clock.sleep(held.heartbeat());
+        loop {
+            if let Some(ports) = earlier.ports(&self.store).await? {
+                return Ok(Some(ports));
+            }
+            tokio::select! {
+                () = ending.begun() => return Ok(None),
+                () = &mut beat => {
+                    beat = self.clock.sleep(held.heartbeat());
+                    held.beat().await?;
+                }
+                () = self.clock.sleep(WORD) => {}
             }
         }
     }

@@ -148,7 +148,7 @@ impl Talk<'_> {
                 self.acknowledged(durable);
                 epoch
             }
-            Ok(FromServer::Ended { session }) => return Parting::Whole(session),
+            Ok(FromServer::Ended { session, .. }) => return Parting::Whole(session),
             Ok(_) => return again("the server answers what was not asked".into()),
             Err(parting) => return parting,
         };
@@ -173,7 +173,7 @@ impl Talk<'_> {
                     progress.order.asked(frames);
                     progress.has_said_end = false;
                 }
-                Ok(FromServer::Ended { session }) => return Parting::Whole(session),
+                Ok(FromServer::Ended { session, .. }) => return Parting::Whole(session),
                 Ok(FromServer::Welcome { .. }) => {}
                 Err(parting) => return parting,
             }

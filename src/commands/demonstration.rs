@@ -14,7 +14,7 @@ use super::simulate::{SceneOrder, write_scene};
 use crate::domain::boxes::NewBox;
 use crate::domain::calibration::BoardSize;
 use crate::domain::files::annotations::{AnnotationsFile, View as FileView};
-use crate::domain::job::{CalibrateInput, JobInput, JobState, NamedBlob, PaletteInput};
+use crate::domain::job::{CalibrateInput, JobInput, JobState, NamedBlob, PaletteInput, SelfTestInput};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -37,7 +37,9 @@ pub const INSTRUCTOR: &str = "instructor";
 const BOX: &str = "simulated-box";
 /// Every clip of the centre is of this size: one camera, one calibration.
 const PICTURE: (u32, u32) = (960, 540);
-/// Side of a square of the simulated board, mm.
+/// Inner corners of the simulated board.
+const BOARD: BoardSize = BoardSize { columns: 9, rows: 6 };
+/// Side of a square of it, mm.
 const SQUARE_MM: f64 = 21.0;
 const ATTEMPTS: u64 = 2;
 const DAY_MS: i64 = 24 * 3600 * 1000;
@@ -159,8 +161,32 @@ impl Builder {
                     self.record(scenario, trainee, attempt, seed).await?;
                 }
             }
+            self.self_test(simulated.id).await?;
         }
         Ok(())
+    }
+
+    /// One self-test, if there is none: half a minute with the board and a rod, at half the usual rate.
+    async fn self_test(&self, of: BoxId) -> anyhow::Result<()> {
+        const FPS: f64 = 12.5;
+        const SECONDS: f64 = 27.5; // the first of two placements of the board, with the rod taken out again
+        let service = Scope::service();
+        if !self.store.self_tests().list(&service, of, &PageRequest::new(1, None)).await?.items.is_empty() {
+            return Ok(());
+        }
+        let calibration = self.store.calibrations().latest(&service, of).await?.context("the box has no camera")?;
+        let palette = self.store.palettes().latest(&service, of).await?.context("the box has no colours")?;
+        let setup = Setup { width: PICTURE.0, height: PICTURE.1, ..Setup::new(Scenario::SelfTest, Skill::EXPERT, 3) };
+        let frames = Some((SECONDS * FPS) as usize);
+        let order = SceneOrder { frames, fps: FPS, boards: 0, ..SceneOrder::new(setup) };
+        let folder = self.scene("self-test", order).await?;
+        let (kept, files) = self.keep_all(&[folder.join("clip.mp4")]).await?;
+        let file = files.into_iter().next().context("no recording was drawn")?;
+        let (calibration, palette) = (calibration.id, palette.id);
+        let (board, square_mm, reach_mm) = (BOARD, SQUARE_MM, 0.0);
+        let input = SelfTestInput { of, person: None, calibration, palette, board, square_mm, reach_mm, file };
+        self.work(JobInput::SelfTest(input), kept).await?;
+        Ok(tokio::fs::remove_dir_all(folder).await?)
     }
 
     /// Calibration and colours, each by a job like anybody's.
@@ -175,8 +201,7 @@ impl Builder {
         let folder = self.scene("set-up", SceneOrder { frames: Some(250), ..SceneOrder::new(setup) }).await?;
         if !calibrated {
             let (kept, files) = self.keep_all(&photos(&folder).await?).await?;
-            let board = BoardSize { columns: 9, rows: 6 };
-            let input = CalibrateInput { of, board, square_mm: SQUARE_MM, files, is_video: false };
+            let input = CalibrateInput { of, board: BOARD, square_mm: SQUARE_MM, files, is_video: false };
             self.work(JobInput::Calibrate(input), kept).await?;
         }
         if !coloured {

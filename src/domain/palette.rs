@@ -223,8 +223,7 @@ impl From<&Advice> for PaletteAdvice {
 
 impl From<&TapeAdvice> for TapeGrade {
     fn from(&TapeAdvice { tape, margin_steps, in_box, grade }: &TapeAdvice) -> Self {
-        let srgb = tape.srgb.iter().fold("#".to_owned(), |text, code| text + &format!("{code:02x}"));
-        Self { tape: tape.name.to_owned(), ral: tape.ral, srgb, margin_steps, in_box, grade: grade.into() }
+        Self { tape: tape.name.to_owned(), ral: tape.ral, srgb: tape.hex(), margin_steps, in_box, grade: grade.into() }
     }
 }
 

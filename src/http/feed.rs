@@ -22,7 +22,7 @@ use crate::domain::feed::record::MOST_BYTES;
 use crate::domain::feed::words::{FromSender, FromServer};
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
-use crate::live::{Connected, Connection};
+use crate::live::Connected;
 
 /// Longest word, bytes.
 const MOST_WORD: usize = 8192;
@@ -120,7 +120,7 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
     };
     let mut feed = match app.feeds.connect(scope, in_box, hello).await? {
         Connected::Open(feed) => feed,
-        Connected::Ended(session) => return say(socket, &FromServer::Ended { session }).await,
+        Connected::Ended(session) => return say(socket, &FromServer::Ended { session, durable: None }).await,
     };
     say(socket, &feed.welcome().await?).await?;
     let settings = app.feeds.settings();
@@ -157,8 +157,10 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
                 }
             }
             Heard::Word(FromSender::End { frames }) => {
-                if let FromServer::Ended { session } = end(&mut feed, socket, frames).await? {
-                    return say(socket, &FromServer::Ended { session }).await;
+                let answer = feed.end(frames).await?;
+                say(socket, &answer).await?;
+                if matches!(answer, FromServer::Ended { .. }) {
+                    return Ok(());
                 }
             }
             Heard::Word(FromSender::Hello(_)) => {
@@ -167,15 +169,6 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
             Heard::Sign => {}
         }
     }
-}
-
-/// Ends the recording, or says what is missing.
-async fn end(feed: &mut Connection, socket: &mut WebSocket, frames: u64) -> Result<FromServer, End> {
-    let answer = feed.end(frames).await?;
-    if let FromServer::Missing { .. } = answer {
-        say(socket, &answer).await?;
-    }
-    Ok(answer)
 }
 
 /// What a sender sent.

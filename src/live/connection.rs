@@ -115,12 +115,12 @@ impl Connection {
 
     /// The recording has so many frames: `Missing` what has not come, or else `Ended` once it is a session.
     pub async fn end(&mut self, frames: u64) -> Result<FromServer, Farewell> {
-        self.make_durable().await?;
+        let durable = Some(self.make_durable().await?);
         // On a task of its own: a sender that goes now must not undo it.
         let (feeds, feed, ending) = (self.feeds.clone(), self.feed.clone(), Ending::Told { epoch: self.epoch, frames });
         let ended = self.feeds.0.shutdown.spawn(async move { feeds.finish(&feed, ending).await });
         match ended.await.map_err(|panic| Farewell::new(Code::Failed, panic.to_string()))?? {
-            Finished::Whole(session) => Ok(FromServer::Ended { session }),
+            Finished::Whole(session) => Ok(FromServer::Ended { session, durable }),
             Finished::Missing(frames) => Ok(FromServer::Missing { frames }),
             Finished::GoesOn => Err(Farewell::new(Code::Superseded, "another connection sends this recording now")),
         }

@@ -202,9 +202,6 @@ impl Feeds {
         if row.ended_at_ms.is_some() {
             return Ok(Connected::Ended(row.session_id));
         }
-        if row.epoch == 1 {
-            self.tell(row.session_id, row.trainee_id, SessionStatus::Receiving);
-        }
         let epoch = row.epoch;
         let begin = |feed| Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)));
         // Counted while nobody else can enter, so that the box is busy for whoever comes next.
@@ -212,7 +209,11 @@ impl Feeds {
             return begin(feed.clone());
         }
         let feed = if epoch == 1 {
-            self.enter(row).await? // there is no log to be read yet, and nobody else shall find the box free
+            // There is no log to be read yet, and nobody else shall find the box free.
+            let (session, trainee) = (row.session_id, row.trainee_id);
+            let feed = self.enter_new(row).await?;
+            self.tell(session, trainee, SessionStatus::Receiving);
+            feed
         } else {
             drop(open);
             let feed = self.enter(row).await?;
@@ -248,6 +249,18 @@ impl Feeds {
             follower,
             row,
         }))
+    }
+
+    /// The same for one that begins: where it has no place, its row and session go, as if it had never been heard of.
+    async fn enter_new(&self, row: store::Feed) -> Result<Arc<Feed>, Farewell> {
+        let id = row.id;
+        let entered = self.enter(row).await;
+        if entered.is_err()
+            && let Err(error) = self.0.store.feeds().forget(id, true).await
+        {
+            tracing::warn!(%error, feed = %id, "forgetting a recording that could not begin");
+        }
+        entered
     }
 
     /// Forgets that a recording is open: whoever names it next reads its log through.

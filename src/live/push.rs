@@ -251,7 +251,7 @@ impl<'a> Taken<'a> {
             tracing::warn!(gaps = self.gaps, "frames of a pushed stream are damaged, too long or out of time");
         }
         match connection.end(self.next).await? {
-            FromServer::Ended { session } => Ok(session),
+            FromServer::Ended { session, .. } => Ok(session),
             _ => Err(Farewell::new(Code::Failed, "frames are missing that were taken")),
         }
     }

@@ -15,7 +15,7 @@
 //! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
-//! | [`Store::self_tests`] | `list` `latest_since` |
+//! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `progress` |
@@ -68,8 +68,8 @@ pub use jobs::{Job, Jobs, Lease, QueueCounts, Swept};
 pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
-pub use self_tests::{SelfTest, SelfTests};
-pub use sessions::{Session, SessionFilter, SessionResult, Sessions};
+pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
+pub use sessions::{Session, SessionFilter, SessionPlace, SessionResult, Sessions};
 pub use tasks::{Task, Tasks};
 pub use tokens::{ActsAs, NewToken, Token, Tokens};
 pub use trainees::{Trainee, Trainees};

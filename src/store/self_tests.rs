@@ -36,6 +36,17 @@ pub struct SelfTest {
     pub created_at_ms: i64,
 }
 
+/// The light of a self-test, without its figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct SelfTestLight {
+    /// The self-test's id.
+    pub id: SelfTestId,
+    /// The worst of its parts.
+    pub light: Light,
+    /// When it was stored, epoch ms.
+    pub created_at_ms: i64,
+}
+
 impl SelfTests<'_> {
     /// A box's self-tests, newest first.
     pub async fn list(&self, scope: &Scope, of: BoxId, page: &PageRequest) -> StoreResult<Page<SelfTest>> {
@@ -52,10 +63,15 @@ impl SelfTests<'_> {
         Ok(Page::cut(rows, page, |test: &SelfTest| test.id.to_string()))
     }
 
-    /// The last one, if there is one since this time, epoch ms.
-    pub async fn latest_since(&self, scope: &Scope, of: BoxId, since_ms: i64) -> StoreResult<Option<SelfTest>> {
-        let latest = self.list(scope, of, &PageRequest::new(1, None)).await?.items.into_iter().next();
-        Ok(latest.filter(|test| test.created_at_ms >= since_ms))
+    /// The light of the last one, if there is one since this time, epoch ms.
+    pub async fn light_since(&self, scope: &Scope, of: BoxId, since_ms: i64) -> StoreResult<Option<SelfTestLight>> {
+        let row = sqlx::query_as(concat!(
+            "SELECT id, light, created_at_ms FROM self_test WHERE box_id = $3 AND ",
+            sees_box!("box_id"),
+            " ORDER BY id DESC LIMIT 1"
+        ));
+        let last: Option<SelfTestLight> = row.asked_by(scope).bind(of).fetch_optional(self.0.readers()).await?;
+        Ok(last.filter(|test| test.created_at_ms >= since_ms))
     }
 }
 

@@ -24,8 +24,8 @@ pub enum Finding {
     ShortUpload(UploadId),
     /// A feed that has not ended has no log.
     MissingFeed(FeedId),
-    /// Records of a feed's log are damaged.
-    DamagedFeed(FeedId),
+    /// Records of a feed's log are damaged, and these frames are in no other: first and last number of each range.
+    DamagedFeed(FeedId, Vec<[u64; 2]>),
     /// A feed's log that no unfinished feed needs: harmless; the service removes it.
     OrphanFeed(FeedId),
 }
@@ -46,7 +46,15 @@ impl fmt::Display for Finding {
             Finding::OrphanFile(hash) => write!(f, "file that nothing refers to: {hash} (the next start removes it)"),
             Finding::ShortUpload(id) => write!(f, "upload {id} holds fewer bytes than were acknowledged"),
             Finding::MissingFeed(id) => write!(f, "feed {id} has not ended, and its log is missing"),
-            Finding::DamagedFeed(id) => write!(f, "feed {id} has damaged records: their frames are lost"),
+            Finding::DamagedFeed(id, frames) => {
+                let ranges: Vec<String> = frames.iter().map(|[first, last]| format!("{first} to {last}")).collect();
+                let frames = ranges.join(", ");
+                write!(
+                    f,
+                    "feed {id} has damaged records and lacks the frames {frames}: any of them that its sender was told to be \
+                     safe is lost; the others come again when it connects"
+                )
+            }
             Finding::OrphanFeed(id) => write!(f, "log that no feed needs: {id} (the service removes it)"),
         }
     }
@@ -76,25 +84,39 @@ async fn check_feeds(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) 
     let unfinished: HashSet<FeedId> = store.feeds().unfinished().await?.iter().map(|feed| feed.id).collect();
     let logs: HashSet<FeedId> = vault.feed_logs().await?.into_iter().collect();
     for id in sorted(unfinished.union(&logs)) {
+        let is_unfinished =
+            async || UpkeepResult::Ok(store.feeds().unfinished().await?.iter().any(|feed| feed.id == id));
+        let has_log = async || UpkeepResult::Ok(vault.feed_logs().await?.contains(&id));
         let finding = match (unfinished.contains(&id), logs.contains(&id)) {
-            (true, false) if is_feed_missing(store, vault, id).await? => Finding::MissingFeed(id),
-            (true, false) => continue,
-            (false, _) => Finding::OrphanFeed(id),
-            (true, true) => match vault.is_feed_intact(id).await {
-                Ok(true) | Err(VaultError::NotFound) => continue, // ended meanwhile
-                Ok(false) => Finding::DamagedFeed(id),
-                Err(error) => return Err(error.into()),
+            (true, false) => is_missing(is_unfinished, has_log).await?.then_some(Finding::MissingFeed(id)),
+            (false, _) => is_orphan(is_unfinished, has_log).await?.then_some(Finding::OrphanFeed(id)),
+            (true, true) => match vault.feed_damage(id).await {
+                Err(VaultError::NotFound) => None, // ended meanwhile
+                frames => {
+                    Some(frames?).filter(|frames| !frames.is_empty()).map(|frames| Finding::DamagedFeed(id, frames))
+                }
             },
         };
-        findings.push(finding);
+        findings.extend(finding);
     }
     Ok(())
 }
 
-/// Asked once more, the row first, when it has gone by both: a feed that ends has no log any more, one that begins has none yet.
-async fn is_feed_missing(store: &Store, vault: &Vault, id: FeedId) -> UpkeepResult<bool> {
-    let is_unfinished = store.feeds().unfinished().await?.iter().any(|feed| feed.id == id);
-    Ok(is_unfinished && !vault.feed_logs().await?.contains(&id))
+/// Asked once more, the log between two looks at the row: a feed has its row before its log, and its log is gone only once its
+/// row says that it has ended.
+async fn is_missing(
+    is_unfinished: impl AsyncFn() -> UpkeepResult<bool>,
+    has_log: impl AsyncFn() -> UpkeepResult<bool>,
+) -> UpkeepResult<bool> {
+    Ok(is_unfinished().await? && !has_log().await? && is_unfinished().await?)
+}
+
+/// Asked once more, the row first: one that begins has a row by now, one that ends has no log any more.
+async fn is_orphan(
+    is_unfinished: impl AsyncFn() -> UpkeepResult<bool>,
+    has_log: impl AsyncFn() -> UpkeepResult<bool>,
+) -> UpkeepResult<bool> {
+    Ok(!is_unfinished().await? && has_log().await?)
 }
 
 fn sorted<'a>(ids: impl Iterator<Item = &'a FeedId>) -> Vec<FeedId> {
@@ -138,4 +160,36 @@ async fn check_files(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) 
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    /// Is a feed reported whose state at each moment is this: has it a row that has not ended, and a log? Every look takes a moment.
+    async fn is_reported(state: impl Fn(usize) -> (bool, bool)) -> bool {
+        let moment = Cell::new(0);
+        let look = || state(moment.replace(moment.get() + 1));
+        let (is_unfinished, has_log) = (async || UpkeepResult::Ok(look().0), async || UpkeepResult::Ok(look().1));
+        match (is_unfinished().await.unwrap(), has_log().await.unwrap()) {
+            (true, false) => is_missing(is_unfinished, has_log).await.unwrap(),
+            (false, true) => is_orphan(is_unfinished, has_log).await.unwrap(),
+            _ => false,
+        }
+    }
+
+    #[tokio::test]
+    async fn a_feed_that_begins_or_ends_while_it_is_looked_at_is_as_it_should_be() {
+        // A row, then a log; the row ends, then the log goes. What lies between takes at most two moments.
+        for case in 0..6 * 3 * 6 * 3usize {
+            let [before, row_alone, both, log_alone] = [case % 6, case / 6 % 3, case / 18 % 6, case / 108 % 3];
+            let begins = before + row_alone;
+            let ends = begins + both;
+            let state = |at| ((before..ends).contains(&at), (begins..ends + log_alone).contains(&at));
+            assert!(!is_reported(state).await, "{before} {row_alone} {both} {log_alone}");
+        }
+        assert!(is_reported(|_| (true, false)).await && is_reported(|_| (false, true)).await);
+    }
 }

@@ -325,18 +325,27 @@ async fn feeds_are_checked_record_by_record_and_against_their_rows() {
     bench.feed(ana, |_| ()).await;
     bench.feed(ana, |log| log.truncate(4 * RECORD + 20)).await; // cut while the last was written: not acknowledged
     bench.feed(ana, |log| log.truncate(0)).await;
+    bench.feed(ana, |log| log.resize(log.len() + (3 << 20), 0)).await; // a tail of which the disk kept the length alone: never synced
+    let again = |log: &mut Vec<u8>| {
+        let lost = log[2 * RECORD..3 * RECORD].to_vec();
+        log[2 * RECORD + HEAD] ^= 1;
+        log.extend(lost); // it was not acknowledged, so that the sender sent it again
+    };
+    bench.feed(ana, again).await;
     assert_eq!(bench.findings().await, []);
     let flipped = bench.feed(ana, |log| log[2 * RECORD + HEAD] ^= 1).await;
-    assert_eq!(bench.findings().await, [Finding::DamagedFeed(flipped)]);
-    let headless = bench.feed(ana, |log| log[2 * RECORD] = 0).await;
+    let damaged = Finding::DamagedFeed(flipped, vec![[2, 2]]);
+    assert!(damaged.to_string().contains("lacks the frames 2 to 2: any of them that its sender was told to be safe"));
+    assert_eq!(bench.findings().await, [damaged.clone()]);
+    let headless = bench.feed(ana, |log| log[RECORD..3 * RECORD].fill(0)).await;
     let missing = bench.feed(ana, |_| ()).await;
     let feeds = bench.centre.folder.path().join("feeds");
     fs::remove_file(feeds.join(missing.to_string())).unwrap();
     let orphan = FeedId::at(NOW_MS);
     fs::write(feeds.join(orphan.to_string()), b"").unwrap();
     let mut expected = [
-        (flipped, Finding::DamagedFeed(flipped)),
-        (headless, Finding::DamagedFeed(headless)),
+        (flipped, damaged),
+        (headless, Finding::DamagedFeed(headless, vec![[1, 2]])),
         (missing, Finding::MissingFeed(missing)),
         (orphan, Finding::OrphanFeed(orphan)),
     ];

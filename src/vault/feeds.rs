@@ -1,10 +1,12 @@
 //! Logs of feeds: records one after the other in the order in which they came, a file each.
 //!
 //! The order that makes an acknowledged frame a durable one: append → [`FeedLog::sync`] → the answer. What lies behind the
-//! last sync was never acknowledged: opening a log reads it through and cuts off whatever is no whole record.
+//! last sync was never acknowledged: opening a log reads it through and cuts off the tail in which no whole record lies. How far
+//! the last sync reached is not written down: of damage with whole records behind it nobody can tell here whether it was
+//! acknowledged, and the sender, who knows, sends again what was not.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
@@ -13,14 +15,11 @@ use super::Vault;
 use super::disk::{self, on_a_blocking_thread};
 use super::error::{VaultError, VaultResult, failed};
 use crate::domain::feed::numbers::Numbers;
-use crate::domain::feed::record::{MOST_BYTES, Record, read_all};
+use crate::domain::feed::record::read_all;
 use crate::ids::FeedId;
 
 /// Bytes that wait at most before they are written.
 const MOST_WAITING: usize = 1 << 17;
-
-/// Bytes that can have been written without ever being synced: what waits, and a record.
-const LONGEST_TAIL: u64 = (MOST_WAITING + MOST_BYTES) as u64;
 
 /// A feed's log, open to be appended to.
 #[derive(Debug)]
@@ -70,11 +69,11 @@ impl Vault {
         .await
     }
 
-    /// Whether every record of a feed's log is whole. Of a tail that is none, nothing was acknowledged, and it may be growing
-    /// at this moment; but a whole record cannot lie behind damage unless it was written after it.
-    pub async fn is_feed_intact(&self, id: FeedId) -> VaultResult<bool> {
+    /// The frames that damaged records of a feed's log have held, as far as they are not in others: sent again, they are.
+    /// Of a tail that is no whole record nothing was acknowledged, and it may be growing at this moment.
+    pub async fn feed_damage(&self, id: FeedId) -> VaultResult<Vec<[u64; 2]>> {
         let path = path(&self.inner.data, id);
-        on_a_blocking_thread(move || is_intact(disk::open(&path)?).map_err(failed("reading", &path))).await
+        on_a_blocking_thread(move || damage(disk::open(&path)?).map_err(failed("reading", &path))).await
     }
 
     /// Forgets a feed's log, after its row. One that is gone already is as good.
@@ -144,22 +143,15 @@ fn read_through(file: File, path: &Path) -> VaultResult<(u64, Numbers)> {
     Ok((end.map_err(failed("reading", path))?, numbers))
 }
 
-/// Are there no bytes before the last whole record that are none?
-fn is_intact(mut log: File) -> io::Result<bool> {
-    let mut whole = 0;
-    let end = read_all(&log, |_, record| {
+/// The numbers that are missing, if there are bytes before the end of the last whole record that are none.
+fn damage(log: File) -> io::Result<Vec<[u64; 2]>> {
+    let (mut whole, mut numbers) = (0, Numbers::default());
+    let end = read_all(log, |_, record| {
         whole += record.bytes() as u64;
+        let _ = numbers.add(record.number, record.last()); // as when it is read through
         io::Result::Ok(())
     })?;
-    let mut tail = Vec::new();
-    log.seek(SeekFrom::Start(end))?;
-    log.by_ref().take(LONGEST_TAIL).read_to_end(&mut tail)?;
-    let is_short = (tail.len() as u64) < LONGEST_TAIL;
-    let mut rest = &tail[..];
-    while let Ok((_, behind)) = Record::read_first(rest) {
-        rest = behind; // written since
-    }
-    Ok(whole == end && is_short && (0..rest.len()).all(|at| Record::read_first(&rest[at..]).is_err()))
+    Ok(if whole == end { Vec::new() } else { numbers.missing_below(numbers.end()) })
 }
 
 fn path(data: &Path, id: FeedId) -> PathBuf {

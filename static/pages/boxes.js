@@ -6,6 +6,7 @@ import { number } from '../format.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { TodaysLight } from '../parts/box_self_test.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
@@ -47,7 +48,8 @@ export default function Boxes({ person }) {
         <div class="scroll">
           <table class="table">
             <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.camera}</th><th scope="col">
-              ${words.palette}</th><th scope="col">${words.tools}</th><th scope="col">${words.view}</th>
+              ${words.palette}</th><th scope="col">${t.selfTest.today}</th>
+              <th scope="col">${words.tools}</th><th scope="col">${words.view}</th>
               <td></td></tr></thead>
             <tbody>
               ${boxes.map(box => html`
@@ -55,6 +57,7 @@ export default function Boxes({ person }) {
                   <th scope="row"><a class="cover" href=${href(['boxes', box.id])}>${box.name}</a></th>
                   <td><${CameraState} calibration=${box.calibration} /></td>
                   <td><${PaletteState} palette=${box.palette} /></td>
+                  <td><${TodaysLight} test=${box.self_test} /></td>
                   <td>${box.tools.map(toolName).join(', ') || '–'}</td>
                   <td>${words.views[box.view] ?? words.auto}</td>
                   <td>${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change}

@@ -31,7 +31,7 @@ const FIELDS = [
   { name: 'reach', label: words.reach, hint: words.reachHint, type: 'number', min: 0, max: 100, step: 'any' },
 ];
 
-/** The light of today, in the head of the card. */
+/** The light of today, in the head of the card and in the list of boxes. */
 export const TodaysLight = ({ test }) =>
   test ? html`<${LightPill} light=${test.light} />` : html`<span class="pill">${words.noneToday}</span>`;
 

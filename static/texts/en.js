@@ -676,6 +676,7 @@ export default {
   },
   selfTest: {
     title: 'Self-test',
+    today: 'Self-test today',
     noneToday: 'not tested today',
     none: 'Never tested. A minute with the printed checkerboard and a taped rod tells whether this box still measures what it should.',
     lights: { green: 'green: all well', yellow: 'yellow: to be watched', red: 'red: to be mended', not_measured: 'not measured' },

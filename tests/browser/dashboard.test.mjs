@@ -213,6 +213,10 @@ test('a box is tested on its page: its light stands there in words, with every t
     assert.ok((await excess()) <= 0, `a tested box is wider than a ${look.name}`);
   }
   await wear(LOOKS[0]);
+  await page.goto(`${url}/boxes`);
+  const row = name => page.locator('tbody tr', { has: page.getByRole('rowheader', { name, exact: true }) });
+  await row(box.name).getByText('green: all well').waitFor();
+  await row('Box 2').getByText('not tested today').waitFor();
 });
 
 test('a box that sends is on the wall, with the state of its tools', async () => {

@@ -8,8 +8,10 @@ use crate::analysis::protocol::{
     ToolShape, TrackWork, encode,
 };
 use crate::domain::feed::FrameCodec;
-use crate::domain::palette::{ConfusionRow, LightShares};
-use crate::domain::self_test::{Light, PartReport, TestedPart};
+use crate::domain::palette::{ConfusionRow, LightShares, PaletteAdvice};
+use crate::domain::self_test::{
+    HoldReport, Light, NotCounted, PartReport, PlacementReport, SelfTestReport, TestedPart,
+};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::ColourSamples;
@@ -239,47 +241,134 @@ fn a_report_on_colours_is_heard_once_and_only_with_numbers_that_can_be() {
 }
 
 #[test]
-fn a_self_test_is_heard_once_and_only_with_numbers_and_texts_that_can_be() {
-    let part = |figure: f64, finding: &str| PartReport {
-        part: TestedPart::Accuracy,
-        light: Light::Green,
-        figure: Some(figure),
+fn a_self_test_is_heard_once_and_only_as_it_was_ordered_and_can_be() {
+    let part = |part: TestedPart, light: Light| PartReport {
+        part,
+        light,
+        figure: Some(0.6),
         limit: None,
         unit: "mm".into(),
-        finding: finding.into(),
+        finding: "6 touches".into(),
         advice: String::new(),
     };
-    let report = |parts: Vec<PartReport>| SelfTestReport {
-        light: Light::Green,
-        parts,
+    let hold = HoldReport {
+        tool: "orange".into(),
+        from_s: 3.0,
+        to_s: 5.0,
+        placement: Some(1),
+        column: Some(9),
+        row: Some(6),
+        error_mm: Some(0.6),
+        along_mm: Some(0.5),
+        across_mm: Some(0.3),
+        inside: None,
+        not_counted: None,
+    };
+    let hovers = HoldReport {
+        placement: None,
+        column: None,
+        row: None,
+        error_mm: None,
+        along_mm: None,
+        across_mm: None,
+        not_counted: Some(NotCounted::AboveBoard),
+        ..hold.clone()
+    };
+    let honest = SelfTestReport {
+        light: Light::Yellow,
+        parts: TestedPart::ALL.iter().map(|of| part(*of, Light::Green)).collect(),
         board: "9x6".parse().unwrap(),
         square_mm: 21.0,
-        placements: vec![],
+        placements: vec![PlacementReport { from_s: 0.0, to_s: 9.0, looks: 9, rms_px: 0.1, depth_mm: 200.0 }],
         focal_change_percent: None,
         focal_sigma_percent: None,
         accuracy: None,
-        holds: vec![],
+        holds: vec![hold, hovers],
         exposure_drift: None,
         white_drift_codes: None,
     };
-    let hears = |reports: Vec<SelfTestReport>| {
+    let honest = {
+        let mut honest = honest;
+        honest.parts[3].light = Light::Yellow;
+        honest
+    };
+    let hears = |reports: &[&SelfTestReport]| {
         let board = BoardShape { columns: 9, rows: 6, square_mm: 21.0 };
         let work =
             SelfTestWork { track: track_work(), board, reach_mm: 0.0, calibration_rms_px: None, ports: Vec::new() };
         let mut receipt = Receipt::new(&Work::SelfTest(work), Limits::default());
         receipt.take(&encode(&Answer::Confined { landlock: true }).unwrap())?;
         for report in reports {
-            receipt.take(&encode(&Answer::SelfTest(Box::new(report))).unwrap())?;
+            receipt.take(&encode(&Answer::SelfTest(Box::new((*report).clone()))).unwrap())?;
         }
         Ok::<_, String>(receipt.into_heard().self_test)
     };
-    let honest = report(vec![part(0.6, "6 touches")]);
-    assert_eq!(hears(vec![honest.clone()]).unwrap(), Some(honest.clone()));
-    assert!(hears(vec![honest.clone(), honest.clone()]).is_err());
-    for forged in [vec![part(f64::NAN, "")], vec![part(0.6, "\u{1b}[31m")], vec![part(0.6, ""); 5000]] {
-        assert!(hears(vec![report(forged)]).is_err());
+    assert_eq!(hears(&[&honest]).unwrap(), Some(honest.clone()));
+    let mut placeless = honest.clone();
+    placeless.parts.remove(2);
+    assert!(hears(&[&placeless]).is_ok(), "a trocar that nobody knows is not spoken of");
+    assert!(hears(&[&honest, &honest]).is_err());
+    let forgeries: [fn(&mut SelfTestReport); 16] = [
+        |r| r.light = Light::Green,
+        |r| r.parts[0].light = Light::Red,
+        |r| r.parts[0].figure = Some(f64::NAN),
+        |r| r.parts[0].finding = "\u{1b}[31m".into(),
+        |r| r.parts[0].advice = "x".repeat(5000),
+        |r| r.parts.push(r.parts[4].clone()),
+        |r| r.parts.swap(0, 1),
+        |r| drop(r.parts.remove(0)),
+        |r| r.parts.clear(),
+        |r| r.board = "9x7".parse().unwrap(),
+        |r| r.square_mm = 20.0,
+        |r| r.holds[0].tool = "cyan".into(),
+        |r| r.holds[0].placement = Some(2),
+        |r| r.holds[0].row = Some(7),
+        |r| r.holds[0].error_mm = None,
+        |r| r.holds[1].column = Some(1),
+    ];
+    for (number, forge) in forgeries.into_iter().enumerate() {
+        let mut forged = honest.clone();
+        forge(&mut forged);
+        assert!(hears(&[&forged]).is_err(), "forgery {number}");
     }
     assert!(hear(vec![Answer::SelfTest(Box::new(honest))]).is_err(), "nobody asked for it");
+}
+
+#[test]
+fn advice_is_heard_of_every_tape_and_pair_that_was_asked_about_and_of_no_other() {
+    use crate::pipeline::frame::{Frame, Plane};
+    use crate::pipeline::segmentation::palette::advice::advise;
+    let hears = |advice: &PaletteAdvice| {
+        let mut receipt = Receipt::new(&Work::Advise, Limits::default());
+        receipt.take(&encode(&Answer::Confined { landlock: true }).unwrap())?;
+        receipt.take(&encode(&Answer::PaletteAdvice(advice.clone())).unwrap())?;
+        Ok::<_, String>(receipt.into_heard().palette_advice)
+    };
+    let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+    let grey = [128; 64];
+    let plane = Plane { data: &grey, stride: 8, width: 8, height: 8 };
+    let (y, u, v) = (plane, plane, plane);
+    let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding };
+    let honest = PaletteAdvice::from(&advise(&frame));
+    assert_eq!(hears(&honest).unwrap(), Some(honest.clone()));
+    let forgeries: [fn(&mut PaletteAdvice); 11] = [
+        |a| a.tapes.clear(),
+        |a| drop(a.tapes.pop()),
+        |a| a.tapes[1] = a.tapes[0].clone(),
+        |a| a.tapes[0].tape = "gold".into(),
+        |a| a.tapes[0].srgb = "url(x)".into(),
+        |a| a.tapes[0].ral += 1,
+        |a| a.tapes[0].in_box = 1.5,
+        |a| a.pairs[0] = a.pairs[1].clone(),
+        |a| a.pairs[0].tapes[0] = a.pairs[0].tapes[1].clone(),
+        |a| a.pairs[0].apart_steps = f64::INFINITY,
+        |a| a.warnings.push("\n".into()),
+    ];
+    for (number, forge) in forgeries.into_iter().enumerate() {
+        let mut forged = honest.clone();
+        forge(&mut forged);
+        assert!(hears(&forged).is_err(), "forgery {number}");
+    }
 }
 
 #[test]

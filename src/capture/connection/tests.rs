@@ -45,7 +45,7 @@ async fn the_end_is_said_once_all_is_acknowledged() {
     socket.send(word_of(&FromServer::Ack { durable: vec![[0, FRAMES - 1]] })).await.unwrap();
     let end = next(&mut socket).await.unwrap();
     assert_eq!(end.to_text().unwrap(), r#"{"type":"end","frames":5}"#);
-    socket.send(word_of(&FromServer::Ended { session })).await.unwrap();
+    socket.send(word_of(&FromServer::Ended { session, durable: None })).await.unwrap();
     assert_eq!(conversing.await.unwrap(), Parting::Whole(session));
 }
 

@@ -23,6 +23,9 @@ pub const HEAD: usize = 32;
 /// Largest record, bytes.
 pub const MOST_BYTES: usize = HEAD + MOST_PAYLOAD;
 
+/// Bytes that hold no record and are looked through for the next one: more than is ever written without a sync.
+pub const LONGEST_HOLE: usize = 32 << 20;
+
 const FRAME: u8 = 1;
 const GAP: u8 = 2;
 const KEY: u8 = 1;
@@ -193,8 +196,8 @@ impl<'a> Record<'a> {
 }
 
 /// Reads records that lie one after the other, and gives each of them with the place where it begins. Returns where the last
-/// of them ends. A damaged one is passed over if there are others behind it: they were acknowledged; a tail that is no record
-/// was not.
+/// of them ends. What is damaged is passed over, be it a payload or a head, if there are records within [`LONGEST_HOLE`] behind
+/// it: they may have been acknowledged. A tail in which no record lies was not.
 ///
 /// # Errors
 /// The bytes cannot be read, or whoever is given a record refuses.
@@ -207,8 +210,9 @@ pub fn read_all<E: From<io::Error>>(
     loop {
         let read = from.read(&mut buffer[held..])?;
         held += read;
+        let is_over = read == 0;
         let mut rest = &buffer[..held];
-        let is_cut = loop {
+        while !rest.is_empty() {
             let bytes = match Record::read_first(rest) {
                 Ok((record, behind)) => {
                     give(place, record)?;
@@ -216,14 +220,15 @@ pub fn read_all<E: From<io::Error>>(
                     end = place + bytes as u64;
                     bytes
                 }
-                Err(NotARecord::Cut(_)) => break true,
-                Err(NotARecord::Damaged) => HEAD + payload_length(rest).unwrap_or(0), // it is: the checksum came after
-                Err(_) => break false,
+                Err(NotARecord::Cut(_)) if !is_over => break,
+                // No head: the next record begins anywhere behind. Bytes that no head can begin with cost nothing.
+                Err(NotARecord::Cut(_) | NotARecord::Unknown(_) | NotARecord::Length(_)) => 1,
+                Err(_) => HEAD + payload_length(rest).unwrap_or(0), // it is: the checksum came after
             };
             rest = &rest[bytes..];
             place += bytes as u64;
-        };
-        if read == 0 || !is_cut {
+        }
+        if is_over || place > end + LONGEST_HOLE as u64 {
             return Ok(end);
         }
         let kept = rest.len();
@@ -275,128 +280,4 @@ fn part<const N: usize>(bytes: &[u8], from: usize) -> [u8; N] {
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    fn bytes(record: &Record<'_>) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        record.write(&mut bytes);
-        bytes
-    }
-
-    fn frame(epoch: u32, number: u64, time: i64, is_key: bool, payload: &[u8]) -> Record<'_> {
-        Record { epoch, number, body: Body::Frame { time, is_key, payload } }
-    }
-
-    proptest! {
-        #[test]
-        fn a_frame_comes_back(
-            epoch: u32, number in 0..MOST_FRAMES, time: i64, is_key: bool,
-            payload in prop::collection::vec(any::<u8>(), 1..300),
-        ) {
-            let record = frame(epoch, number, time, is_key, &payload);
-            let written = bytes(&record);
-            prop_assert_eq!(Record::read(&written), Ok(record));
-        }
-
-        #[test]
-        fn a_gap_comes_back(epoch: u32, first in 0..MOST_FRAMES, more in 0u64..1000, reason in 0usize..4) {
-            let last = (first + more).min(MOST_FRAMES - 1);
-            let record = Record { epoch, number: first, body: Body::Gap { last, reason: GapReason::ALL[reason] } };
-            let written = bytes(&record);
-            prop_assert_eq!(Record::read(&written), Ok(record));
-        }
-
-        #[test]
-        fn one_damaged_byte_is_noticed(place in 0usize..60, by in 1u8..=255) {
-            let mut damaged = bytes(&frame(3, 7, 40_000, true, &[5; 28]));
-            damaged[place] ^= by;
-            prop_assert!(Record::read(&damaged).is_err());
-        }
-
-        #[test]
-        fn any_bytes_are_a_record_or_an_error(any in prop::collection::vec(any::<u8>(), 0..200)) {
-            let _ = Record::read_first(&any);
-        }
-    }
-
-    #[test]
-    fn records_follow_one_another_and_the_last_may_be_cut() {
-        let payload = [9; 20];
-        let (first, second) = (frame(1, 0, 0, true, &payload), frame(1, 1, 3600, false, &payload));
-        let both = [bytes(&first), bytes(&second)].concat();
-        let (read, rest) = Record::read_first(&both).unwrap();
-        assert_eq!((read, Record::read(rest)), (first, Ok(second)));
-        for cut in 0..rest.len() {
-            assert_eq!(Record::read_first(&rest[..cut]), Err(NotARecord::Cut(cut)));
-        }
-    }
-
-    #[test]
-    fn a_damaged_record_costs_itself_alone_and_a_cut_tail_is_none() {
-        let payload = [7; 50];
-        let all: Vec<u8> = (0..5).flat_map(|number| bytes(&frame(1, number, 0, true, &payload))).collect();
-        let one = all.len() / 5;
-        let found = |log: &[u8]| {
-            let mut numbers = Vec::new();
-            let end = read_all(log, |_, record| {
-                numbers.push(record.number);
-                io::Result::Ok(())
-            });
-            (numbers, end.unwrap() as usize)
-        };
-        assert_eq!(found(&all), (vec![0, 1, 2, 3, 4], 5 * one));
-        let mut damaged = all.clone();
-        damaged[2 * one + 40] ^= 1;
-        assert_eq!(found(&damaged), (vec![0, 1, 3, 4], 5 * one));
-        damaged[4 * one + 40] ^= 1;
-        assert_eq!(found(&damaged), (vec![0, 1, 3], 4 * one), "nothing lies behind it");
-        assert_eq!(found(&all[..5 * one - 1]).1, 4 * one);
-        let zeros = [&all[..one], &[0; 500]].concat();
-        assert_eq!(found(&zeros), (vec![0], one));
-    }
-
-    #[test]
-    fn what_no_sender_may_say_is_refused_by_name() {
-        let refused = |change: &dyn Fn(&mut Vec<u8>)| {
-            let mut bytes = bytes(&frame(1, 5, 0, false, &[1, 2, 3]));
-            change(&mut bytes);
-            let check = checksum(&bytes[..CHECK], &bytes[HEAD..]);
-            bytes[CHECK..HEAD].copy_from_slice(&check.to_be_bytes());
-            Record::read(&bytes).unwrap_err()
-        };
-        assert_eq!(refused(&|b| b[0] = 3), NotARecord::Unknown(0));
-        assert_eq!(refused(&|b| b[1] = 2), NotARecord::Unknown(1));
-        assert_eq!(refused(&|b| b[3] = 1), NotARecord::Unknown(3));
-        assert_eq!(refused(&|b| b[9] = 1), NotARecord::Number((1 << 48) + 5));
-        assert_eq!(refused(&|b| b[24] = 1), NotARecord::Length((1 << 24) + 3));
-        assert_eq!(refused(&|b| b.push(4)), NotARecord::Damaged);
-    }
-
-    #[test]
-    fn the_documents_test_vectors_are_these_records() {
-        let document = include_str!("../../../docs/feed.md");
-        let vector = |begins: &str| {
-            let row = document.lines().find(|line| line.starts_with(&format!("| {begins}"))).unwrap();
-            let hex = row.rsplit('`').nth(1).unwrap();
-            (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect::<Vec<u8>>()
-        };
-        let jpeg = [0xff, 0xd8, 0xff, 0xd9];
-        assert_eq!(vector("a key frame:"), bytes(&frame(2, 7, 25_200, true, &jpeg)));
-        assert_eq!(vector("a frame that is none:"), bytes(&frame(1, 0, 0, false, &[0])));
-        let gap = Record { epoch: 2, number: 8, body: Body::Gap { last: 11, reason: GapReason::SpoolFull } };
-        assert_eq!(vector("a gap:"), bytes(&gap));
-    }
-
-    #[test]
-    fn the_document_names_every_close_code() {
-        use super::super::farewell::Code;
-        let document = include_str!("../../../docs/feed.md");
-        for code in Code::ALL {
-            let row = format!("| {} |", code.number());
-            assert!(document.lines().any(|line| line.starts_with(&row)), "{code:?}");
-        }
-    }
-}
+mod tests;

@@ -72,5 +72,26 @@ pub enum FromServer {
     Ended {
         /// The session.
         session: SessionId,
+        /// All frames and gaps that came, every one of them durable; left out where the server knows of the session alone, as
+        /// when it ended before this connection. Senders that were written before it was said do without.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        durable: Option<Vec<[u64; 2]>>,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_documents_last_words_are_these() {
+        let document = include_str!("../../../docs/feed.md");
+        let session: SessionId = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45".parse().unwrap();
+        for durable in [None, Some(vec![[0, 7500]])] {
+            let word = FromServer::Ended { session, durable };
+            let said = serde_json::to_string(&word).unwrap();
+            assert_eq!(serde_json::from_str::<FromServer>(&said).unwrap(), word);
+            assert!(document.contains(&format!("`{said}`")), "{said}");
+        }
+    }
 }

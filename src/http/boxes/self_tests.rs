@@ -63,13 +63,13 @@ impl App {
     /// The light of today, by the server's clock and time zone.
     pub(super) async fn light_of_today(&self, scope: &Scope, of: BoxId) -> Answer<Option<TodaysLight>> {
         let since_ms = day_began_ms(self.clock.now_ms());
-        let latest = self.store.self_tests().latest_since(scope, of, since_ms).await?;
-        let light = |test: store::SelfTest| TodaysLight {
-            id: test.id,
-            light: test.light,
-            created_at: Time(test.created_at_ms),
+        let last = self.store.self_tests().light_since(scope, of, since_ms).await?;
+        let shown = |store::SelfTestLight { id, light, created_at_ms }| TodaysLight {
+            id,
+            light,
+            created_at: Time(created_at_ms),
         };
-        Ok(latest.map(light))
+        Ok(last.map(shown))
     }
 }
 

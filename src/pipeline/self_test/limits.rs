@@ -5,6 +5,7 @@
 
 use crate::pipeline::quality::Cause;
 use crate::pipeline::quality::limits::{Better, Limits, MOVED_MM, at_most};
+use crate::pipeline::segmentation::palette::verdict::FALSE_REGION;
 
 /// Fewest touches that make a figure: three define a plane and cannot disagree with it; six are asked for, two may fail.
 pub const FEWEST_TOUCHES: usize = 4;
@@ -38,6 +39,10 @@ pub const FOCAL_SIGMA: f64 = 0.005;
 /// Distance of the rod's trocar from where the box's sessions had it, mm: as for a session ([`MOVED_MM`]). Never red: what a moved
 /// camera measures is right as ever, only elsewhere.
 pub const TROCAR_MM: Limits = Limits { better: Better::Less, care: Some(MOVED_MM), refuse: None };
+
+/// Largest region of the empty box that has a tape's colour, as a multiple of the tape: as on the frames on which it was marked
+/// ([`FALSE_REGION`]).
+pub const FALSE_TAPE: Limits = at_most(FALSE_REGION[0], FALSE_REGION[1]);
 
 /// Change of brightness, share. Yellow as for a session; red where colours are no longer known (0.6 to 1.6 times their
 /// light).

@@ -11,11 +11,13 @@
 //! | [`looks`] | which frames show the whole board, and where |
 //! | [`placement`] | where it lay still, from when to when |
 //! | [`hold`] | where a tool rested |
+//! | [`colours`] | what of the empty box has a tape's colour today |
 //! | [`contact`] | the point in which a resting rod meets the board |
 //! | [`touch`] | rests against corners: errors along and across the line of sight |
 //! | [`limits`] | from which figure on a light changes, and why from there |
 //! | [`verdict`] | the traffic light, with what to do |
 
+pub mod colours;
 pub mod contact;
 pub mod hold;
 pub mod limits;
@@ -24,6 +26,7 @@ pub mod placement;
 pub mod touch;
 pub mod verdict;
 
+pub use colours::{ColourWatch, FalseColour};
 pub use contact::Rod;
 pub use hold::Hold;
 pub use looks::BoardWatch;
@@ -55,6 +58,8 @@ pub struct Evidence<'a> {
     pub smoothed: &'a Trajectory,
     /// Where trocars were in the box's sessions; none where that is not known.
     pub ports: &'a Ports,
+    /// What of the empty box has the tapes' colours; none where it was never seen empty.
+    pub false_colours: &'a [FalseColour],
 }
 
 /// What a self-test found.
@@ -79,6 +84,9 @@ pub struct Findings {
     pub trocar_shift: Option<Shift>,
     /// How far each tool's colour stands apart.
     pub colours: Vec<(String, Apart)>,
+    /// Largest region of today's empty box that has a tape's colour, by that colour's label, as a multiple of the tape as it
+    /// would look on the board. None where the box was never seen empty, or no board.
+    pub false_regions: Vec<(String, f64)>,
     /// Largest change of the picture's brightness, as a share of its median.
     pub exposure_drift: Option<f64>,
     /// Largest change of the picture's white, codes of 224.
@@ -93,6 +101,7 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
     let focal_change = if views.is_empty() { None } else { focal_change(&evidence.camera, board, &views) };
     let holds = hold::of_path(evidence.smoothed);
     let touches = touch::of_holds(holds, &placements, board, evidence);
+    let false_regions = placements.first().map_or_else(Vec::new, |on| false_regions(on, evidence));
     let path = quality::Evidence::of_path(evidence.smoothed);
     let Figures { session, tools } = quality::measure(&quality::Evidence { tracker: Some(evidence.quality), ..path });
     let fulcrums: Vec<_> = evidence.quality.tools.iter().map(|tool| tool.fulcrum).collect();
@@ -107,9 +116,25 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
         placements,
         trocar_shift: shifts.max_by(|a, b| a.is_sure().cmp(&b.is_sure()).then(a.mm.total_cmp(&b.mm))),
         colours: tools.into_iter().map(|tool| (tool.tool, tool.colour)).collect(),
+        false_regions,
         exposure_drift: session.exposure_drift,
         white_drift_codes: session.white_drift_codes,
     }
+}
+
+/// False colours against the tapes that have them, the smallest of each colour.
+fn false_regions(on: &Placement, Evidence { camera, tools, false_colours, .. }: &Evidence<'_>) -> Vec<(String, f64)> {
+    /// Length of a tape that nobody stated, as a multiple of the diameter: 26 mm of 5.
+    const USUAL_LENGTH: f64 = 5.0;
+    let px_per_mm2 = camera.fx * camera.fy / on.camera_from_board.translation.z.powi(2);
+    let tape_px = |tool: &ToolSpec| {
+        px_per_mm2 * tool.diameter_mm * tool.band_length_mm.unwrap_or(USUAL_LENGTH * tool.diameter_mm)
+    };
+    let of_tapes = |FalseColour { colour, largest_px }: &FalseColour| {
+        let tape_px = tools.iter().filter(|tool| tool.colour == *colour).map(tape_px).reduce(f64::min)?;
+        Some((colour.clone(), largest_px / tape_px))
+    };
+    false_colours.iter().filter_map(of_tapes).collect()
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use super::*;
 use crate::pipeline::camera::testing::wide;
 use crate::pipeline::pose::fulcrum::Fulcrum;
+use crate::pipeline::segmentation::palette::Margin;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tracker::{LightSample, ToolQuality};
 use crate::pipeline::trajectory::{Sample, SampleState};
@@ -40,6 +41,8 @@ struct Minute {
     error_mm: fn(usize) -> Vector3<f64>,
     /// Where the rod's trocar was found, if it was.
     trocar: Option<Point3<f64>>,
+    /// Pixels of the empty box that have its tape's colour, if it was seen empty.
+    orange_px: Option<f64>,
 }
 
 impl Default for Minute {
@@ -51,6 +54,7 @@ impl Default for Minute {
             axis: Vector3::new(0.5, -0.4, 0.8).normalize(),
             error_mm: |_| Vector3::zeros(),
             trocar: None,
+            orange_px: Some(0.0),
         }
     }
 }
@@ -75,6 +79,9 @@ impl Minute {
         };
         let steady = |time_s| LightSample { time_s, luma_ratio: 1.0, chroma_shift: [0.0; 2] };
         let tool = ToolQuality { tool: "orange".into(), fulcrum: self.trocar.map(trocar), ..ToolQuality::default() };
+        let apart = |margin_steps| Margin { margin_steps, spread_steps: 3.0, nearest: "background".into() };
+        let tool = ToolQuality { colour: Apart { from_tools: None, from_background: Some(apart(12.0)) }, ..tool };
+        let orange = |largest_px| FalseColour { colour: "orange".into(), largest_px };
         let quality = Quality {
             frames: smoothed.frame_times_s.len() as u64,
             tools: vec![tool],
@@ -89,6 +96,7 @@ impl Minute {
                 quality: &quality,
                 smoothed: &smoothed,
                 ports: &Ports::new(vec![trocar(Point3::new(0.0, -100.0, 120.0))]),
+                false_colours: &self.orange_px.map(orange).into_iter().collect::<Vec<_>>(),
             },
         )
     }
@@ -172,17 +180,66 @@ fn a_touch_during_which_the_board_slid_does_not_count_and_those_before_and_after
     assert!(said.contains("1 not counted: the board was moved"), "{said}");
 }
 
+/// From the corner that a touch is on towards the camera, mm.
+fn lifted(touch: usize, mm: f64) -> Vector3<f64> {
+    let on_board = board().points_mm()[Minute::default().touched[touch]];
+    (lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0)).coords.normalize() * -mm
+}
+
+/// What a hand and the tracker are off by, mm: 0.6 RMS in all directions.
+fn unsteady(touch: usize) -> Vector3<f64> {
+    const OFF: [[f64; 3]; 6] =
+        [[0.2, -0.1, 0.6], [-0.1, 0.2, -0.5], [0.1, 0.1, 0.2], [-0.2, 0.0, -0.7], [0.0, -0.2, 0.5], [0.1, 0.0, -0.4]];
+    Vector3::from(OFF[touch])
+}
+
 #[test]
-fn waiting_above_the_board_is_no_touch_even_where_a_corner_is_seen_below() {
-    let lifted = |touch: usize| {
-        let minute = Minute::default();
-        let on_board = board().points_mm()[minute.touched[touch]];
-        let corner = lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0);
-        if touch == 2 { corner.coords.normalize() * -30.0 } else { Vector3::zeros() }
-    };
-    let findings = Minute { error_mm: lifted, ..Minute::default() }.findings();
-    assert_eq!(reasons(&findings)[2], Some(Unusable::AboveBoard));
-    assert_eq!((findings.accuracy.unwrap().touches, signal(&findings, Part::Accuracy)), (5, Signal::Green));
+fn waiting_above_the_board_is_no_touch_however_low_and_a_box_is_not_blamed_for_it() {
+    let two_wait: [(fn(usize) -> Vector3<f64>, &[usize]); 4] = [
+        (|touch| if touch == 2 { lifted(touch, 30.0) } else { unsteady(touch) }, &[2]),
+        (|touch| if touch == 4 { lifted(touch, 4.0) } else { unsteady(touch) }, &[4]),
+        (|touch| if touch == 0 || touch == 5 { lifted(touch, 9.0) } else { unsteady(touch) }, &[0, 5]),
+        (|touch| if touch == 1 || touch == 2 { lifted(touch, 3.5) } else { unsteady(touch) }, &[1, 2]),
+    ];
+    for (error_mm, waits) in two_wait {
+        let findings = Minute { error_mm, ..Minute::default() }.findings();
+        let found: Vec<usize> = (0..6).filter(|i| reasons(&findings)[*i] == Some(Unusable::AboveBoard)).collect();
+        assert_eq!(found, waits, "{:?}", reasons(&findings));
+        assert_eq!(findings.accuracy.as_ref().unwrap().touches, 6 - waits.len());
+        assert_eq!(signal(&findings, Part::Accuracy), Signal::Green, "{:?}", findings.accuracy);
+        let said = verdict::judge(&findings, None).parts[0].finding.clone();
+        assert!(said.contains(&format!("{} not counted: the tool waited above the board", waits.len())), "{said}");
+    }
+}
+
+#[test]
+fn touches_that_are_only_unsteady_all_count() {
+    let findings = Minute { error_mm: unsteady, ..Minute::default() }.findings();
+    assert_eq!((reasons(&findings), signal(&findings, Part::Accuracy)), (vec![None; 6], Signal::Green));
+}
+
+#[test]
+fn errors_that_touches_share_or_that_scatter_are_the_boxes_and_are_left_in_the_figure() {
+    /// Where a rod seems to be that is thinner than it is said to be.
+    fn stretched(touch: usize, by: f64) -> Vector3<f64> {
+        let on_board = board().points_mm()[Minute::default().touched[touch]];
+        (lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0)).coords * by
+    }
+    let wrong: [(&str, fn(usize) -> Vector3<f64>); 4] = [
+        ("5 mm called 6", |touch| stretched(touch, 0.2) + unsteady(touch)),
+        ("5 mm called 4.9", |touch| stretched(touch, -0.02) + unsteady(touch)),
+        ("seen too near at a corner or two", |touch| lifted(touch, [-3.0, 3.0, -3.0, 3.0, 3.0, -3.0][touch])),
+        ("half of them too high", |touch| lifted(touch, if touch % 2 == 0 { 6.0 } else { 0.0 })),
+    ];
+    for (what, error_mm) in wrong {
+        let findings = Minute { error_mm, ..Minute::default() }.findings();
+        assert_eq!((reasons(&findings), signal(&findings, Part::Accuracy)), (vec![None; 6], Signal::Red), "{what}");
+    }
+    let wrong_and_waits =
+        |touch| stretched(touch, 0.02) + if touch == 3 { lifted(touch, 7.0) } else { unsteady(touch) };
+    let findings = Minute { error_mm: wrong_and_waits, ..Minute::default() }.findings();
+    assert_eq!(reasons(&findings)[3], Some(Unusable::AboveBoard), "against the others, although it lies on the board");
+    assert_eq!(signal(&findings, Part::Accuracy), Signal::Red);
 }
 
 #[test]
@@ -214,6 +271,24 @@ fn a_lens_that_was_turned_by_three_percent_is_red_although_the_touches_agree() {
 }
 
 #[test]
+fn a_box_in_which_something_has_the_tapes_colour_today_is_not_green_however_well_it_was_marked() {
+    let colours = |orange_px| {
+        let findings = Minute { orange_px, ..Minute::default() }.findings();
+        verdict::judge(&findings, None).parts.into_iter().find(|part| part.part == Part::Colours).unwrap()
+    };
+    let tape_px = wide().fx * wide().fy / 230f64.powi(2) * 5.0 * 25.0;
+    let clean = colours(Some(0.02 * tape_px));
+    assert_eq!((clean.signal, clean.unit, clean.figure), (Signal::Green, "steps", Some(12.0)));
+    assert!(clean.finding.contains("beyond 0.02 of a tape"), "{}", clean.finding);
+    let [some, much] = [0.3, 0.7].map(|share| colours(Some(share * tape_px)));
+    assert_eq!((some.signal, much.signal), (Signal::Yellow, Signal::Red));
+    assert!((much.figure.unwrap() - 0.7).abs() < 1e-6 && much.advice.contains("out of the box"), "{much:?}");
+    let unseen = colours(None);
+    assert_eq!(unseen.signal, Signal::NotMeasured, "{unseen:?}");
+    assert!(unseen.finding.contains("never seen") && unseen.advice.contains("3 s"), "{unseen:?}");
+}
+
+#[test]
 fn a_trocar_that_lies_elsewhere_asks_whether_the_camera_has_moved() {
     let part = |at: Option<Point3<f64>>| {
         let findings = Minute { trocar: at, ..Minute::default() }.findings();
@@ -230,7 +305,15 @@ fn a_minute_without_a_board_measures_neither_accuracy_nor_calibration() {
     let spec: Vec<ToolSpec> = Vec::new();
     let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new() };
     let (quality, ports) = (&Quality::default(), &Ports::default());
-    let evidence = Evidence { camera: wide(), tools: &spec, reach_mm: 0.0, quality, smoothed: &nothing, ports };
+    let evidence = Evidence {
+        camera: wide(),
+        tools: &spec,
+        reach_mm: 0.0,
+        quality,
+        smoothed: &nothing,
+        ports,
+        false_colours: &[],
+    };
     let empty = measure(BoardWatch::new(board(), wide()), &evidence);
     let verdict = verdict::judge(&empty, None);
     assert_eq!(verdict.parts.len(), Part::ALL.len() - 1, "a trocar that nobody knows is not spoken of");

@@ -8,21 +8,21 @@ use nalgebra::{Point3, Vector3};
 
 use super::contact::Rod;
 use super::hold::Hold;
-use super::limits::FEWEST_TOUCHES;
+use super::limits::{FEWEST_TOUCHES, TOUCH_RMS_MM};
 use super::{Evidence, Placement};
 use crate::pipeline::camera::{Board, Camera};
 use crate::pipeline::evaluation::WITHIN_95;
 use crate::pipeline::features::hull;
-use crate::pipeline::quality::quantile;
 use crate::pipeline::space::CameraPoint;
 
 /// A point of contact is seen next to a corner if it is nearer than this share of a square. Half would be any corner; hands
 /// place a rod to about half a millimetre.
 const NEAR: f64 = 0.35;
 
-/// A rest whose point of contact lies farther above the board than this beyond the median of all was none on the board, mm:
-/// someone waited over it. Errors of depth that touches share do not count against each other here.
-const ABOVE_MM: f64 = 10.0;
+/// A rest is not called one above the board unless it stands out of the others' scatter by so many of their standard
+/// deviations. These are of the majority that agrees best, which is half as wide as all: errors that scatter are the tracker's,
+/// and count.
+const SCATTERS: f64 = 4.0;
 
 /// A rest of a tool, and what it tells.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +54,10 @@ pub struct Measured {
     pub is_inside: Option<bool>,
     /// How far the point of contact lies above the board, mm.
     height_mm: f64,
+    /// Stated standard deviation of that, mm; 0 where none was stated.
+    height_sigma_mm: f64,
+    /// How far the camera lies above the board, mm.
+    camera_mm: f64,
 }
 
 /// Why a rest does not count.
@@ -113,14 +117,51 @@ pub struct Accuracy {
 pub(super) fn of_holds(holds: Vec<Hold>, placements: &[Placement], board: Board, given: &Evidence<'_>) -> Vec<Touch> {
     let touch = |hold: Hold| Touch { outcome: measured(&hold, placements, board, given), hold };
     let mut touches: Vec<Touch> = holds.into_iter().map(touch).collect();
-    let heights = touches.iter().filter_map(|touch| Some(touch.outcome.ok()?.height_mm)).collect();
-    let usual_mm = quantile(heights, 0.5).unwrap_or(0.0);
-    for touch in &mut touches {
-        if touch.outcome.is_ok_and(|measured| measured.height_mm - usual_mm > ABOVE_MM) {
-            touch.outcome = Err(Unusable::AboveBoard);
-        }
+    let measured: Vec<Measured> = touches.iter().filter_map(|touch| touch.outcome.ok()).collect();
+    if let Some(usual) = UsualHeight::of(&measured) {
+        let hovers = touches.iter_mut().filter(|touch| touch.outcome.is_ok_and(|measured| usual.is_below(&measured)));
+        hovers.for_each(|touch| touch.outcome = Err(Unusable::AboveBoard));
     }
     touches
+}
+
+/// Where most rests lie above the board, by the law that an error of scale follows.
+///
+/// A wrong diameter or focal length stretches the line of sight: what rests on the board seems to lie above it (or below) by
+/// a share of the camera's own height, the same at every rest. A tool that waits over the board is off by itself. So
+/// the share that most rests have is what the box errs by, and stays in the figure; one that lies higher than that by more than
+/// touches are off in a good box ([`TOUCH_RMS_MM`]) and its own error bar allows was no touch. Nothing is left out for lying too
+/// deep, since nobody holds a rod below a board.
+struct UsualHeight {
+    /// Height of those that agree best, as a share of the camera's: the shortest interval that holds more than half of all.
+    share: f64,
+    /// Their standard deviation from it.
+    scatter: f64,
+}
+
+impl UsualHeight {
+    fn of(all: &[Measured]) -> Option<Self> {
+        let mut shares: Vec<f64> = all.iter().map(Measured::height_share).collect();
+        shares.sort_by(f64::total_cmp);
+        let width = |of: &&[f64]| of[of.len() - 1] - of[0];
+        let agreeing = shares.windows(shares.len() / 2 + 1).min_by(|a, b| width(a).total_cmp(&width(b)))?;
+        let count = agreeing.len() as f64;
+        let share = agreeing.iter().sum::<f64>() / count;
+        let scatter = (agreeing.iter().map(|of| (of - share).powi(2)).sum::<f64>() / count).sqrt();
+        Some(Self { share, scatter })
+    }
+
+    fn is_below(&self, rest: &Measured) -> bool {
+        let above_mm = (rest.height_share() - self.share) * rest.camera_mm;
+        let allowed_mm = TOUCH_RMS_MM.care.unwrap_or(0.0).hypot(WITHIN_95[0].sqrt() * rest.height_sigma_mm);
+        above_mm > allowed_mm.max(SCATTERS * self.scatter * rest.camera_mm)
+    }
+}
+
+impl Measured {
+    fn height_share(&self) -> f64 {
+        self.height_mm / self.camera_mm
+    }
 }
 
 fn measured(
@@ -156,6 +197,10 @@ fn measured(
         across_mm: (error_mm - sight * along_mm).norm(),
         is_inside,
         height_mm: error_mm.dot(&normal),
+        height_sigma_mm: hold
+            .sigma_mm
+            .map_or(0.0, |[across, depth]| (across * normal.xy().norm()).hypot(depth * normal.z)),
+        camera_mm: -corner_mm.coords.dot(&normal),
     })
 }
 

@@ -249,7 +249,39 @@ fn place(findings: &Findings) -> Option<PartVerdict> {
     Some(worst(Part::Place, vec![check], Default::default))
 }
 
+/// As they were marked, and in today's picture. Without the second the light is not known, unless the first is red.
 fn colours(findings: &Findings) -> PartVerdict {
+    const CLEAR: &str = "take what has the tape's colour out of the box, and hold the light as it was; if it stays, mark the \
+                         tapes again or take other tape (trocar palette --advise)";
+    let today = findings.false_regions.iter().map(|(colour, of_tape)| Check {
+        figure: *of_tape,
+        limits: limits::FALSE_TAPE,
+        unit: "tapes",
+        finding: format!(
+            "today a region of the empty box, {of_tape:.2} × as large as the tape, has the colour `{colour}`"
+        ),
+        advice: CLEAR,
+    });
+    let largest = findings.false_regions.iter().map(|(_, of_tape)| *of_tape).reduce(f64::max);
+    let mut part = worst(Part::Colours, marked_colours(findings).into_iter().chain(today).collect(), || {
+        ("nothing is known of the tapes' colours".to_owned(), "mark the tapes again")
+    });
+    match largest {
+        Some(of_tape) if part.unit == "steps" => {
+            part.finding +=
+                &format!("; today no region of the empty box beyond {of_tape:.2} of a tape has their colours");
+        }
+        None if part.signal < Signal::NotMeasured => {
+            part.signal = Signal::NotMeasured;
+            part.finding += "; today the box was never seen with the board and without a tool";
+            part.advice = "lay the board into the picture, and keep tools and hands out of it for 3 s";
+        }
+        _ => {}
+    }
+    part
+}
+
+fn marked_colours(findings: &Findings) -> Vec<Check> {
     const OTHER_TAPE: &str =
         "mark the tapes again in today's light; if it stays, take other tape (trocar palette --advise)";
     let checks = findings.colours.iter().flat_map(|(tool, apart)| {
@@ -271,7 +303,7 @@ fn colours(findings: &Findings) -> PartVerdict {
     // The narrowest first: of colours that stand alike it is the one to be told of.
     let mut checks: Vec<Check> = checks.collect();
     checks.sort_by(|a, b| a.figure.total_cmp(&b.figure));
-    worst(Part::Colours, checks, || ("nothing is known of the tapes' colours".to_owned(), "mark the tapes again"))
+    checks
 }
 
 fn lighting(findings: &Findings) -> PartVerdict {

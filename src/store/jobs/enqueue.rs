@@ -22,6 +22,10 @@ pub(super) async fn insert(
     let key = (input.kind(), Blob::of(text.as_bytes()).hash, versions);
     if let Some(id) = find(tx, key).await? {
         requeue(tx, id, now_ms).await?;
+        // They were sent once more. Where the job has let them go, they are collected by their rows.
+        for blob in input.blobs() {
+            blobs::record(tx, blob, now_ms).await?;
+        }
         return Ok(id);
     }
     let id = JobId::at(now_ms);

@@ -8,10 +8,10 @@
 //! | `result.rs` | results and features; a trainee's progress |
 
 pub(super) mod places;
-mod result;
+pub(super) mod result;
 mod write;
 
-pub use result::SessionResult;
+pub use result::{SessionPlace, SessionResult};
 pub(super) use write::insert;
 
 use super::error::{StoreResult, not_found};

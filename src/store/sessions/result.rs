@@ -67,6 +67,29 @@ struct Row {
     created_at_ms: i64,
 }
 
+/// A session's place in the order in which they came, by the clock of the service: when it was whole, epoch ms, and its id.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SessionPlace(pub i64, pub SessionId);
+
+/// The sessions of box `$1` with calibration `$2` that came before `$3`, `$4` and know their trocars; in the order of the index
+/// `session_box_order`, so that no more are read than are needed for the first `$5`.
+macro_rules! fulcrums_before {
+    () => {
+        "SELECT session.created_at_ms, session.id, result.quality FROM session JOIN result ON result.id =
+             (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+              ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+         WHERE session.box_id = $1 AND result.calibration_id = $2 AND (session.created_at_ms, session.id) < ($3, $4)
+           AND json_extract(result.quality, '$.verdict') <> 'refused'
+           AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.tools') AS tool
+                       WHERE json_extract(tool.value, '$.fulcrum') IS NOT NULL)
+           AND NOT EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
+                           WHERE json_extract(reason.value, '$.name') IN ('camera_moved', 'port_moved'))
+         ORDER BY session.created_at_ms, session.id LIMIT $5"
+    };
+}
+#[cfg(test)]
+pub(in crate::store) use fulcrums_before;
+
 impl Sessions<'_> {
     /// The latest result of a session; `None` while there is none.
     pub async fn result(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<SessionResult>> {
@@ -86,30 +109,30 @@ impl Sessions<'_> {
 
     /// Where the trocars were in a box's sessions with this calibration, the first that came first: of those that know it and were not
     /// refused, and in which nothing had moved, so that what has moved stays so until the box is calibrated again.
-    /// Of those that came before this one, by the clock of the service, if one is given; at most so many.
+    /// Of those that came before this place; at most so many, each with its own place.
     pub async fn fulcrums(
         &self,
         of: BoxId,
         calibration: CalibrationId,
-        before: Option<(i64, SessionId)>,
+        before: SessionPlace,
         most: usize,
-    ) -> StoreResult<Vec<Vec<Fulcrum>>> {
-        let rows = sqlx::query_scalar::<_, Json<Value>>(
-            "SELECT result.quality FROM session JOIN result ON result.id =
-                 (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             WHERE session.box_id = $1 AND result.calibration_id = $2
-               AND ($3 IS NULL OR (session.created_at_ms, session.id) < ($3, $4))
-               AND json_extract(result.quality, '$.verdict') <> 'refused'
-               AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.tools') AS tool
-                           WHERE json_extract(tool.value, '$.fulcrum') IS NOT NULL)
-               AND NOT EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
-                               WHERE json_extract(reason.value, '$.name') IN ('camera_moved', 'port_moved'))
-             ORDER BY session.created_at_ms, session.id LIMIT $5",
-        );
-        let (created_at_ms, session) = before.unzip();
+    ) -> StoreResult<Vec<(SessionPlace, Vec<Fulcrum>)>> {
+        let rows = sqlx::query_as::<_, (i64, SessionId, Json<Value>)>(fulcrums_before!());
+        let SessionPlace(created_at_ms, session) = before;
         let rows = rows.bind(of).bind(calibration).bind(created_at_ms).bind(session).bind(most as i64);
-        Ok(rows.fetch_all(self.0.readers()).await?.iter().map(|quality| fulcrums_of(quality)).collect())
+        let found = rows.fetch_all(self.0.readers()).await?;
+        let known =
+            |(at_ms, id, quality): &(i64, SessionId, Json<Value>)| (SessionPlace(*at_ms, *id), fulcrums_of(quality));
+        Ok(found.iter().map(known).collect())
+    }
+
+    /// Is a session of this box being tracked at this moment that came before this place?
+    pub async fn is_tracked_before(&self, of: BoxId, before: SessionPlace) -> StoreResult<bool> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
+                   WHERE job.state = 'running' AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
+        let SessionPlace(created_at_ms, session) = before;
+        let found = sqlx::query_scalar(sql).bind(of).bind(created_at_ms).bind(session);
+        Ok(found.fetch_one(self.0.readers()).await?)
     }
 
     /// A trainee's sessions over time, oldest first, with their latest results; of one task if named; the last `most`.

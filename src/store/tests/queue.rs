@@ -11,8 +11,9 @@ use crate::domain::session::NewSession;
 use crate::ids::SessionId;
 use crate::store::jobs::next_in_queue;
 use crate::store::sessions::places::places_in_queue;
+use crate::store::sessions::result::fulcrums_before;
 use crate::store::testing::Centre;
-use crate::store::{PageRequest, SessionFilter};
+use crate::store::{PageRequest, SessionFilter, SessionPlace};
 
 /// How SQLite goes about a statement: one line a loop.
 async fn plan(centre: &Centre, sql: &'static str) -> Vec<String> {
@@ -59,6 +60,37 @@ async fn places_in_the_queue_are_counted_along_the_index() {
         "SEARCH ahead USING INDEX job_waiting (<expr>=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
     assert!(plan.iter().any(|line| line == from_place_to_place), "{plan:#?}");
     assert!(!plan.iter().any(|line| line.starts_with("SCAN job")), "{plan:#?}");
+}
+
+#[tokio::test]
+async fn the_sessions_before_one_are_read_from_the_first_on_and_no_further_than_needed() {
+    let centre = Centre::ready().await;
+    let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", fulcrums_before!())).await;
+    let along_the_index =
+        "SEARCH session USING COVERING INDEX session_box_order (box_id=? AND (created_at_ms,id)<(?,?))";
+    assert_eq!(plan[0], along_the_index, "{plan:#?}");
+    assert!(!plan.iter().any(|line| line == "USE TEMP B-TREE FOR ORDER BY"), "{plan:#?}");
+}
+
+#[tokio::test]
+async fn a_session_is_behind_those_that_came_before_it_and_are_being_tracked() {
+    let centre = Centre::ready().await;
+    let trainee = centre.trainee("Ana").await.id;
+    let mut places = Vec::new();
+    for clip in ["a", "b", "c"] {
+        centre.clock.advance(Duration::from_millis(1));
+        let session = centre.session(trainee, clip).await;
+        places.push(SessionPlace(session.created_at_ms, session.id));
+    }
+    let tracked =
+        async |place: usize| centre.store.sessions().is_tracked_before(centre.the_box.id, places[place]).await.unwrap();
+    assert!(!tracked(2).await, "what waits may wait for this one's worker");
+    let (first, second) = (centre.claim().await.unwrap(), centre.claim().await.unwrap());
+    assert_eq!([tracked(0).await, tracked(1).await, tracked(2).await], [false, true, true]);
+    centre.store.jobs().give_back(&first).await.unwrap();
+    assert_eq!([tracked(1).await, tracked(2).await], [false, true]);
+    centre.store.jobs().give_back(&second).await.unwrap();
+    assert!(!tracked(2).await);
 }
 
 #[tokio::test]

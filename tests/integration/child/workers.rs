@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use trocar::analysis::paths::Paths;
 use trocar::analysis::{AnalysisSettings, Workshop};
+use trocar::domain::blob::Blob;
 use trocar::domain::calibration::{CalibrationSource, NewCalibration};
 use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
-use trocar::domain::job::{JobInput, JobState, NamedBlob, PaletteInput};
+use trocar::domain::job::{JobInput, JobState, NamedBlob, PaletteInput, TrackInput};
 use trocar::domain::palette::ColourGrade;
 use trocar::domain::scope::Scope;
-use trocar::domain::session::{NewSession, SessionStatus};
+use trocar::domain::session::{NewResult, NewSession, SessionStatus, Versions, VideoFacts};
 use trocar::domain::text::Key;
 use trocar::events::{Event, Events, Heard as News, Listener};
 use trocar::ids::{JobId, SessionId, TaskId, TraineeId};
@@ -234,5 +235,77 @@ async fn a_job_whose_file_is_gone_fails_with_that_reason() {
     centre.hears_of_job(job, &[JobState::Failed]).await;
     assert_eq!(centre.job(job).await.problem.unwrap().slug, "input-gone");
     assert!(centre.store.boxes().get(&Scope::service(), &Key::from(&centre.the_box.id)).await.is_ok());
+    centre.close().await;
+}
+
+/// What tracking gave of a session whose trocars lay 30 mm beside those of V1.
+fn beside(versions: Versions, number: u64) -> NewResult {
+    let covariance = [2.0, 0.0, 0.0, 2.0, 0.0, 2.0];
+    let tool = |name: &str, at_mm: [f64; 3]| serde_json::json!({"tool": name, "fulcrum": {"at_mm": at_mm, "covariance_mm2": covariance}});
+    let tools = [tool("left", [-88.8, 108.7, 64.9]), tool("right", [150.6, 97.0, 54.1])];
+    NewResult {
+        versions,
+        video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
+        tools: vec!["left".into(), "right".into()],
+        features: vec![],
+        quality: serde_json::json!({"verdict": "valid", "reasons": [], "tools": tools}),
+        score: None,
+        trajectory: Blob::of(format!("trajectory {number}").as_bytes()),
+        diagnostics: Blob::of(format!("diagnostics {number}").as_bytes()),
+        preview: None,
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_session_is_held_against_does_not_depend_on_which_worker_was_quicker() {
+    let Some(scene) = SharedScene::find("V1") else { return };
+    let recording = std::fs::read(scene.video()).unwrap();
+    let service = Scope::service();
+    let mut centre = Centre::new().await;
+    centre.open_workshop(program());
+    centre.calibrate(scene.camera.clone()).await;
+    let colours = centre.mark(scene.annotations.clone(), &recording).await;
+    centre.hears_of_job(colours, &[JobState::Done]).await;
+    centre.close().await;
+
+    // Three came before, and another worker is still busy with the last of them.
+    let mut leases = Vec::new();
+    for number in 0..3 {
+        centre.clock.advance(Duration::from_millis(1));
+        centre.upload(format!("recording {number}").as_bytes()).await;
+        leases.push(centre.store.jobs().claim("a slow worker", Duration::from_secs(3600)).await.unwrap().unwrap());
+    }
+    let store = centre.store.clone();
+    let finish = async |number: usize| {
+        let JobInput::Track(input) = leases[number].job.input.clone() else { panic!("a session") };
+        let TrackInput { calibration, palette, .. } = input;
+        let versions = Versions { pipeline: "1".into(), calibration, palette, model: None };
+        store.jobs().finish_track(&leases[number], beside(versions, number as u64)).await.unwrap();
+    };
+    finish(0).await;
+    finish(1).await;
+    centre.clock.advance(Duration::from_millis(1));
+    let session = centre.upload(&recording).await;
+    centre.shutdown = Shutdown::new();
+    centre.open_workshop(program());
+    let begun = [SessionStatus::Tracking];
+    centre.hears(|e| matches!(e, Event::Session { id, status, .. } if *id == session && begun.contains(status))).await;
+    finish(2).await;
+    let clock = centre.clock.clone();
+    {
+        let done = [SessionStatus::Done];
+        let heard =
+            centre.hears(|e| matches!(e, Event::Session { id, status, .. } if *id == session && done.contains(status)));
+        let mut heard = std::pin::pin!(heard);
+        loop {
+            tokio::select! {
+                () = &mut heard => break,
+                () = tokio::time::sleep(Duration::from_millis(50)) => clock.advance(Duration::from_secs(1)),
+            }
+        }
+    }
+    let quality = centre.store.sessions().result(&service, session).await.unwrap().unwrap().quality;
+    let reasons: Vec<&str> = quality["reasons"].as_array().unwrap().iter().filter_map(|r| r["name"].as_str()).collect();
+    assert!(reasons.contains(&"camera_moved"), "{reasons:?}");
     centre.close().await;
 }

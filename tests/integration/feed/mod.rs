@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
-use trocar::domain::feed::record::HEAD;
+use trocar::domain::feed::record::{HEAD, LONGEST_HOLE};
 use trocar::media::{Limits, VideoFile};
 use trocar::time::Manual;
 
@@ -73,6 +73,34 @@ async fn frames_become_a_session_like_any_other() {
     again.say(&hello(RECORDING)).await;
     assert_eq!(again.hear().await, Heard::Word(json!({"type": "ended", "session": session})));
     assert_eq!(again.closed().await, 1000);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_last_word_says_that_frames_and_gaps_to_the_end_are_durable() {
+    let centre = Centre::open().await;
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frames((0..10).chain(15..20)).await;
+    sender.gap(10, 14).await;
+    sender.say(&json!({"type": "end", "frames": 20})).await; // before any acknowledgement need have come
+    let ended = json!({"type": "ended", "session": welcome["session"], "durable": [[0, 19]]});
+    assert_eq!(sender.answer().await, Heard::Word(ended));
+    assert_eq!(sender.closed().await, 1000);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_that_cannot_begin_leaves_neither_session_nor_finding_and_may_come_again() {
+    let centre = Centre::open().await;
+    let in_the_way = centre.service.data.path().join("feeds").join(RECORDING);
+    std::fs::create_dir(&in_the_way).unwrap();
+    let mut refused = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+    refused.say(&hello(RECORDING)).await;
+    assert_eq!(refused.closed().await, 4500);
+    assert_eq!(centre.instructor.read("/api/v1/sessions").await["items"], json!([]));
+    std::fs::remove_dir(&in_the_way).unwrap();
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    assert_eq!(welcome["epoch"], 1);
+    sender.frames(0..5).await;
+    assert_eq!(sender.end(5).await, welcome["session"].as_str().unwrap());
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -154,7 +182,10 @@ async fn a_log_that_takes_long_to_be_read_through_holds_up_no_other_box() {
     assert!(matches!(quick.hear().await, Heard::Word(word) if word["type"] == "welcome"));
 
     pipe.write_all(&[7; LENGTH as usize / 2]).unwrap(); // the record is whole, and damaged
-    pipe.write_all(&[0; HEAD]).unwrap(); // no record: it is read to its end, and cannot be cut there
+    // No record for longer than one is looked for: that was its end, and a pipe cannot be cut there.
+    let rest = LONGEST_HOLE - LENGTH as usize + 4 * HEAD; // no more: what is not read any more must fit into the pipe
+    let written = tokio::task::spawn_blocking(move || pipe.write_all(&vec![0; rest]));
+    soon("the rest is read", written).await.unwrap().unwrap();
     assert_eq!(slow.closed().await, 4500);
 }
 

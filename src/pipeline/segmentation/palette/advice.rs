@@ -25,6 +25,13 @@ pub struct Tape {
     pub srgb: [u8; 3],
 }
 
+impl Tape {
+    /// The shade as `#rrggbb`.
+    pub fn hex(&self) -> String {
+        self.srgb.iter().fold("#".to_owned(), |text, code| text + &format!("{code:02x}"))
+    }
+}
+
 /// PVC insulating tape in the bright colours that it is sold in. Each is given by the nearest shade of the RAL Classic
 /// collection and the sRGB approximation that is commonly printed for it. Left out are black, brown, grey and white: what has
 /// no hue is everywhere.

@@ -24,7 +24,7 @@ pub const MARGIN_STEPS: [f64; 2] = [4.0, 2.5];
 
 /// Largest false region, as a share of the band's area, from which a colour is at risk, and from which it is bad. Purple was
 /// followed wrongly at 3.7 and more; well-tracked tapes have at most 0.08.
-const FALSE_REGION: [f64; 2] = [0.2, 0.5];
+pub const FALSE_REGION: [f64; 2] = [0.2, 0.5];
 
 /// How well a colour can be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

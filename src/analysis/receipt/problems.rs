@@ -1,0 +1,17 @@
+//! Why a child says that its work cannot be done, in words that may be shown.
+
+use super::TEXTS;
+use crate::domain::problem::Problem;
+
+/// A problem whose texts may be shown: of limited length, without control characters.
+pub(super) fn presentable(problem: Problem) -> Result<Problem, String> {
+    let Problem { slug, title, detail } = problem;
+    let is_slug = !slug.is_empty() && slug.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-');
+    if !is_slug || slug.len() > TEXTS[0] {
+        return Err("a problem without a name".into());
+    }
+    let clean = |text: String, most: usize| -> String {
+        text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(most).collect()
+    };
+    Ok(Problem { slug, title: clean(title, TEXTS[1]), detail: clean(detail, TEXTS[2]) })
+}

@@ -1,0 +1,49 @@
+//! Could an honest child have found this of a box?
+
+use super::{TEXTS, sensible};
+use crate::analysis::protocol::BoardShape;
+use crate::domain::self_test::{HoldReport, Light, SelfTestReport, TestedPart};
+
+/// Most placements or rests of a self-test: an hour of one-second rests.
+const ROWS: usize = 4096;
+
+/// The board that was ordered, each part once and the light no better than the worst of them, rests of the tools that were
+/// named on corners that there are.
+pub(super) fn is_possible(report: &SelfTestReport, board: BoardShape, tools: &[String]) -> bool {
+    let is_board =
+        (report.board.columns, report.board.rows, report.square_mm) == (board.columns, board.rows, board.square_mm);
+    let is_known = |hold: &HoldReport| tools.contains(&hold.tool) && is_on(hold, board, report.placements.len());
+    let is_text = |text: &str| text.chars().count() <= TEXTS[2] && !text.chars().any(char::is_control);
+    is_board
+        && report.placements.len().max(report.holds.len()) <= ROWS
+        && has_each_part_once(report)
+        && report.light == worst(report)
+        && report.holds.iter().all(is_known)
+        && report.numbers().all(sensible)
+        && report.texts().all(is_text)
+}
+
+/// In their order; only the place may be unknown.
+fn has_each_part_once(report: &SelfTestReport) -> bool {
+    let said: Vec<TestedPart> = report.parts.iter().map(|part| part.part).collect();
+    let without_place: Vec<TestedPart> = said.iter().copied().filter(|part| *part != TestedPart::Place).collect();
+    let expected = TestedPart::ALL.iter().filter(|part| **part != TestedPart::Place);
+    without_place.iter().eq(expected) && (said.len() == without_place.len() || said == TestedPart::ALL)
+}
+
+fn worst(report: &SelfTestReport) -> Light {
+    const FROM_WORST: [Light; 3] = [Light::Red, Light::NotMeasured, Light::Yellow];
+    let is_some = |light: &Light| report.parts.iter().any(|part| part.light == *light);
+    FROM_WORST.into_iter().find(is_some).unwrap_or(Light::Green)
+}
+
+/// A rest that counts is on a corner of a placement; one that does not is on none, and says why.
+fn is_on(hold: &HoldReport, board: BoardShape, placements: usize) -> bool {
+    let within = |place: Option<u64>, most: u64| place.is_some_and(|place| (1..=most).contains(&place));
+    let place = [hold.placement, hold.column, hold.row];
+    let is_counted = within(hold.placement, placements as u64)
+        && within(hold.column, board.columns.into())
+        && within(hold.row, board.rows.into())
+        && [hold.error_mm, hold.along_mm, hold.across_mm].iter().all(Option::is_some);
+    if hold.not_counted.is_none() { is_counted } else { place == [None; 3] }
+}

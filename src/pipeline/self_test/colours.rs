@@ -1,0 +1,119 @@
+//! What of today's picture has a tape's colour while no tape is in it.
+//!
+//! In: frames on which the tracker follows no tool. Out: for each colour the largest region that is taken for it, median over
+//! these frames ([`FalseColour`]): a tool that comes into sight is on few of them. The colours' margins speak of
+//! the frames on which they were marked; this speaks of the box as it is, and finds what nobody marked. A look costs as much as
+//! tracking some frames.
+
+use crate::pipeline::blob::components::ComponentFinder;
+use crate::pipeline::frame::{ColourEncoding, Frame};
+use crate::pipeline::quality::quantile;
+use crate::pipeline::segmentation::colour_table::ColourTable;
+use crate::pipeline::segmentation::knn::Knn;
+use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
+use crate::pipeline::segmentation::samples::ColourSamples;
+use crate::pipeline::tracker::ToolSpec;
+
+/// Time between two looks, s.
+const EVERY_S: f64 = 0.4;
+
+/// Looks after which it is known: the empty box is asked for 3 s at the beginning and some seconds later on.
+const MOST_LOOKS: usize = 40;
+
+/// What of an empty box is taken for a tape.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FalseColour {
+    /// The tape's colour, by its label.
+    pub colour: String,
+    /// Largest region, pixels.
+    pub largest_px: f64,
+}
+
+/// Looks for the tapes' colours where no tape is.
+pub struct ColourWatch {
+    table: Option<ColourTable>,
+    /// Each with the largest region of every look, pixels.
+    colours: Vec<(String, Vec<f64>)>,
+    last_s: f64,
+}
+
+impl ColourWatch {
+    /// Looks for the colours of these tools in pictures of this encoding.
+    pub fn new(samples: &ColourSamples, tools: &[ToolSpec], encoding: ColourEncoding) -> Self {
+        let mut colours: Vec<String> = Vec::new();
+        for tool in tools {
+            if !colours.contains(&tool.colour) {
+                colours.push(tool.colour.clone());
+            }
+        }
+        let knn = Knn::new(samples, &samples.classes(&colours));
+        let colours = colours.into_iter().map(|colour| (colour, Vec::new())).collect();
+        Self { table: knn.map(|knn| ColourTable::new(knn, encoding)), colours, last_s: f64::NEG_INFINITY }
+    }
+
+    /// Looks at a frame without tools, if it is time to.
+    pub fn look(&mut self, frame: &Frame<'_>) {
+        let is_known = self.colours.iter().all(|(_, seen)| seen.len() >= MOST_LOOKS);
+        if is_known || frame.time_s < self.last_s + EVERY_S {
+            return;
+        }
+        let Some(table) = &self.table else { return };
+        self.last_s = frame.time_s;
+        for (class, (_, seen)) in (1..).zip(&mut self.colours) {
+            let found = ComponentFinder::default().find(frame, table, class, CellBox::whole(frame), 1);
+            let cells = found.iter().map(|region| region.moments.cells()).max().unwrap_or(0);
+            seen.push((cells * CELL_PX * CELL_PX) as f64);
+        }
+    }
+
+    /// What was seen; nothing where no frame was without tools.
+    pub fn into_found(self) -> Vec<FalseColour> {
+        let median = |(colour, seen)| Some(FalseColour { colour, largest_px: quantile(seen, 0.5)? });
+        self.colours.into_iter().filter_map(median).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{Matrix, Plane, Range};
+    use crate::pipeline::segmentation::samples::ColourSample;
+
+    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+    const ORANGE: [u8; 3] = [150, 60, 200];
+    const GREY: [u8; 3] = [60, 128, 128];
+
+    /// Sees frames, 0.4 s from one to the next, whose first so many columns of 32 are orange.
+    fn seen(columns: &[usize]) -> Vec<FalseColour> {
+        const SIZE: [usize; 2] = [32, 16];
+        let sample = |(label, yuv)| ColourSample { label, rectangle: label as u32, yuv };
+        let samples = ColourSamples {
+            encoding: ENCODING,
+            labels: vec!["orange".into(), "background".into()],
+            samples: [(0, ORANGE), (1, GREY)].map(sample).repeat(5),
+        };
+        let (diameter_mm, colour) = (5.0, "orange".to_owned());
+        let tool = ToolSpec { name: "left".into(), colour, side: None, diameter_mm, band_length_mm: None };
+        let mut watch = ColourWatch::new(&samples, &[tool], ENCODING);
+        for (number, orange) in columns.iter().enumerate() {
+            let code = |plane: usize| -> Vec<u8> {
+                (0..SIZE[0] * SIZE[1]).map(|i| if i % SIZE[0] < *orange { ORANGE } else { GREY }[plane]).collect()
+            };
+            let codes = [0, 1, 2].map(code);
+            let [y, u, v] =
+                [0, 1, 2].map(|i| Plane { data: &codes[i], stride: SIZE[0], width: SIZE[0], height: SIZE[1] });
+            let time_s = EVERY_S * number as f64;
+            watch.look(&Frame { index: number as u64, time_s, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING });
+        }
+        watch.into_found()
+    }
+
+    #[test]
+    fn what_stays_is_measured_and_a_tool_that_comes_into_sight_is_not_taken_for_the_box() {
+        let orange = |largest_px| vec![FalseColour { colour: "orange".into(), largest_px }];
+        assert_eq!(seen(&[0, 0, 0]), orange(0.0));
+        assert_eq!(seen(&[0, 0, 0, 12, 20]), orange(0.0));
+        assert_eq!(seen(&[4, 4, 4, 12]), orange(4.0 * 16.0));
+        assert_eq!(seen(&[]), [], "nothing is known of a box that was never empty");
+    }
+}
