@@ -111,12 +111,13 @@ async fn is_missing(
     Ok(is_unfinished().await? && !has_log().await? && is_unfinished().await?)
 }
 
-/// Asked once more, the row first: one that begins has a row by now, one that ends has no log any more.
+/// Asked twice more, the row first: one that begins has a row by now, one that ends has no log any more; one that did both
+/// between two looks has none at the last.
 async fn is_orphan(
     is_unfinished: impl AsyncFn() -> UpkeepResult<bool>,
     has_log: impl AsyncFn() -> UpkeepResult<bool>,
 ) -> UpkeepResult<bool> {
-    Ok(!is_unfinished().await? && has_log().await?)
+    Ok(!is_unfinished().await? && has_log().await? && !is_unfinished().await? && has_log().await?)
 }
 
 fn sorted<'a>(ids: impl Iterator<Item = &'a FeedId>) -> Vec<FeedId> {

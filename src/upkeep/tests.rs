@@ -336,7 +336,7 @@ async fn feeds_are_checked_record_by_record_and_against_their_rows() {
     let flipped = bench.feed(ana, |log| log[2 * RECORD + HEAD] ^= 1).await;
     let damaged = Finding::DamagedFeed(flipped, vec![[2, 2]]);
     assert!(damaged.to_string().contains("lacks the frames 2 to 2: any of them that its sender was told to be safe"));
-    assert_eq!(bench.findings().await, [damaged.clone()]);
+    assert_eq!(bench.findings().await, std::slice::from_ref(&damaged));
     let headless = bench.feed(ana, |log| log[RECORD..3 * RECORD].fill(0)).await;
     let missing = bench.feed(ana, |_| ()).await;
     let feeds = bench.centre.folder.path().join("feeds");

@@ -62,16 +62,6 @@ impl<const N: usize> Profile<N> {
         bins.map(|((distance, pixels), value)| (*distance, *pixels, *value))
     }
 
-    /// What lies farther in than this.
-    pub fn up_to(&self, at: f64) -> Self {
-        let mut near = *self;
-        near.len = self.distances[..self.len].partition_point(|distance| f64::from(*distance) < at);
-        near.pixels[near.len..].fill(0.0);
-        near.count = near.pixels.iter().sum();
-        near.scatter = self.scatter.map(|scatter| scatter * near.count / self.count.max(1.0));
-        near
-    }
-
     /// Collects the pixels in the parallelogram along which the chord moves through its window, row by row where the chord is
     /// upright, else column by column. `shift` halves the planes' size so many times.
     #[inline(always)]

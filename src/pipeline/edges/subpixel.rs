@@ -14,7 +14,7 @@
 
 use nalgebra::Vector2;
 
-use super::edge_fit::{EdgeFit, EdgeLook};
+use super::edge_fit::EdgeFit;
 use super::edge_model::EdgeModel;
 use super::probe::{Edge, Probe};
 use super::profile::{self, Profile};
@@ -32,13 +32,6 @@ const FARTHEST_FROM_STEP_PX: f64 = 1.3;
 /// more the less contrast it has, but by so many times as much: from edges about true outlines, over scenes of three
 /// renderers.
 const MODEL_ERROR: f64 = 3.0;
-/// Clear of an edge's blur, pixels.
-const CLEAR_PX: f64 = 1.0;
-/// Where so many times the noise is left unexplained, there may be a second edge: that of a stripe beside the tape whose
-/// far side has more contrast.
-const STRANGE: f64 = 4.0;
-/// It is believed if it leaves less than this share of that.
-const EXPLAINED: f64 = 0.3;
 /// Passes of the finer model: it is nearly linear.
 const MOST_PASSES: usize = 8;
 
@@ -65,38 +58,9 @@ impl EdgeModel {
     ) -> Option<Edge> {
         let luma = profile::of_luma(frame, probe);
         let chroma = profile::of_chroma(frame, probe);
+        let guess = self.sharpest_step(&luma, &chroma, probe)?;
         let look = self.look(probe, frame.shift_x);
-        let (fit, unexplained) = self.fitted(&look, &luma, &chroma, probe, fineness, &is_tape)?;
-        if fineness == Fineness::Step {
-            return Some(Edge { offset_px: fit.offset_px, sigma_px: STEP_SIGMA_PX });
-        }
-        let nearer = |fit: &EdgeFit| {
-            let cut_at = fit.offset_px - CLEAR_PX;
-            let (luma, chroma) = (luma.up_to(cut_at), chroma.up_to(cut_at));
-            self.fitted(&look, &luma, &chroma, probe, fineness, &is_tape)
-                .filter(|(_, left)| *left < EXPLAINED * unexplained)
-        };
-        let beyond_a_stripe = if unexplained > STRANGE { nearer(&fit) } else { None };
-        let fit = beyond_a_stripe.map_or(fit, |(fit, _)| fit);
-        if fit.information < 1.0 / (WORST_SIGMA_PX * WORST_SIGMA_PX) {
-            return None;
-        }
-        self.found.push((*probe, fit));
-        Some(Edge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt() })
-    }
-
-    /// The edge that explains a chord best, and how many times the noise it leaves unexplained.
-    fn fitted(
-        &self,
-        look: &EdgeLook<'_>,
-        luma: &Profile<1>,
-        chroma: &Profile<2>,
-        probe: &Probe,
-        fineness: Fineness,
-        is_tape: impl Fn([u8; 3]) -> bool,
-    ) -> Option<(EdgeFit, f64)> {
-        let guess = self.sharpest_step(luma, chroma, probe)?;
-        let mut first = self.first(self.mixing, luma, chroma, guess, probe)?;
+        let mut first = self.first(self.mixing, &luma, &chroma, guess, probe)?;
         if let Some(usual) = self.usual_inside(probe.part) {
             first.expect_inside(usual);
         }
@@ -108,7 +72,7 @@ impl EdgeModel {
             off_tape(inside) < off_tape(outside) && !is_tape(outside.map(|code| code.round().clamp(0.0, 255.0) as u8))
         };
         if fineness == Fineness::Step {
-            return is_border(&first).then_some((first, 1.0));
+            return is_border(&first).then_some(Edge { offset_px: guess, sigma_px: STEP_SIGMA_PX });
         }
         let mut fit = first;
         let mut noise = self.noise;
@@ -116,7 +80,7 @@ impl EdgeModel {
             if pass > 1 {
                 noise = std::array::from_fn(|p| self.noise[p].max(fit.variance[p])); // before, it tells of the guess
             }
-            let moved = look.improve(luma, chroma, noise, &mut fit, &first)?;
+            let moved = look.improve(&luma, &chroma, noise, &mut fit, &first)?;
             if (fit.offset_px - guess).abs() > FARTHEST_FROM_STEP_PX * (1.5 * look.light_blur_px).max(1.0) {
                 return None; // another optimum, where the shading stands in for the edge
             }
@@ -125,10 +89,15 @@ impl EdgeModel {
             }
         }
         let surplus = fit.variance.iter().zip(noise).map(|(variance, noise)| variance / noise).sum::<f64>() / 3.0;
-        let unexplained =
-            fit.variance.iter().zip(self.noise).map(|(variance, noise)| variance / noise).sum::<f64>() / 3.0;
         fit.information /= surplus.max(1.0);
-        is_border(&fit).then_some((fit, unexplained))
+        if fit.information < 1.0 / (WORST_SIGMA_PX * WORST_SIGMA_PX) {
+            return None;
+        }
+        if !is_border(&fit) {
+            return None;
+        }
+        self.found.push((*probe, fit));
+        Some(Edge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt() })
     }
 
     /// Both sides' light beside a guessed step.
@@ -167,10 +136,11 @@ impl EdgeModel {
 
 /// Adds counts and sums of the codes clear of a guessed step, inside and outside of it, for planes from `first` on.
 fn add_sides<const N: usize>(profile: &Profile<N>, first: usize, guess: f64, sums: &mut [[(f32, f32); 3]; 2]) {
+    const CLEAR_PX: f32 = 1.0;
     for plane in 0..N {
         for (distance, pixels, value) in profile.bins(plane) {
             let beyond = distance - guess as f32;
-            if beyond.abs() > CLEAR_PX as f32 {
+            if beyond.abs() > CLEAR_PX {
                 let sum = &mut sums[usize::from(beyond > 0.0)][first + plane];
                 *sum = (sum.0 + pixels, sum.1 + pixels * value);
             }

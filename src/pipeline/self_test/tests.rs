@@ -142,6 +142,9 @@ fn reasons(findings: &Findings) -> Vec<Option<Unusable>> {
     findings.touches.iter().map(|touch| touch.outcome.err()).collect()
 }
 
+/// By how much a tip is told wrongly at the touch of this number, mm.
+type Offset = fn(usize) -> Vector3<f64>;
+
 #[test]
 fn a_rod_that_is_seen_where_it_touches_is_green_and_every_corner_is_named() {
     let minute = Minute::default();
@@ -195,7 +198,7 @@ fn unsteady(touch: usize) -> Vector3<f64> {
 
 #[test]
 fn waiting_above_the_board_is_no_touch_however_low_and_a_box_is_not_blamed_for_it() {
-    let two_wait: [(fn(usize) -> Vector3<f64>, &[usize]); 4] = [
+    let two_wait: [(Offset, &[usize]); 4] = [
         (|touch| if touch == 2 { lifted(touch, 30.0) } else { unsteady(touch) }, &[2]),
         (|touch| if touch == 4 { lifted(touch, 4.0) } else { unsteady(touch) }, &[4]),
         (|touch| if touch == 0 || touch == 5 { lifted(touch, 9.0) } else { unsteady(touch) }, &[0, 5]),
@@ -225,7 +228,7 @@ fn errors_that_touches_share_or_that_scatter_are_the_boxes_and_are_left_in_the_f
         let on_board = board().points_mm()[Minute::default().touched[touch]];
         (lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0)).coords * by
     }
-    let wrong: [(&str, fn(usize) -> Vector3<f64>); 4] = [
+    let wrong: [(&str, Offset); 4] = [
         ("5 mm called 6", |touch| stretched(touch, 0.2) + unsteady(touch)),
         ("5 mm called 4.9", |touch| stretched(touch, -0.02) + unsteady(touch)),
         ("seen too near at a corner or two", |touch| lifted(touch, [-3.0, 3.0, -3.0, 3.0, 3.0, -3.0][touch])),

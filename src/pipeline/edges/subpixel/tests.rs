@@ -33,8 +33,6 @@ struct Drawing {
     exposure: f64,
     /// Radius of the border's own bend, pixels: infinite where it is straight.
     bend: f64,
-    /// Colour of a stripe between the border and what lies outside, and its width in pixels.
-    stripe: Option<([f64; 3], f64)>,
 }
 
 const PLAIN: Drawing = Drawing {
@@ -48,7 +46,6 @@ const PLAIN: Drawing = Drawing {
     limb: None,
     exposure: 1.0,
     bend: f64::INFINITY,
-    stripe: None,
 };
 
 const RADIUS_PX: f64 = 14.0;
@@ -93,10 +90,7 @@ impl Drawing {
             let inside = tape * self.limb.map_or(1.0, |share| 1.0 - share * (1.0 - cos(-there)));
             let half = 0.05 * self.blur; // each place stands for so much on both sides
             let share = ((half - there) / (2.0 * half)).clamp(0.0, 1.0);
-            let beside = match self.stripe {
-                Some((stripe, width)) if there < width => light(stripe),
-                _ => outside * (1.0 + self.shadow * there.clamp(0.0, 8.0)),
-            };
+            let beside = outside * (1.0 + self.shadow * there.clamp(0.0, 8.0));
             sum += (inside * share + beside * (1.0 - share)) * weight;
             weights += weight;
         }
@@ -212,15 +206,6 @@ fn a_soft_shadow_beside_a_border_does_not_move_it() {
         let error = Drawing { outside: [110.0, 130.0, 126.0], shadow, ..PLAIN }.error_px();
         assert!(error.abs() < 0.1, "shadow {shadow}: {error}");
     }
-}
-
-#[test]
-fn a_stripe_beside_a_border_is_not_taken_for_tape() {
-    const DARK_RED: [f64; 3] = [70.0, 110.0, 160.0];
-    const YELLOW: [f64; 3] = [210.0, 30.0, 140.0];
-    let stripe = Some((DARK_RED, 4.0));
-    let error = Drawing { normal: normal(0.9), outside: YELLOW, stripe, ..PLAIN }.error_px();
-    assert!(error.abs() < 0.3, "{error}");
 }
 
 #[test]
