@@ -13,7 +13,7 @@
 //!
 //! | layer | modules | must not name |
 //! |---|---|---|
-//! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] | anything of ours |
+//! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | anything of ours |
 //! | 1 pure | [`pipeline`] [`simulation`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, serde |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
@@ -33,6 +33,7 @@
 
 pub mod heap;
 pub mod ids;
+pub mod random;
 pub mod shutdown;
 pub mod time;
 

@@ -85,6 +85,7 @@ fn session_json(Scored { path, assessment, verdict }: &Scored, task: Option<&str
 }
 
 fn value_json(value: &FeatureValue, tools: &[String]) -> Value {
+    let bar = value.error.ok();
     json!({
         "name": value.feature.name,
         "title": value.feature.title,
@@ -93,6 +94,11 @@ fn value_json(value: &FeatureValue, tools: &[String]) -> Value {
         "tool": tool_name(value, tools),
         "space": value.space.name(),
         "value": value.value.ok(),
+        "as_measured": bar.map(|bar| bar.as_measured),
+        "sigma": bar.map(|bar| bar.sigma),
+        "low": bar.map(|bar| bar.low),
+        "high": bar.map(|bar| bar.high),
+        "no_error": value.error.err().filter(|_| value.value.is_ok()).map(|reason| reason.to_string()),
         "not_enough": value.value.err().map(|reason| reason.to_string()),
     })
 }

@@ -4,9 +4,12 @@
 //! [`features::movement`]); where nothing moved, over all that was seen. Each tool is measured over the whole task, so a
 //! hand that rests while the other works is idle, not absent.
 
+use super::features::errors::replicate::replicate;
+use super::features::errors::{NoErrorBar, REPLICATES, error_bar};
 use super::features::motion::{Interval, Motion};
 use super::features::{self, FeatureSettings, FeatureValue, NotEnough, movement};
 use super::trajectory::{Sample, Trajectory};
+use crate::random::Dice;
 
 /// Settings of an assessment.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,31 +57,72 @@ impl Assessment {
     /// The same without a single value: of a session whose numbers must not be believed ([`super::quality`]).
     pub fn withheld(mut self) -> Self {
         let of_windows = self.windows.iter_mut().flat_map(|window| &mut window.features);
-        self.features.iter_mut().chain(of_windows).for_each(|value| value.value = Err(NotEnough::Refused));
+        self.features.iter_mut().chain(of_windows).for_each(|value| {
+            (value.value, value.error) = (Err(NotEnough::Refused), Err(NoErrorBar::NoValue));
+        });
         self
     }
 }
 
 /// Measures a session. Never fails: what cannot be measured carries its reason.
 pub fn assess(trajectory: &Trajectory, settings: &AssessmentSettings) -> Assessment {
-    let motions = motions(trajectory, &settings.features);
+    let samples: Vec<Vec<Sample>> =
+        (0..trajectory.tools.len()).map(|tool| trajectory.of_tool(tool).copied().collect()).collect();
+    let motions = motions(&samples, &settings.features);
     let task = task(&motions, &settings.features);
     let step_s = settings.features.step_s;
-    let of_task = task.map_or_else(|| motions.clone(), |task| clipped(&motions, task, step_s));
+    let mut features = of_task(&motions, task, &settings.features);
+    add_error_bars(&mut features, &samples, &settings.features);
     Assessment {
         tools: trajectory.tools.clone(),
         task_s: task.map(|task| (task.first as f64 * step_s, task.last as f64 * step_s)),
-        features: features::measure(&of_task, &settings.features, |_| true),
+        features,
         windows: task.map_or_else(Vec::new, |task| windows(&motions, task, settings)),
     }
 }
 
-fn motions(trajectory: &Trajectory, settings: &FeatureSettings) -> Vec<Result<Motion, NotEnough>> {
-    let of_tool = |tool: usize| match settings.unusable() {
+/// The motion of each tool, from its samples.
+fn motions(samples: &[Vec<Sample>], settings: &FeatureSettings) -> Vec<Result<Motion, NotEnough>> {
+    let of_tool = |samples: &Vec<Sample>| match settings.unusable() {
         Some(name) => Err(NotEnough::UnusableSetting(name)),
-        None => Motion::of_samples(&trajectory.of_tool(tool).copied().collect::<Vec<Sample>>(), settings),
+        None => Motion::of_samples(samples, settings),
     };
-    (0..trajectory.tools.len()).map(of_tool).collect()
+    samples.iter().map(of_tool).collect()
+}
+
+fn of_task(
+    motions: &[Result<Motion, NotEnough>],
+    task: Option<Interval>,
+    settings: &FeatureSettings,
+) -> Vec<FeatureValue> {
+    let motions = task.map_or_else(|| motions.to_vec(), |task| clipped(motions, task, settings.step_s));
+    features::measure(&motions, settings, |_| true)
+}
+
+/// Tells how far each value may be off, and takes off the shift that errors cause ([`features::errors`]). The same path
+/// always gives the same bars.
+fn add_error_bars(values: &mut [FeatureValue], samples: &[Vec<Sample>], settings: &FeatureSettings) {
+    let anew = |number: usize| -> Option<Vec<FeatureValue>> {
+        let of_tool = |(tool, samples): (usize, &Vec<Sample>)| {
+            replicate(samples, &mut Dice::new(number as u64, &format!("errors of tool {tool}")))
+        };
+        let samples = samples.iter().enumerate().map(of_tool).collect::<Option<Vec<_>>>()?;
+        let motions = motions(&samples, settings);
+        Some(of_task(&motions, task(&motions, settings), settings))
+    };
+    let replicates: Option<Vec<_>> = (0..REPLICATES).map(anew).collect();
+    for (index, value) in values.iter_mut().enumerate() {
+        let bar = match (value.value, &replicates) {
+            (Err(_), _) => Err(NoErrorBar::NoValue),
+            (Ok(_), None) => Err(NoErrorBar::NotStated),
+            (Ok(measured), Some(all)) => {
+                let of_this = all.iter().filter_map(|values| values.get(index)?.value.ok());
+                error_bar(measured, of_this, value.feature.range)
+            }
+        };
+        value.value = bar.map_or(value.value, |(corrected, _)| Ok(corrected));
+        value.error = bar.map(|(_, bar)| bar);
+    }
 }
 
 fn task(motions: &[Result<Motion, NotEnough>], settings: &FeatureSettings) -> Option<Interval> {

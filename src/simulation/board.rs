@@ -4,8 +4,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::checkerboard::Held;
 use super::light::{LAMPS, Lighting, Lit, Material, Rgb};
-use super::random::Dice;
 use super::shape::RoundCone;
+use crate::random::Dice;
 
 /// Half the inside of the box, mm: x, y far, y near.
 const WALLS: (f64, f64, f64) = (160.0, -128.0, 185.0);

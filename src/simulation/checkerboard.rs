@@ -4,10 +4,10 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 
 use super::board::Sight;
 use super::light::{Lighting, Material, Rgb};
-use super::random::Dice;
 use super::render::{Photo, Photographer};
 use super::rig::Rig;
 use crate::pipeline::space::CameraPoint;
+use crate::random::Dice;
 
 /// Inner corners across.
 pub const COLUMNS: usize = 9;

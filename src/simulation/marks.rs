@@ -2,11 +2,11 @@
 
 use nalgebra::Point3;
 
-use super::random::Dice;
 use super::tool::ToolPose;
 use super::truth;
 use super::world::World;
 use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::random::Dice;
 
 /// One rectangle, pixels of the recorded frame; `x`, `y` is the first pixel inside.
 #[derive(Clone, Debug, PartialEq, Eq)]

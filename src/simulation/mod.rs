@@ -20,7 +20,6 @@ pub mod checkerboard;
 pub mod light;
 pub mod marks;
 pub mod motion;
-pub mod random;
 pub mod render;
 pub mod rig;
 pub mod scenario;

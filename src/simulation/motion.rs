@@ -8,7 +8,7 @@ use std::ops::{Add, Mul};
 
 use nalgebra::Vector3;
 
-use super::random::Dice;
+use crate::random::Dice;
 
 /// A quantity that starts somewhere and is moved by reaches.
 #[derive(Clone, Debug, PartialEq)]

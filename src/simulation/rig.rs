@@ -3,8 +3,8 @@
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::light::{Lamp, Lighting};
-use super::random::Dice;
 use crate::pipeline::camera::Camera;
+use crate::random::Dice;
 
 /// From where the camera looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

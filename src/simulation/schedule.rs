@@ -1,6 +1,6 @@
 //! When frames are taken: evenly, or as a live feed delivers them.
 
-use super::random::Dice;
+use crate::random::Dice;
 
 /// How even a camera's frames are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

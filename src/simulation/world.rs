@@ -6,12 +6,12 @@ use super::board::Scenery;
 use super::checkerboard::Held;
 use super::light::Material;
 use super::motion::Oscillation;
-use super::random::Dice;
 use super::rig::{Rig, View};
 use super::scenario::{Bead, Hand, Place, Scenario, Script};
 use super::shape::RoundCone;
 use super::skill::Skill;
 use super::tool::{Tape, Tool, ToolDesign, ToolPose};
+use crate::random::Dice;
 
 /// What to simulate.
 #[derive(Clone, Copy, Debug, PartialEq)]

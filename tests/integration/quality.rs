@@ -7,7 +7,7 @@ use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 use trocar::pipeline::space::CameraPoint;
 use trocar::pipeline::tracker::{DiameterBasis, MotionSettings, ToolSpec, Tracker, TrackerSettings, Tracking};
 use trocar::pipeline::trajectory::Kind;
-use trocar::simulation::random::Dice;
+use trocar::random::Dice;
 use trocar::simulation::render::{Rendered, Renderer};
 use trocar::simulation::{Scenario, Setup, Skill, World, marks, truth};
 

@@ -143,7 +143,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::simulation::random::Dice;
+    use crate::random::Dice;
 
     /// A slide of 80 mm along a guide through (0, `y_mm`, 180), there and back.
     fn slide(y_mm: f64) -> Vec<Point3<f64>> {

@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
-use crate::simulation::random::Dice;
+use crate::random::Dice;
 
 /// Two tools on circles of 30 mm, 60 mm apart, for 200 frames at 25 fps; orange is hidden from frame 100 to 119.
 fn truth() -> Truth {

@@ -8,6 +8,7 @@
 //! of the last ([`movement`]); where nothing moves, over all that was seen. **Gives up** with a [`NotEnough`] where too
 //! little was seen; sums describe what was seen, and [`time::NOT_SEEN_SHARE`] says how much was not.
 
+pub mod errors;
 pub mod fit;
 pub(in crate::pipeline) mod hull;
 pub mod motion;
@@ -25,6 +26,7 @@ pub mod two_hands;
 pub use not_enough::NotEnough;
 pub use settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
+use errors::{ErrorBar, NoErrorBar};
 use motion::Motion;
 
 /// In which space a feature is measured.
@@ -129,6 +131,8 @@ pub struct FeatureValue {
     pub space: Space,
     /// The value in the feature's unit, or why there is none.
     pub value: Value,
+    /// How far it may be off, or why that is not known.
+    pub error: Result<ErrorBar, NoErrorBar>,
 }
 
 /// Every feature, in the order in which people read them.
@@ -190,7 +194,9 @@ impl Feature {
         settings: &FeatureSettings,
     ) -> Vec<FeatureValue> {
         let values = self.measures.iter().flat_map(|measure| measure.apply(motions, settings));
-        values.map(|(tool, value)| FeatureValue { feature: self, tool, space, value: self.in_range(value) }).collect()
+        let error = Err(NoErrorBar::NotAsked);
+        let value = |(tool, value)| FeatureValue { feature: self, tool, space, value: self.in_range(value), error };
+        values.map(value).collect()
     }
 
     fn in_range(&self, value: Value) -> Value {

@@ -11,6 +11,7 @@ use std::collections::VecDeque;
 
 use nalgebra::Vector3;
 
+use super::errors::NoErrorBar;
 use super::fit::{MIN_SAMPLES, NEIGHBOURS};
 use super::motion::{Interval, Node, check_enough, node_at};
 use super::path::{DEPTH_TRAVELLED, PATH_LENGTH};
@@ -59,7 +60,8 @@ impl Running {
     pub fn values(&self) -> Vec<FeatureValue> {
         let of_tool = |(tool, growing): (usize, &Growing)| {
             let values = growing.sums.values(self.now_s, &self.settings);
-            let value = move |(feature, value)| FeatureValue { feature, tool: Some(tool), space: Space::ThreeD, value };
+            let (space, error) = (Space::ThreeD, Err(NoErrorBar::NotAsked));
+            let value = move |(feature, value)| FeatureValue { feature, tool: Some(tool), space, value, error };
             LIVE.into_iter().zip(values).map(value)
         };
         self.tools.iter().enumerate().flat_map(of_tool).collect()

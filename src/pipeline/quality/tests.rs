@@ -6,7 +6,7 @@ use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::palette::{Apart, Margin};
 use crate::pipeline::tracker::{Absence, Gap, LightSample, ToolQuality};
 use crate::pipeline::trajectory::{Kind, Sample};
-use crate::simulation::random::Dice;
+use crate::random::Dice;
 
 const FRAME_S: f64 = 0.04;
 const FRAMES: u64 = 500;

@@ -1,10 +1,10 @@
 //! From light on the sensor to codes in a file: lens blur, vignetting, tone curve, YUV, noise.
 
 use super::super::light::Rgb;
-use super::super::random::Dice;
 use super::super::rig::{Optics, Rig};
 use super::picture::chroma_length;
 use super::tile::TILE;
+use crate::random::Dice;
 
 /// Pixels of blur on each side.
 pub const REACH: usize = 3;

@@ -3,10 +3,10 @@
 use nalgebra::Point3;
 
 use super::{Cast, Ending, Hand, Script};
+use crate::random::Dice;
 use crate::simulation::board::Prop;
 use crate::simulation::light::Material;
 use crate::simulation::motion::Oscillation;
-use crate::simulation::random::Dice;
 use crate::simulation::rig::{View, above};
 use crate::simulation::shape::RoundCone;
 

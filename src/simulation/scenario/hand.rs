@@ -2,8 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
+use crate::random::Dice;
 use crate::simulation::motion::Course;
-use crate::simulation::random::Dice;
 use crate::simulation::skill::Skill;
 
 /// How a reach is to end.

@@ -26,10 +26,10 @@ pub(crate) use self_test::touch_wobble;
 use nalgebra::Isometry3;
 
 use super::board::{Prop, Stroke};
-use super::random::Dice;
 use super::rig::{Rig, above};
 use super::skill::Skill;
 use super::world::Setup;
+use crate::random::Dice;
 
 /// A scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

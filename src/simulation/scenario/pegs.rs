@@ -3,9 +3,9 @@
 use nalgebra::Point3;
 
 use super::{Bead, Cast, Ending, Hand, Place, Script};
+use crate::random::Dice;
 use crate::simulation::board::Prop;
 use crate::simulation::light::{Material, Rgb};
-use crate::simulation::random::Dice;
 use crate::simulation::rig::above;
 use crate::simulation::shape::RoundCone;
 

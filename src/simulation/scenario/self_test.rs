@@ -4,9 +4,9 @@
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::{Cast, Hand, Script};
+use crate::random::Dice;
 use crate::simulation::checkerboard::{self, Held};
 use crate::simulation::motion::Oscillation;
-use crate::simulation::random::Dice;
 use crate::simulation::rig::above;
 
 /// Columns and rows of the corners that are touched, in order.

@@ -45,7 +45,7 @@ const OVER_MM: f64 = 5.0;
 /// Each tool follows its half of the rectangle and back, resting at the corners.
 pub(super) fn rectangle(cast: &Cast) -> Script {
     let (mut left, mut right) = (cast.hand(true), cast.hand(false));
-    let mut dice = crate::simulation::random::Dice::new(cast.seed, "turns");
+    let mut dice = crate::random::Dice::new(cast.seed, "turns");
     left.wait(0.6);
     right.wait(0.9);
     cast.laps(1, || {

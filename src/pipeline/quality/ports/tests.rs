@@ -1,7 +1,7 @@
 use nalgebra::{Isometry3, Translation3};
 
 use super::*;
-use crate::simulation::random::Dice;
+use crate::random::Dice;
 
 const LEFT: Point3<f64> = Point3::new(-112.0, 72.0, 42.0);
 const RIGHT: Point3<f64> = Point3::new(115.0, 73.0, 42.0);

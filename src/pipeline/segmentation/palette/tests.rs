@@ -5,7 +5,7 @@ use super::light::Light;
 use super::{Apart, Cause, FalseArea, Grade, Verdict, apart, verdict, verdicts};
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
-use crate::simulation::random::Dice;
+use crate::random::Dice;
 
 const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt709 };
 const ORANGE: [f64; 3] = [0.85, 0.40, 0.12];

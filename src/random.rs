@@ -1,6 +1,6 @@
 //! Chance that is the same everywhere: a named generator (xoshiro256++), one independent stream per purpose.
 //!
-//! The library's standard generator may change between its releases; a scene must not.
+//! The library's standard generator may change between its releases; a scene must not, nor an error bar.
 
 use std::f64::consts::TAU;
 
