@@ -15,9 +15,10 @@ use crate::domain::files::quality::QualityDocument;
 use crate::domain::job::{SelfTestInput, TrackInput};
 use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
-use crate::domain::session::{FeatureRow, FeatureSpace, Versions, VideoFacts};
+use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{AssessmentSettings, assess};
+use crate::pipeline::features::errors::ErrorBar;
 use crate::pipeline::features::{FeatureValue, Space};
 use crate::pipeline::quality::{self, Evidence};
 use crate::pipeline::tracker::MotionSettings;
@@ -129,7 +130,12 @@ fn feature_row(value: &FeatureValue, tools: &[String]) -> FeatureRow {
             Space::Image => FeatureSpace::Image,
         },
         value: value.value.map_err(|reason| reason.to_string()),
+        error: value.value.ok().map(|_| value.error.map(feature_error).map_err(|reason| reason.to_string())),
     }
+}
+
+fn feature_error(ErrorBar { as_measured, sigma, low, high }: ErrorBar) -> FeatureError {
+    FeatureError { as_measured, sigma, low, high }
 }
 
 /// Colours as a box keeps them.

@@ -133,8 +133,10 @@ fn table(assessment: &Assessment) -> Table {
     table
 }
 
+/// The value, and half of what 95 of 100 sessions lie in.
 fn shown(value: &FeatureValue) -> String {
-    value.value.map_or("–".to_owned(), significant)
+    let off = value.error.map_or(String::new(), |bar| format!(" ± {}", significant((bar.high - bar.low) / 2.0)));
+    value.value.map_or("–".to_owned(), |v| significant(v) + &off)
 }
 
 /// One line per reason, with all the features that have no value for it.

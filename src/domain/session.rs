@@ -97,6 +97,22 @@ pub struct FeatureRow {
     pub space: FeatureSpace,
     /// The value, or why there is none: too few observations is an answer, not a zero.
     pub value: Result<f64, String>,
+    /// How far the value may be off, or why that is not known; `None` without a value, and of results from before this was
+    /// worked out.
+    pub error: Option<Result<FeatureError, String>>,
+}
+
+/// How far a feature may be off, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeatureError {
+    /// The value before the shift that errors cause was taken off.
+    pub as_measured: f64,
+    /// Standard deviation.
+    pub sigma: f64,
+    /// The true value lies between this
+    pub low: f64,
+    /// and this in 95 of 100 sessions.
+    pub high: f64,
 }
 
 /// A feature as it stood when a recording that was tracked while it arrived had come to its end: by the causal filter, over all

@@ -13,7 +13,7 @@ use crate::domain::palette::{NewPalette, PaletteReport};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
-use crate::domain::session::{FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
+use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
 use crate::ids::{SessionId, TraineeId};
 use crate::store::{Lease, Members, NewPerson, Person, Session, Store, StoreSettings, Task, Trainee, TrainingBox};
 use crate::time::Manual;
@@ -160,6 +160,7 @@ fn feature(name: &str, value: Result<f64, &str>) -> FeatureRow {
         tool: Some("orange".to_owned()),
         space: FeatureSpace::Space3d,
         value: value.map_err(str::to_owned),
+        error: value.ok().map(|at| Ok(FeatureError { as_measured: at, sigma: 1.0, low: at - 2.0, high: at + 2.0 })),
     }
 }
 

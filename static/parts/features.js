@@ -77,7 +77,16 @@ const isMissing = feature => feature.value === null || feature.value === undefin
 
 function Value({ feature }) {
   if (!feature) return '';
-  return isMissing(feature) ? html`<span class="not-enough">${words.notEnough}</span>` : number(feature.value);
+  if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
+  return html`${number(feature.value)}<${Off} feature=${feature} />`;
+}
+
+/** How far the value may be off: half of what 95 of 100 sessions lie in. What the range ends at is no bound of the error. */
+function Off({ feature: { error, no_error: why } }) {
+  if (why) return html`<small class="off" title=${words.offUnknown(why)}>${words.off('?')}</small>`;
+  if (!error) return '';
+  const told = words.offMeans(number(error.low), number(error.high));
+  return html`<small class="off" title=${told} aria-label=${told}>${words.off(number((error.high - error.low) / 2))}</small>`;
 }
 
 /** What was told while the recording arrived. */

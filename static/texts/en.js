@@ -400,6 +400,9 @@ export default {
     noFeatures: 'No features',
     noFeaturesBody: 'They appear when the recording has been scored.',
     live: 'As told live',
+    off: half => `± ${half}`,
+    offMeans: (low, high) => `Between ${low} and ${high} in 95 of 100 sessions.`,
+    offUnknown: why => `How far this may be off is not known: ${why}.`,
     toldLive: value => `live ${value}`,
     liveDiffers:
       'Live values were told without hindsight, over all that was seen; final ones are of the task alone, on a smoother path.',

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
-use crate::domain::session::{FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
+use crate::domain::session::{self, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
 use crate::http::error::ProblemDocument;
 use crate::http::show::{Named, Time};
 use crate::ids::SessionId;
@@ -81,6 +81,22 @@ pub struct Feature {
     /// The value; `null` where there are too few observations, and then `not_enough` says of what.
     value: Option<f64>,
     not_enough: Option<String>,
+    /// How far the value may be off; `null` where that is not known, and then `no_error` says why.
+    error: Option<FeatureError>,
+    no_error: Option<String>,
+}
+
+/// How far a value may be off, in its unit.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct FeatureError {
+    /// Standard deviation.
+    sigma: f64,
+    /// The value on the true path lies between `low`
+    low: f64,
+    /// and `high` in 95 of 100 sessions.
+    high: f64,
+    /// The value before the shift that errors cause was taken off: errors lengthen every path.
+    as_measured: f64,
 }
 
 impl Session {
@@ -152,7 +168,25 @@ impl From<FeatureRow> for Feature {
             Ok(value) => (Some(value), None),
             Err(reason) => (None, Some(reason)),
         };
-        Self { name: row.name, title: row.title, unit: row.unit, tool: row.tool, space: row.space, value, not_enough }
+        let (error, no_error) = row.error.transpose().map_or_else(|reason| (None, Some(reason)), |bar| (bar, None));
+        Self {
+            name: row.name,
+            title: row.title,
+            unit: row.unit,
+            tool: row.tool,
+            space: row.space,
+            value,
+            not_enough,
+            error: error.map(FeatureError::from),
+            no_error,
+        }
+    }
+}
+
+impl From<session::FeatureError> for FeatureError {
+    fn from(error: session::FeatureError) -> Self {
+        let session::FeatureError { as_measured, sigma, low, high } = error;
+        Self { sigma, low, high, as_measured }
     }
 }
 

@@ -3,7 +3,7 @@
 //! **In:** a trajectory (mm, s). **Out:** per feature, tool and space a value with a unit, or the reason why there is
 //! none. **Method** (METHOD 6; T 4.4): each tool's observed stretches are put on one even time grid by local cubic
 //! fits ([`fit`], [`motion`]), so that neither the frame rate nor a dropped frame changes a value beyond noise, and
-//! nothing is ever the difference of two noisy points; velocities come from the tracker's filter where it gives them.
+//! nothing is ever the difference of two noisy points, and a path is measured alike whoever made it.
 //! All features of a session are taken over the *task*: from the start of the first movement of any tool to the end
 //! of the last ([`movement`]); where nothing moves, over all that was seen. **Gives up** with a [`NotEnough`] where too
 //! little was seen; sums describe what was seen, and [`time::NOT_SEEN_SHARE`] says how much was not.

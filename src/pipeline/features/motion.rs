@@ -203,8 +203,8 @@ fn runs(samples: &[Sample], max_gap_s: f64) -> Vec<&[Sample]> {
     ranges.into_iter().map(|(first, last)| &samples[first..=last]).collect()
 }
 
-/// One run on the grid. Velocity and acceleration come from the filter's velocities where every sample has one, else
-/// from the positions.
+/// One run on the grid. Velocity and acceleration come from the positions, also where a filter gives velocities: those are
+/// smoothed otherwise, and an acceleration made of them was up to twice as large as that of a path without them.
 fn follow(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
     let (start, end) = (run.first()?, run.last()?);
     if run.len() < MIN_SAMPLES {
@@ -221,7 +221,6 @@ fn follow(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
 struct Samples {
     times_s: Vec<f64>,
     positions: Vec<Vector3<f64>>,
-    velocities: Option<Vec<Vector3<f64>>>,
 }
 
 impl Samples {
@@ -229,20 +228,12 @@ impl Samples {
         Self {
             times_s: run.iter().map(|s| s.time_s).collect(),
             positions: run.iter().map(|s| s.tip_mm.coords).collect(),
-            velocities: run.iter().map(|s| s.velocity_mm_s).collect(),
         }
     }
 
     fn node(&self, at_s: f64, half_window_s: f64) -> Option<Node> {
         let place = Series { times_s: &self.times_s, values: &self.positions }.fit(at_s, half_window_s)?;
-        let (velocity, acceleration) = match &self.velocities {
-            Some(values) => {
-                let speed = Series { times_s: &self.times_s, values };
-                speed.fit(at_s, half_window_s).map(|v| (v.value, v.first))?
-            }
-            None => (place.first, place.second),
-        };
-        Some(Node { position: Point3::from(place.value), velocity, acceleration })
+        Some(Node { position: Point3::from(place.value), velocity: place.first, acceleration: place.second })
     }
 }
 

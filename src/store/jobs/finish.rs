@@ -125,12 +125,16 @@ async fn insert_result(tx: &mut SqliteConnection, session: SessionId, new: NewRe
 async fn insert_features(tx: &mut SqliteConnection, result: ResultId, features: Vec<FeatureRow>) -> StoreResult<()> {
     for (position, feature) in features.into_iter().enumerate() {
         let insert = sqlx::query(
-            "INSERT INTO feature (result_id, position, name, title, unit, tool, space, value, not_enough)
-             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
+            "INSERT INTO feature (result_id, position, name, title, unit, tool, space, value, not_enough,
+                                  as_measured, sigma, low, high, no_error)
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)",
         );
         let insert = insert.bind(result).bind(integer(position as u64)).bind(feature.name).bind(feature.title);
         let insert = insert.bind(feature.unit).bind(feature.tool).bind(feature.space);
         let insert = insert.bind(feature.value.as_ref().ok().copied()).bind(feature.value.err());
+        let (bar, no_bar) = feature.error.transpose().map_or_else(|reason| (None, Some(reason)), |bar| (bar, None));
+        let insert = insert.bind(bar.map(|bar| bar.as_measured)).bind(bar.map(|bar| bar.sigma));
+        let insert = insert.bind(bar.map(|bar| bar.low)).bind(bar.map(|bar| bar.high)).bind(no_bar);
         insert.execute(&mut *tx).await?;
     }
     Ok(())

@@ -10,7 +10,7 @@ use super::super::visibility::{AskedBy, sees_trainee};
 use super::{Session, Sessions, select_sessions};
 use crate::domain::blob::BlobHash;
 use crate::domain::files::quality::fulcrums_of;
-use crate::domain::session::{FeatureRow, FeatureSpace, Versions, VideoFacts};
+use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, Versions, VideoFacts};
 use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
 use crate::pipeline::pose::fulcrum::Fulcrum;
@@ -166,7 +166,8 @@ impl Sessions<'_> {
 
     async fn features(&self, result: ResultId) -> StoreResult<Vec<FeatureRow>> {
         let rows = sqlx::query_as(
-            "SELECT name, title, unit, tool, space, value, not_enough FROM feature WHERE result_id = $1 ORDER BY position",
+            "SELECT name, title, unit, tool, space, value, not_enough, as_measured, sigma, low, high, no_error
+             FROM feature WHERE result_id = $1 ORDER BY position",
         );
         Ok(rows.bind(result).fetch_all(self.0.readers()).await?)
     }
@@ -212,6 +213,18 @@ impl FromRow<'_, SqliteRow> for FeatureRow {
             tool: row.try_get("tool")?,
             space: row.try_get::<FeatureSpace, _>("space")?,
             value: value.ok_or_else(|| not_enough.unwrap_or_default()), // the schema has exactly one of them
+            error: error_of(row)?,
         })
     }
+}
+
+fn error_of(row: &SqliteRow) -> Result<Option<Result<FeatureError, String>>, sqlx::Error> {
+    use sqlx::Row;
+    let of = |column| row.try_get::<Option<f64>, _>(column);
+    if let (Some(as_measured), Some(sigma), Some(low), Some(high)) =
+        (of("as_measured")?, of("sigma")?, of("low")?, of("high")?)
+    {
+        return Ok(Some(Ok(FeatureError { as_measured, sigma, low, high })));
+    }
+    Ok(row.try_get::<Option<String>, _>("no_error")?.map(Err))
 }

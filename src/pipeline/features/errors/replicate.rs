@@ -15,24 +15,26 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 use crate::pipeline::trajectory::Sample;
 use crate::random::Dice;
 
-/// Shares of the variance that last, change slowly and pass, of errors along the line of sight and across it.
-const DEPTH: [f64; 3] = [0.4, 0.3, 0.3];
-const ACROSS: [f64; 3] = [0.35, 0.25, 0.4];
+/// Shares of the variance that last, change slowly and pass.
+const SHARES: [f64; 3] = [0.25, 0.25, 0.5];
 /// Time constants of the slow and the passing part at [`USUAL_MM_S`], s.
 const SLOW_S: f64 = 1.0;
-const PASSING_S: f64 = 0.09;
+const PASSING_S: f64 = 0.07;
 /// Speed of a tool whose clock runs with time, mm/s; speed that a tool at rest is taken to have; and how fast the
 /// clock runs at most: the smoother does not follow what is faster.
 const USUAL_MM_S: f64 = 30.0;
 const RESTING_MM_S: f64 = 3.0;
 const FASTEST: f64 = 1.5;
+/// How large a session's errors are beside what it states, where it is the small motions that count: what is stated is
+/// what a place may be off by.
+const SIZE: f64 = 1.6;
 /// Spread of the size of a session's errors beside what it states: standard deviation of the logarithm.
 const SIZE_UNSURE: f64 = 0.3;
 
 /// A tool's samples, in time order, moved by errors of the size that they state; `None` where one states none.
 pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
-    let size = (SIZE_UNSURE * dice.gauss()).exp();
-    let mut errors = [ACROSS, ACROSS, DEPTH].map(|shares| Error::new(shares, dice));
+    let size = SIZE * (SIZE_UNSURE * dice.gauss()).exp();
+    let mut errors = [(); 3].map(|()| Error::new(dice));
     let mut before: Option<&Sample> = None;
     let mut moved = Vec::with_capacity(samples.len());
     for sample in samples {
@@ -85,21 +87,19 @@ fn clock_rate(before: &Sample, after: &Sample) -> f64 {
 struct Error {
     lasting: f64,
     changing: [Matern; 2],
-    /// Square roots of the parts' shares.
-    weights: [f64; 3],
 }
 
 impl Error {
-    fn new(shares: [f64; 3], dice: &mut Dice) -> Self {
+    fn new(dice: &mut Dice) -> Self {
         let changing = [SLOW_S, PASSING_S].map(|constant_s| Matern::new(constant_s, dice));
-        Self { lasting: dice.gauss(), changing, weights: shares.map(f64::sqrt) }
+        Self { lasting: dice.gauss(), changing }
     }
 
     /// Value and rate, s⁻¹, after the clock has gone on.
     fn after(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
         let [slow, passing] = self.changing.each_mut().map(|part| part.after(passed_s, dice));
-        let [lasting_share, slow_share, passing_share] = self.weights;
-        Vector2::new(lasting_share * self.lasting, 0.0) + slow_share * slow + passing_share * passing
+        let [of_lasting, of_slow, of_passing] = SHARES.map(f64::sqrt);
+        Vector2::new(of_lasting * self.lasting, 0.0) + of_slow * slow + of_passing * passing
     }
 }
 
@@ -166,8 +166,8 @@ mod tests {
             }
         }
         let by_size = (2.0 * SIZE_UNSURE * SIZE_UNSURE).exp(); // mean square of a log-normal
-        assert!(((z / n / by_size).sqrt() / 0.8 - 1.0).abs() < 0.12, "{}", (z / n).sqrt());
-        assert!(((xy / n / by_size).sqrt() / 0.2 - 1.0).abs() < 0.12, "{}", (xy / n).sqrt());
+        let [z, xy] = [z, xy].map(|sum: f64| (sum / n / by_size).sqrt() / SIZE);
+        assert!((z / 0.8 - 1.0).abs() < 0.12 && (xy / 0.2 - 1.0).abs() < 0.12, "{z} {xy}");
     }
 
     #[test]
