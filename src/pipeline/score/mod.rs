@@ -10,7 +10,11 @@ pub mod cohort;
 pub mod distribution;
 pub mod interval;
 mod no_answer;
+pub mod pass_rule;
 mod people;
+pub mod standard;
+mod trial;
 
 pub use no_answer::NoAnswer;
 pub use people::{FEWEST_PEOPLE, People};
+pub use trial::Trial;
