@@ -7,8 +7,10 @@
 
 mod chance;
 pub mod cohort;
+pub mod cusum;
 pub mod distribution;
 pub mod interval;
+pub mod lc_cusum;
 mod no_answer;
 pub mod pass_rule;
 mod people;
