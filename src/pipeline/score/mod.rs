@@ -7,6 +7,7 @@
 
 mod chance;
 pub mod cohort;
+pub mod curve;
 pub mod cusum;
 pub mod distribution;
 pub mod interval;
