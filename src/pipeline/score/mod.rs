@@ -5,6 +5,7 @@
 //! [`NoAnswer`]: bad or too little data give a reason, never a number. A session that could not be judged is neither
 //! a pass nor a fail.
 
+pub mod agreement;
 mod chance;
 pub mod cohort;
 pub mod curve;
