@@ -16,6 +16,7 @@ pub mod lc_cusum;
 mod no_answer;
 pub mod pass_rule;
 mod people;
+pub mod reminder;
 pub mod standard;
 mod trial;
 
