@@ -1,58 +1,81 @@
 //! A value's place in a reference cohort: its percentile among the values of other people at the same task.
 //!
-//! Percentiles need no model of skill and no assumption on distributions, so they are what small cohorts can bear. The
-//! caller picks the cohort (one value per person, same task, same pipeline version); below a minimum there is no place.
+//! Percentiles need no model of skill and no assumption on distributions, so they are what small cohorts can bear.
+//! The caller picks the cohort: same task, features version and role of the hand, in the camera's own axes also the
+//! same box and calibration, and without the person who is placed. Below [`FEWEST_PEOPLE`] there is no place. A
+//! percentile's interval holds both doubts: that the cohort is a sample of people (Wilson) and that the value is
+//! measured with an error. Where two intervals overlap, neither person is ahead ([`ranks`]).
 
+use super::interval::{Interval, Measured, wilson};
+use super::no_answer::NoAnswer;
+use super::people::{FEWEST_PEOPLE, People};
+use super::standard::sign;
 use crate::pipeline::features::Direction;
-
-/// Fewest reference values from which a percentile is given. With ten, one person more or less shifts it by ten points;
-/// with fewer it would say nothing.
-pub const FEWEST_REFERENCES: usize = 10;
 
 /// Where a value stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Share of the reference values below this one, in per cent; equal ones count half.
     pub percentile: f64,
-    /// Share of the reference values that this one is better than, in per cent; `None` where neither direction is better.
-    pub better_than: Option<f64>,
-    /// How many reference values there are.
-    pub references: usize,
+    /// Where the percentile among *all* such people lies with 95 %, whichever value within its bar is the true one.
+    pub interval: Interval,
+    /// Share of the reference values that this one is better than, in per cent, with its interval; `None` where neither
+    /// direction is better.
+    pub better_than: Option<(f64, Interval)>,
+    /// How many people the cohort has.
+    pub people: usize,
+    /// Is the value's own error in the interval? Not if nothing states it.
+    pub error_known: bool,
 }
 
-/// Why a value has no place.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum NoPlace {
-    /// Too small a cohort.
-    #[error("the cohort has {found} values of this feature; needs {needed}")]
-    TooFew {
-        /// How many it has.
-        found: usize,
-        /// How many it takes.
-        needed: usize,
-    },
-    /// The value or a reference is not a number.
-    #[error("a value is not a finite number")]
-    NotFinite,
-}
-
-/// Finds a value's place among reference values.
-pub fn place(value: f64, references: &[f64], direction: Direction) -> Result<Place, NoPlace> {
-    if references.len() < FEWEST_REFERENCES {
-        return Err(NoPlace::TooFew { found: references.len(), needed: FEWEST_REFERENCES });
-    }
-    if !value.is_finite() || references.iter().any(|reference| !reference.is_finite()) {
-        return Err(NoPlace::NotFinite);
-    }
-    let below = references.iter().filter(|reference| **reference < value).count() as f64;
-    let equal = references.iter().filter(|reference| **reference == value).count() as f64;
-    let percentile = 100.0 * (below + equal / 2.0) / references.len() as f64;
+/// Finds a value's place in a cohort.
+pub fn place(measured: Measured, cohort: &People, direction: Direction) -> Result<Place, NoAnswer> {
+    NoAnswer::at_least("people", cohort.count(), FEWEST_PEOPLE)?;
+    let Measured { value, bar } = measured.checked()?;
+    let ends = bar.unwrap_or(Interval { low: value, high: value });
+    let doubt = |value| wilson(share_below(value, cohort), cohort.count());
+    let interval = Interval { low: 100.0 * doubt(ends.low)?.low, high: 100.0 * doubt(ends.high)?.high };
+    let percentile = 100.0 * share_below(value, cohort);
     let better_than = match direction {
-        Direction::Higher => Some(percentile),
-        Direction::Lower => Some(100.0 - percentile),
+        Direction::Higher => Some((percentile, interval)),
+        Direction::Lower => Some((100.0 - percentile, interval.map(|end| 100.0 - end))),
         Direction::Neither => None,
     };
-    Ok(Place { percentile, better_than, references: references.len() })
+    Ok(Place { percentile, interval, better_than, people: cohort.count(), error_known: bar.is_some() })
+}
+
+/// Share of the cohort's values below this one, equal ones by half.
+fn share_below(value: f64, cohort: &People) -> f64 {
+    let below = cohort.values().partition_point(|reference| *reference < value);
+    let not_above = cohort.values().partition_point(|reference| *reference <= value);
+    (below + not_above) as f64 / 2.0 / cohort.count() as f64
+}
+
+/// Which ranks a person can have, 1 for the best. More than one: a tie with some of the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ranks {
+    /// One more than how many are surely better.
+    pub best: usize,
+    /// How many are not surely worse, oneself included.
+    pub worst: usize,
+}
+
+/// Ranks people by one value each: somebody is ahead of somebody else only if their bars do not overlap, and a value
+/// whose error nobody states ties with all.
+pub fn ranks(measured: &[Measured], direction: Direction) -> Result<Vec<Ranks>, NoAnswer> {
+    let bars = measured.iter().map(|one| signed_bar(*one, direction)).collect::<Result<Vec<_>, _>>()?;
+    let rank = |own: &Interval| Ranks {
+        best: 1 + bars.iter().filter(|other| other.low > own.high).count(),
+        worst: bars.iter().filter(|other| other.high >= own.low).count(),
+    };
+    Ok(bars.iter().map(rank).collect())
+}
+
+/// The value's bar, turned so that more is better.
+fn signed_bar(measured: Measured, direction: Direction) -> Result<Interval, NoAnswer> {
+    let sign = sign(direction)?;
+    let unknown = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
+    Ok(measured.checked()?.bar.unwrap_or(unknown).map(|end| sign * end))
 }
 
 #[cfg(test)]
@@ -60,32 +83,84 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::pipeline::score::distribution::Z_95;
+
+    fn cohort(values: &[f64]) -> People {
+        People::of_values(values.to_vec()).unwrap()
+    }
+
+    fn exact(value: f64) -> Measured {
+        measured(value, 0.0)
+    }
+
+    fn measured(value: f64, half: f64) -> Measured {
+        Measured { value, bar: Some(Interval::around(value, half)) }
+    }
 
     #[test]
     fn the_middle_of_a_cohort_is_the_fiftieth_percentile() {
-        let references: Vec<f64> = (1..=11).map(f64::from).collect();
-        let got = place(6.0, &references, Direction::Lower).unwrap();
-        assert_eq!((got.percentile, got.better_than, got.references), (50.0, Some(50.0), 11));
-        assert_eq!(place(0.0, &references, Direction::Lower).unwrap().better_than, Some(100.0));
-        assert_eq!(place(0.0, &references, Direction::Neither).unwrap().better_than, None);
+        let cohort = cohort(&(1..=11).map(f64::from).collect::<Vec<_>>());
+        let got = place(exact(6.0), &cohort, Direction::Lower).unwrap();
+        assert_eq!((got.percentile, got.people), (50.0, 11));
+        let (better, interval) = got.better_than.unwrap();
+        assert_eq!(better, 50.0);
+        // Wilson's interval of a half is symmetric: half its width is z/2 over the root of n + z².
+        let half = 50.0 * Z_95 / (11.0 + Z_95 * Z_95).sqrt();
+        assert!(
+            (interval.low - 50.0 + half).abs() < 1e-9 && (interval.high - 50.0 - half).abs() < 1e-9,
+            "{interval:?}"
+        );
+        assert_eq!(place(exact(0.0), &cohort, Direction::Lower).unwrap().better_than.unwrap().0, 100.0);
+        assert_eq!(place(exact(0.0), &cohort, Direction::Neither).unwrap().better_than, None);
+    }
+
+    #[test]
+    fn a_value_s_own_error_widens_the_interval() {
+        let cohort = cohort(&(1..=40).map(f64::from).collect::<Vec<_>>());
+        let at = |measured| place(measured, &cohort, Direction::Higher).unwrap();
+        let (sharp, blurred) = (at(exact(20.5)), at(measured(20.5, 8.0)));
+        assert_eq!(sharp.percentile, blurred.percentile);
+        assert!(blurred.interval.low < sharp.interval.low - 10.0 && blurred.interval.high > sharp.interval.high + 10.0);
+        let unknown = at(Measured { value: 20.5, bar: None });
+        assert!(!unknown.error_known && sharp.error_known && unknown.interval == sharp.interval);
     }
 
     #[test]
     fn a_small_cohort_gives_no_place() {
-        assert_eq!(place(1.0, &[1.0; 9], Direction::Lower), Err(NoPlace::TooFew { found: 9, needed: 10 }));
-        assert_eq!(place(f64::NAN, &[1.0; 10], Direction::Lower), Err(NoPlace::NotFinite));
+        let of = |people: usize, value| place(exact(value), &cohort(&vec![1.0; people]), Direction::Lower);
+        assert_eq!(of(9, 1.0), Err(NoAnswer::TooFew { of: "people", found: 9, needed: 10 }));
+        assert_eq!(of(0, 1.0), Err(NoAnswer::TooFew { of: "people", found: 0, needed: 10 }));
+        assert_eq!(of(10, f64::NAN), Err(NoAnswer::NotFinite));
+    }
+
+    #[test]
+    fn nobody_is_ahead_inside_the_noise() {
+        let values = [measured(10.0, 1.0), measured(11.5, 1.0), measured(13.0, 0.4), measured(20.0, 1.0)];
+        let ranks_of =
+            |direction| ranks(&values, direction).unwrap().iter().map(|r| (r.best, r.worst)).collect::<Vec<_>>();
+        assert_eq!(ranks_of(Direction::Lower), [(1, 2), (1, 2), (3, 3), (4, 4)]);
+        assert_eq!(ranks_of(Direction::Higher), [(3, 4), (3, 4), (2, 2), (1, 1)]);
+        let with_unknown = [measured(1.0, 0.1), Measured { value: 9.0, bar: None }, measured(2.0, 0.1)];
+        let got = ranks(&with_unknown, Direction::Lower).unwrap();
+        assert_eq!((got[1].best, got[1].worst, got[0].best, got[0].worst), (1, 3, 1, 2));
+        assert_eq!(ranks(&values, Direction::Neither), Err(NoAnswer::NoDirection));
+        assert_eq!(ranks(&[exact(f64::NAN)], Direction::Lower), Err(NoAnswer::NotFinite));
     }
 
     proptest! {
         #[test]
-        fn a_larger_value_never_has_a_lower_percentile(
-            references in prop::collection::vec(-10.0f64..10.0, FEWEST_REFERENCES..40),
+        fn a_larger_value_never_has_a_lower_percentile_and_lies_in_its_interval(
+            references in prop::collection::vec(-10.0f64..10.0, FEWEST_PEOPLE..40),
             a in -12.0f64..12.0,
             b in -12.0f64..12.0,
+            half in 0.0f64..3.0,
         ) {
-            let of = |value| place(value, &references, Direction::Higher).unwrap().percentile;
-            prop_assert!(of(a.min(b)) <= of(a.max(b)));
-            prop_assert!((0.0..=100.0).contains(&of(a)));
+            let cohort = cohort(&references);
+            let of = |value| place(measured(value, half), &cohort, Direction::Higher).unwrap();
+            prop_assert!(of(a.min(b)).percentile <= of(a.max(b)).percentile);
+            let got = of(a);
+            prop_assert!(got.interval.low - 1e-9 <= got.percentile && got.percentile <= got.interval.high + 1e-9);
+            prop_assert!(got.interval.low >= 0.0 && got.interval.high <= 100.0);
         }
     }
 }

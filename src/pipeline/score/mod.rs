@@ -1,3 +1,25 @@
-//! Score: where a feature's value stands among reference values (METHOD 7.1).
+//! Score: what features say beside those of others and of earlier days (METHOD 7; PEERS 3.5).
+//!
+//! **In:** values with their error bars, one per person or one per session. **Out:** places, judgements, curves and
+//! alarms, each with its interval and with the number of people or sessions behind it. **Gives up** with a
+//! [`NoAnswer`]: bad or too little data give a reason, never a number. A session that could not be judged is neither
+//! a pass nor a fail.
 
+pub mod agreement;
+mod chance;
 pub mod cohort;
+pub mod curve;
+pub mod cusum;
+pub mod distribution;
+pub mod interval;
+pub mod lc_cusum;
+mod no_answer;
+pub mod pass_rule;
+mod people;
+pub mod reminder;
+pub mod standard;
+mod trial;
+
+pub use no_answer::NoAnswer;
+pub use people::{FEWEST_PEOPLE, People};
+pub use trial::Trial;

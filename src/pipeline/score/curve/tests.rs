@@ -1,0 +1,148 @@
+//! Closed forms, chance, simulated trainees and bad input.
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn sessions(count: u32, of: impl FnMut(u32) -> f64) -> Vec<Session> {
+    let mut of = of;
+    (1..=count).map(|number| Session { number, value: of(number) }).collect()
+}
+
+fn exact(plateau: f64, distance: f64, tau: f64) -> impl Fn(u32) -> f64 {
+    move |number| plateau + distance * (-f64::from(number - 1) / tau).exp()
+}
+
+/// About normal: twelve even draws.
+fn gauss(chance: &mut Chance) -> f64 {
+    (0..12).map(|_| chance.pick(1_000_001) as f64 / 1e6).sum::<f64>() - 6.0
+}
+
+fn curve(sessions: &[Session], direction: Direction) -> Curve {
+    match fit(sessions, direction).unwrap() {
+        Learning::Curve(curve) => curve,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_curve_without_noise_is_found_exactly() {
+    for (plateau, distance, tau, direction) in [
+        (50.0, 120.0, 4.0, Direction::Lower),
+        (0.8, -0.5, 2.5, Direction::Higher),
+        (-6.0, 3.0, 11.0, Direction::Lower),
+        (50.0, 120.0, 0.6, Direction::Lower),
+    ] {
+        let got = curve(&sessions(12, exact(plateau, distance, tau)), direction);
+        let near = |fitted: Fitted, want: f64| {
+            assert!((fitted.value - want).abs() < 1e-6 * want.abs(), "{fitted:?}, not {want}");
+            assert!((fitted.interval.low - want).abs() < 1e-4 * want.abs(), "{fitted:?}, not {want}");
+        };
+        near(got.plateau, plateau);
+        near(got.distance, distance);
+        near(got.tau_sessions, tau);
+        assert!(got.scatter < 1e-6 * distance.abs());
+        assert!((got.at(1) - plateau - distance).abs() < 1e-5 * distance.abs());
+    }
+}
+
+#[test]
+fn a_forecast_solves_the_curve_for_the_limit() {
+    // 50 + 120 exp(−(n − 1)/4) = 60 at n = 1 + 4 ln 12 = 10.94: from session 11 on.
+    let got = curve(&sessions(8, exact(50.0, 120.0, 4.0)), Direction::Lower);
+    assert_eq!(got.forecast(60.0), Ok(Forecast::Ahead { at: 11, earliest: 11, latest: Some(11) }));
+    // 50 + 120 exp(−(n − 1)/4) = 90 at n = 5.39.
+    assert_eq!(got.forecast(90.0), Ok(Forecast::Reached { at: 6 }));
+    assert_eq!(got.forecast(200.0), Ok(Forecast::Reached { at: 1 }));
+    assert_eq!(got.forecast(45.0), Ok(Forecast::NotWithThisCurve { earliest: None }));
+    assert_eq!(got.forecast(f64::NAN), Err(NoAnswer::NotFinite));
+    let rising = curve(&sessions(8, exact(0.8, -0.5, 4.0)), Direction::Higher);
+    assert_eq!(rising.forecast(0.9), Ok(Forecast::NotWithThisCurve { earliest: None }));
+    // 0.5 exp(−(n − 1)/4) = 0.05 at n = 1 + 4 ln 10 = 10.21.
+    assert_eq!(rising.forecast(0.75), Ok(Forecast::Ahead { at: 11, earliest: 11, latest: Some(11) }));
+    let short = curve(&sessions(7, exact(50.0, 120.0, 2.0)), Direction::Lower);
+    assert_eq!(short.forecast(60.0), Ok(Forecast::TooFew { found: 7, needed: 8 }));
+}
+
+#[test]
+fn a_left_out_session_keeps_its_number() {
+    let mut with_gap = sessions(14, exact(50.0, 120.0, 4.0));
+    with_gap.drain(2..5);
+    let got = curve(&with_gap, Direction::Lower);
+    assert!((got.tau_sessions.value - 4.0).abs() < 1e-5 && got.sessions == 11 && got.last == 14, "{got:?}");
+}
+
+#[test]
+fn what_does_not_improve_or_does_not_bend_is_no_curve() {
+    let of = |values: Vec<Session>| fit(&values, Direction::Lower).unwrap();
+    assert_eq!(of(sessions(10, |_| 7.0)), Learning::NoCurve);
+    assert_eq!(of(sessions(10, exact(50.0, -30.0, 3.0))), Learning::NoCurve, "it gets worse");
+    assert_eq!(of(sessions(10, |number| 100.0 - f64::from(number))), Learning::StillStraight);
+    assert_eq!(of(sessions(10, |number| 100.0 - f64::from(number * number))), Learning::StillStraight, "it speeds up");
+    let accelerating = |number: u32| 100.0 - f64::from(number).powi(3);
+    assert_eq!(of(sessions(10, accelerating)), Learning::StillStraight);
+}
+
+#[test]
+fn noise_alone_looks_like_a_curve_in_one_of_twenty_cases_at_most() {
+    let mut chance = Chance::of([5.0]);
+    let mistaken = (0..400).filter(|_| {
+        let noise = sessions(15, |_| 60.0 + 8.0 * gauss(&mut chance));
+        fit(&noise, Direction::Lower).unwrap() != Learning::NoCurve
+    });
+    let share = mistaken.count() as f64 / 400.0;
+    assert!(share < 0.085, "5 % and three standard errors: {share}");
+}
+
+#[test]
+fn intervals_of_noisy_curves_hold_the_truth() {
+    let (mut chance, mut held, mut curves) = (Chance::of([7.0]), [0; 3], 0);
+    for _ in 0..120 {
+        let mut noise = || 6.0 * gauss(&mut chance);
+        let (truth, at) = ([50.0, 120.0, 4.0], exact(50.0, 120.0, 4.0));
+        let Learning::Curve(got) = fit(&sessions(20, |number| at(number) + noise()), Direction::Lower).unwrap() else {
+            continue;
+        };
+        curves += 1;
+        for (held, (fitted, truth)) in
+            held.iter_mut().zip([got.plateau, got.distance, got.tau_sessions].into_iter().zip(truth))
+        {
+            *held += usize::from(fitted.interval.holds(truth));
+        }
+    }
+    assert!(curves > 115, "{curves}");
+    for held in held {
+        let share = held as f64 / f64::from(curves);
+        assert!((0.88..0.99).contains(&share), "{share}");
+    }
+}
+
+#[test]
+fn bad_input_gives_a_reason() {
+    let of = |numbers: &[u32], value: f64| {
+        let rows: Vec<Session> = numbers.iter().map(|number| Session { number: *number, value }).collect();
+        fit(&rows, Direction::Lower)
+    };
+    assert_eq!(of(&[], 1.0), Ok(Learning::TooFew { found: 0, needed: 6 }));
+    assert_eq!(of(&[1, 2, 3, 4, 5], 1.0), Ok(Learning::TooFew { found: 5, needed: 6 }));
+    assert_eq!(of(&[1, 2, 3, 4, 5, 6], f64::NAN), Err(NoAnswer::NotFinite));
+    assert_eq!(of(&[1, 2, 3, 3, 5, 6], 1.0), Err(NoAnswer::NotInOrder));
+    assert_eq!(of(&[2, 1, 3, 4, 5, 6], 1.0), Err(NoAnswer::NotInOrder));
+    assert_eq!(of(&[0, 1, 3, 4, 5, 6], 1.0), Err(NoAnswer::NotInOrder));
+    assert_eq!(fit(&[], Direction::Neither), Err(NoAnswer::NoDirection));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn scaled_and_mirrored_values_have_the_scaled_and_mirrored_curve(seed in 0u32..1000, scale in 0.01f64..100.0) {
+        let mut chance = Chance::of([f64::from(seed)]);
+        let at = exact(50.0, 120.0, 4.0);
+        let rows = sessions(12, |number| at(number) + 5.0 * gauss(&mut chance));
+        let turned: Vec<Session> = rows.iter().map(|row| Session { value: -scale * row.value, ..*row }).collect();
+        let (one, other) = (curve(&rows, Direction::Lower), curve(&turned, Direction::Higher));
+        prop_assert!((other.plateau.value + scale * one.plateau.value).abs() < 1e-4 * scale * one.plateau.value.abs());
+        prop_assert!((other.tau_sessions.value - one.tau_sessions.value).abs() < 1e-4 * one.tau_sessions.value);
+        prop_assert_eq!(&one, &curve(&rows, Direction::Lower));
+    }
+}

@@ -1,0 +1,169 @@
+//! LC-CUSUM: from which trial on a trainee counts as proficient, and whether they have relapsed since (Biau & Porcher
+//! 2010, doi 10.1002/sim.3947; PEERS 3.5).
+//!
+//! Until then the trainee is taken for inadequate, and passes speak for proficiency: a pass adds ln((1 − p1)/(1 −
+//! p0)), a miss ln(p1/p0), with p0 the inadequate and p1 the adequate share of misses. From then on a CUSUM with the
+//! ratios inverted watches for a relapse, after which learning begins anew. Both limits keep stated error rates
+//! exactly ([`Chart`]). Trials of which nobody knows whether they were passed move neither chart and do not count.
+
+use super::cusum::{Chart, MOST_TRIALS, Walk, first_at};
+use super::no_answer::NoAnswer;
+use super::trial::Trial;
+
+/// What is adequate, and how often the charts may be wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Design {
+    /// Share of trials that an inadequate trainee misses, p0. Usual: 0.3.
+    pub inadequate: f64,
+    /// Share of trials that an adequate one misses, p1, below p0. Usual: 0.1; closer to p0 takes more trials.
+    pub adequate: f64,
+    /// Largest share of inadequate trainees that are declared proficient within [`Self::declare_within`] trials.
+    pub false_declaration: f64,
+    /// Judged trials for which that holds.
+    pub declare_within: usize,
+    /// Largest share of adequate trainees that get an alarm within [`Self::alarm_within`] trials after their
+    /// declaration.
+    pub false_alarm: f64,
+    /// Judged trials for which that holds.
+    pub alarm_within: usize,
+}
+
+impl Default for Design {
+    /// Nine of ten adequate trainees are declared within 50 trials, and half of the relapses found within 24.
+    fn default() -> Self {
+        Self {
+            inadequate: 0.3,
+            adequate: 0.1,
+            false_declaration: 0.05,
+            declare_within: 50,
+            false_alarm: 0.05,
+            alarm_within: 100,
+        }
+    }
+}
+
+/// The two charts of a design, with what they are known to do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Monitor {
+    learning: Chart,
+    keeping: Chart,
+    /// By judged trial, from the first: share of inadequate trainees declared proficient by then.
+    pub declared_wrongly: Vec<f64>,
+    /// By judged trial, from the first: share of adequate trainees declared proficient by then.
+    pub declared_rightly: Vec<f64>,
+    /// Judged trials after a relapse to p0 by which half of them are found; `None` beyond [`MOST_TRIALS`].
+    pub relapse_found_median: Option<usize>,
+    /// The same for nine of ten.
+    pub relapse_found_90: Option<usize>,
+}
+
+/// What happened in a career.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// Declared proficient.
+    Declared {
+        /// At which trial, from 1, all trials counted.
+        at: usize,
+        /// Judged trials that it took.
+        judged: usize,
+        /// Share of inadequate trainees who would have been declared by then too; `None` beyond [`MOST_TRIALS`].
+        wrong_by_then: Option<f64>,
+    },
+    /// Relapsed; learning begins anew.
+    Relapsed {
+        /// At which trial, from 1, all trials counted.
+        at: usize,
+        /// Judged trials since the declaration.
+        judged: usize,
+    },
+}
+
+/// How a trainee stands now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// Not yet proficient: the trials so far do not show it. That is not to say that they show the contrary.
+    NotYet,
+    /// Proficient.
+    Proficient,
+    /// Was proficient, relapsed, and is not yet again.
+    Relapsed,
+}
+
+/// A score on one of the charts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Which chart: true while learning, false while keeping what was learnt.
+    pub learning: bool,
+    /// The score after the trial, from 0 to the chart's limit or just above.
+    pub score: f64,
+}
+
+/// A trainee's trials, followed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Career {
+    /// Declarations and relapses, in turn.
+    pub events: Vec<Event>,
+    /// How the trainee stands after the last trial.
+    pub now: Standing,
+    /// Judged trials since the last event.
+    pub judged: usize,
+    /// One point per trial; `None` where nobody knows whether it was passed.
+    pub path: Vec<Option<Point>>,
+}
+
+impl Monitor {
+    /// Computes the limits of a design. Cost: 20 ms; keep it for all careers.
+    pub fn new(design: Design) -> Result<Self, NoAnswer> {
+        let Design { inadequate, adequate, .. } = design;
+        let learning =
+            Chart::designed(1.0 - inadequate, 1.0 - adequate, design.false_declaration, design.declare_within)?;
+        let keeping = Chart::designed(adequate, inadequate, design.false_alarm, design.alarm_within)?;
+        let found = keeping.reached_by(inadequate, MOST_TRIALS);
+        Ok(Self {
+            learning,
+            keeping,
+            declared_wrongly: learning.reached_by(1.0 - inadequate, MOST_TRIALS),
+            declared_rightly: learning.reached_by(1.0 - adequate, MOST_TRIALS),
+            relapse_found_median: first_at(&found, 0.5),
+            relapse_found_90: first_at(&found, 0.9),
+        })
+    }
+
+    /// The scores at which proficiency and a relapse are told.
+    pub fn limits(&self) -> (f64, f64) {
+        (self.learning.limit(), self.keeping.limit())
+    }
+
+    /// Follows the trials in their order.
+    pub fn follow(&self, trials: &[Trial]) -> Career {
+        let mut career = Career { events: Vec::new(), now: Standing::NotYet, judged: 0, path: Vec::new() };
+        let mut walk = Walk::default();
+        for (index, trial) in trials.iter().enumerate() {
+            let learning = career.now != Standing::Proficient;
+            let chart = if learning { self.learning } else { self.keeping };
+            if *trial == Trial::Unknown {
+                career.path.push(None);
+                continue;
+            }
+            walk = chart.step(walk, learning == (*trial == Trial::Passed));
+            career.judged += 1;
+            career.path.push(Some(Point { learning, score: chart.score(walk) }));
+            if chart.tells(walk) {
+                career.events.push(self.event(learning, index + 1, career.judged));
+                career.now = if learning { Standing::Proficient } else { Standing::Relapsed };
+                (walk, career.judged) = (Walk::default(), 0);
+            }
+        }
+        career
+    }
+
+    fn event(&self, learning: bool, at: usize, judged: usize) -> Event {
+        match learning {
+            true => Event::Declared { at, judged, wrong_by_then: self.declared_wrongly.get(judged - 1).copied() },
+            false => Event::Relapsed { at, judged },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,168 @@
+//! Pass rules: so many passes in a row, and so many more, before a task counts as learnt.
+//!
+//! Trials of which nobody knows whether they were passed count as neither. A rule is met only if it is met *whatever*
+//! they were: such a trial breaks a row, since it may have been a miss, but is never called one; and a rule is out of
+//! reach only if it is so even with all of them passed. So a hidden camera can neither promote nor sink anybody.
+
+use super::no_answer::NoAnswer;
+use super::trial::Trial;
+
+/// A rule such as "two in a row and ten more, within 80 trials".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PassRule {
+    /// Passes in a row that come first, at least 1.
+    pub in_a_row: usize,
+    /// Passes after these, in a row or not.
+    pub then_more: usize,
+    /// Trials within which it must be met; `None` without an end.
+    pub at_most: Option<usize>,
+}
+
+/// How far a trainee has come by a rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// The rule is met.
+    Met {
+        /// By which trial, from 1.
+        at: usize,
+    },
+    /// Not yet.
+    Open {
+        /// Passes in a row at the end, up to those that the rule asks for.
+        in_a_row: usize,
+        /// Passes after the row was complete.
+        more: usize,
+        /// Trials so far of which nobody knows.
+        unknown: usize,
+    },
+    /// It cannot be met any more within the rule's trials, whatever the unknown ones were.
+    OutOfReach,
+}
+
+impl PassRule {
+    /// The rule, or the part of it that nothing can be judged by.
+    pub fn checked(self) -> Result<Self, NoAnswer> {
+        let shortest = self.in_a_row.saturating_add(self.then_more);
+        match self {
+            Self { in_a_row: 0, .. } => Err(NoAnswer::UnusableSetting("in_a_row")),
+            Self { at_most: Some(at_most), .. } if at_most < shortest => Err(NoAnswer::UnusableSetting("at_most")),
+            _ => Ok(self),
+        }
+    }
+
+    /// Follows the trials in their order.
+    pub fn follow(self, trials: &[Trial]) -> Result<Progress, NoAnswer> {
+        let rule = self.checked()?;
+        let counted = &trials[..trials.len().min(rule.at_most.unwrap_or(usize::MAX))];
+        let (mut surely, mut at_best) = (Count::default(), Count::default());
+        for (index, trial) in counted.iter().enumerate() {
+            surely.add(rule, *trial == Trial::Passed);
+            at_best.add(rule, *trial != Trial::Failed);
+            if surely.missing(rule) == 0 {
+                return Ok(Progress::Met { at: index + 1 });
+            }
+        }
+        let left = rule.at_most.map_or(usize::MAX, |at_most| at_most - counted.len());
+        if at_best.missing(rule) > left {
+            return Ok(Progress::OutOfReach);
+        }
+        let unknown = counted.iter().filter(|trial| **trial == Trial::Unknown).count();
+        Ok(Progress::Open { in_a_row: surely.in_a_row, more: surely.more, unknown })
+    }
+}
+
+/// Passes so far.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    in_a_row: usize,
+    more: usize,
+}
+
+impl Count {
+    fn add(&mut self, rule: PassRule, passed: bool) {
+        match (passed, self.in_a_row == rule.in_a_row) {
+            (true, true) => self.more += 1,
+            (true, false) => self.in_a_row += 1,
+            (false, true) => {}
+            (false, false) => self.in_a_row = 0,
+        }
+    }
+
+    /// Passes that are still missing, in a row where the rule wants them so.
+    fn missing(self, rule: PassRule) -> usize {
+        rule.in_a_row - self.in_a_row + rule.then_more.saturating_sub(self.more)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const RULE: PassRule = PassRule { in_a_row: 2, then_more: 3, at_most: Some(10) };
+
+    fn trials(letters: &str) -> Vec<Trial> {
+        let of = |letter| match letter {
+            'p' => Trial::Passed,
+            'f' => Trial::Failed,
+            _ => Trial::Unknown,
+        };
+        letters.chars().map(of).collect()
+    }
+
+    fn follow(letters: &str) -> Progress {
+        RULE.follow(&trials(letters)).unwrap()
+    }
+
+    #[test]
+    fn two_in_a_row_and_three_more() {
+        assert_eq!(follow("fppfpfpp"), Progress::Met { at: 8 });
+        assert_eq!(follow("ppppp"), Progress::Met { at: 5 });
+        assert_eq!(follow("pfpfp"), Progress::Open { in_a_row: 1, more: 0, unknown: 0 });
+        assert_eq!(follow("ppfp"), Progress::Open { in_a_row: 2, more: 1, unknown: 0 });
+        assert_eq!(follow(""), Progress::Open { in_a_row: 0, more: 0, unknown: 0 });
+        assert_eq!(RULE.follow(&vec![Trial::Passed; 500]).unwrap(), Progress::Met { at: 5 });
+    }
+
+    #[test]
+    fn an_unknown_trial_breaks_a_row_and_is_no_pass() {
+        assert_eq!(follow("p?p"), Progress::Open { in_a_row: 1, more: 0, unknown: 1 });
+        assert_eq!(follow("pp???"), Progress::Open { in_a_row: 2, more: 0, unknown: 3 });
+        assert_eq!(follow("pp?p?pp"), Progress::Met { at: 7 });
+    }
+
+    #[test]
+    fn a_rule_is_out_of_reach_only_if_no_unknown_trial_could_save_it() {
+        assert_eq!(follow("ffffff"), Progress::OutOfReach);
+        assert_eq!(follow("fffff"), Progress::Open { in_a_row: 0, more: 0, unknown: 0 });
+        assert_eq!(follow("??ffffff?f"), Progress::OutOfReach, "three at best");
+        assert_eq!(follow("?????fffff"), Progress::Open { in_a_row: 0, more: 0, unknown: 5 });
+        assert_eq!(follow("ffffffffffppppp"), Progress::OutOfReach, "what comes after the last trial does not count");
+    }
+
+    #[test]
+    fn a_rule_that_nobody_can_meet_or_miss_is_refused() {
+        let rule = |in_a_row, then_more, at_most| PassRule { in_a_row, then_more, at_most }.follow(&[]).map(drop);
+        assert_eq!(rule(0, 3, None), Err(NoAnswer::UnusableSetting("in_a_row")));
+        assert_eq!(rule(2, 3, Some(4)), Err(NoAnswer::UnusableSetting("at_most")));
+        assert_eq!(rule(2, 3, Some(5)), Ok(()));
+    }
+
+    proptest! {
+        #[test]
+        fn knowing_less_never_promotes_nor_sinks(letters in "[pf?]{0,14}", at in 0usize..14) {
+            let mut less = trials(&letters);
+            if let Some(trial) = less.get_mut(at) {
+                *trial = Trial::Unknown;
+            }
+            let (known, unknown) = (follow(&letters), RULE.follow(&less).unwrap());
+            match (known, unknown) {
+                (Progress::Met { at: known }, Progress::Met { at: unknown }) => prop_assert!(unknown >= known),
+                (known, Progress::Met { .. }) => return Err(TestCaseError::fail(format!("promoted from {known:?}"))),
+                (Progress::Met { .. } | Progress::Open { .. }, unknown) => prop_assert!(unknown != Progress::OutOfReach),
+                (Progress::OutOfReach, _) => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! People with one value each: what cohorts, standards and correlations are made of. Sessions of one person are
+//! alike, so that they would count one person's habit many times over.
+
+use std::collections::BTreeMap;
+
+use super::no_answer::NoAnswer;
+
+/// Fewest people from which a percentile, a group's limit or a correlation is given. With ten, one person more or less
+/// shifts a percentile by ten points; with fewer it would say nothing, and would say too much of those who are in it.
+pub const FEWEST_PEOPLE: usize = 10;
+
+/// One usable value for each of some people; who they are is not kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct People {
+    sorted: Vec<f64>,
+}
+
+impl People {
+    /// One row per person; a person twice, NaN and infinity are refused.
+    pub fn of<P: Ord>(rows: &[(P, f64)]) -> Result<Self, NoAnswer> {
+        each_once(rows.iter().map(|(person, _)| person))?;
+        Self::of_values(rows.iter().map(|(_, value)| *value).collect())
+    }
+
+    /// Any number of sessions per person, of each of whom the median counts: one bad day does not move it.
+    pub fn of_sessions<P: Ord>(rows: &[(P, f64)]) -> Result<Self, NoAnswer> {
+        let mut sessions: BTreeMap<&P, Vec<f64>> = BTreeMap::new();
+        for (person, value) in rows {
+            NoAnswer::finite(&[*value])?;
+            sessions.entry(person).or_default().push(*value);
+        }
+        let median = |mut values: Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            quantile(&values, 0.5)
+        };
+        Self::of_values(sessions.into_values().map(median).collect())
+    }
+
+    pub(super) fn of_values(mut sorted: Vec<f64>) -> Result<Self, NoAnswer> {
+        NoAnswer::finite(&sorted)?;
+        sorted.sort_by(f64::total_cmp);
+        Ok(Self { sorted })
+    }
+
+    /// Their values, in rising order.
+    pub fn values(&self) -> &[f64] {
+        &self.sorted
+    }
+
+    /// How many they are.
+    pub fn count(&self) -> usize {
+        self.sorted.len()
+    }
+}
+
+/// Refuses rows of which two are one person's.
+pub(super) fn each_once<P: Ord>(people: impl Iterator<Item = P>) -> Result<(), NoAnswer> {
+    let mut people: Vec<P> = people.collect();
+    people.sort();
+    if people.windows(2).any(|pair| pair[0] == pair[1]) { Err(NoAnswer::PersonTwice) } else { Ok(()) }
+}
+
+/// The value below which a share of sorted values lies, 0 to 1, between neighbours by the straight line (type 7 of
+/// Hyndman & Fan 1996); there is at least one value.
+pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let place = (sorted.len() - 1) as f64 * share;
+    let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
+    below + (above - below) * place.fract()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_person_counts_once_however_many_sessions_there_are() {
+        let rows = [("b", 9.0), ("a", 1.0), ("a", 100.0), ("a", 2.0), ("c", 4.0), ("c", 5.0)];
+        assert_eq!(People::of_sessions(&rows).unwrap().values(), [2.0, 4.5, 9.0]);
+        assert_eq!(People::of(&rows), Err(NoAnswer::PersonTwice));
+        assert_eq!(People::of(&[("b", 9.0), ("a", 1.0)]).unwrap().values(), [1.0, 9.0]);
+    }
+
+    #[test]
+    fn what_is_no_number_is_refused() {
+        assert_eq!(People::of(&[(1, 1.0), (2, f64::NAN)]), Err(NoAnswer::NotFinite));
+        assert_eq!(People::of_sessions(&[(1, 1.0), (1, f64::INFINITY)]), Err(NoAnswer::NotFinite));
+    }
+
+    #[test]
+    fn quantiles_lie_on_the_line_between_neighbours() {
+        let values = [1.0, 2.0, 4.0, 8.0];
+        assert_eq!([0.0, 0.5, 0.75, 1.0].map(|share| quantile(&values, share)), [1.0, 3.0, 5.0, 8.0]);
+    }
+}

@@ -1,0 +1,85 @@
+//! Reminders to practise again: what was learnt is kept better by refreshers one and three months after proficiency (95
+//! against 90 % at six months: Stefanidis 2006; PEERS 4d), and what was lost in a month comes back in 40 minutes.
+
+/// A day, in ms.
+const DAY_MS: i64 = 86_400_000;
+
+/// Days from the declaration of proficiency to each refresher: one month and three.
+pub const REFRESHER_DAYS: [i64; 2] = [30, 91];
+
+/// A session so many days before a refresher already counts as it.
+pub const EARLY_DAYS: i64 = 7;
+
+/// One reminder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reminder {
+    /// When the refresher is due, in ms since 1970.
+    pub due_ms: i64,
+    /// How it stands.
+    pub state: State,
+}
+
+/// How a reminder stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Not due yet.
+    Ahead,
+    /// Due, and not practised since.
+    Due,
+    /// Practised at this time, in ms since 1970.
+    Done(i64),
+}
+
+/// The two reminders of a trainee who was declared proficient, by the times of all measured sessions of the task, in
+/// any order, and the time now (all in ms since 1970).
+///
+/// A session serves one refresher: the first that is open then. Who relapsed has no reminders: they practise anyway.
+pub fn reminders(declared_ms: i64, practised_ms: &[i64], now_ms: i64) -> [Reminder; 2] {
+    let mut practised: Vec<i64> = practised_ms.iter().copied().filter(|at| *at <= now_ms).collect();
+    practised.sort_unstable();
+    let mut practised = practised.into_iter().peekable();
+    REFRESHER_DAYS.map(|days| {
+        let due_ms = declared_ms.saturating_add(days * DAY_MS);
+        let opens_ms = due_ms.saturating_sub(EARLY_DAYS * DAY_MS);
+        while practised.next_if(|at| *at < opens_ms).is_some() {}
+        let state = match practised.next() {
+            Some(at) => State::Done(at),
+            None if now_ms >= due_ms => State::Due,
+            None => State::Ahead,
+        };
+        Reminder { due_ms, state }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn states(practised_days: &[i64], now_day: i64) -> [State; 2] {
+        let practised: Vec<i64> = practised_days.iter().map(|day| 1_000 + day * DAY_MS).collect();
+        reminders(1_000, &practised, 1_000 + now_day * DAY_MS).map(|reminder| reminder.state)
+    }
+
+    fn done(day: i64) -> State {
+        State::Done(1_000 + day * DAY_MS)
+    }
+
+    #[test]
+    fn refreshers_are_due_after_one_and_three_months() {
+        assert_eq!(states(&[], 0), [State::Ahead, State::Ahead]);
+        assert_eq!(states(&[], 29), [State::Ahead, State::Ahead]);
+        assert_eq!(states(&[], 30), [State::Due, State::Ahead]);
+        assert_eq!(states(&[], 91), [State::Due, State::Due]);
+        assert_eq!(reminders(1_000, &[], 0).map(|reminder| reminder.due_ms), [2_592_001_000, 7_862_401_000]);
+    }
+
+    #[test]
+    fn practice_near_or_after_a_refresher_is_it_and_practice_long_before_is_not() {
+        assert_eq!(states(&[-3, 2, 22], 40), [State::Due, State::Ahead]);
+        assert_eq!(states(&[22, 23, 31], 40), [done(23), State::Ahead]);
+        assert_eq!(states(&[90, 35], 95), [done(35), done(90)]);
+        assert_eq!(states(&[60], 95), [done(60), State::Due]);
+        assert_eq!(states(&[95], 100), [done(95), State::Due], "one session after both is one refresher");
+        assert_eq!(states(&[35], 34), [State::Due, State::Ahead], "a session of the future is none");
+    }
+}

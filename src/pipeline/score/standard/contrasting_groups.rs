@@ -1,0 +1,176 @@
+//! The line between novices and experts: where the normal laws of the two groups cross.
+
+use super::{Basis, Target, sign};
+use crate::pipeline::features::Direction;
+use crate::pipeline::score::chance::Chance;
+use crate::pipeline::score::distribution::normal_below;
+use crate::pipeline::score::interval::{Interval, moments, of_resamples, wilson};
+use crate::pipeline::score::no_answer::NoAnswer;
+use crate::pipeline::score::people::{FEWEST_PEOPLE, People};
+
+/// How often both groups are drawn anew for the limit's interval.
+const RESAMPLES: usize = 400;
+
+/// If the groups do not lie apart in more than this share of the resamples, the limit is one of chance.
+const LOST_RESAMPLES: f64 = 0.05;
+
+/// How often a limit is wrong about a group.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorRate {
+    /// Share of the group on the wrong side by its normal law, 0 to 1.
+    pub expected: f64,
+    /// Share of the group's people that are on the wrong side, 0 to 1.
+    pub seen: f64,
+    /// Where the share among all such people lies with 95 %, from those seen (Wilson).
+    pub interval: Interval,
+}
+
+/// The limit between novices and experts where both are as likely (Livingston & Zieky 1982; TABLT, doi
+/// 10.1002/bjs.9857), with the share of novices that pass and of experts that fail, and its 95 % interval over people
+/// drawn anew.
+pub fn contrasting_groups(novices: &People, experts: &People, direction: Direction) -> Result<Target, NoAnswer> {
+    let sign = sign(direction)?;
+    NoAnswer::at_least("novices", novices.count(), FEWEST_PEOPLE)?;
+    NoAnswer::at_least("experts", experts.count(), FEWEST_PEOPLE)?;
+    let (novice, expert) = (Normal::of(novices.values(), sign)?, Normal::of(experts.values(), sign)?);
+    let limit = sign * crossing(novice, expert)?;
+    let passes = |value: &f64| sign * value >= sign * limit;
+    let rate = |expected: f64, people: &People, wrong: &dyn Fn(&f64) -> bool| {
+        let seen = people.values().iter().filter(|value| wrong(value)).count() as f64 / people.count() as f64;
+        Ok::<_, NoAnswer>(ErrorRate { expected, seen, interval: wilson(seen, people.count())? })
+    };
+    let basis = Basis::ContrastingGroups {
+        novices: novices.count(),
+        experts: experts.count(),
+        false_pass: rate(1.0 - novice.below(sign * limit), novices, &passes)?,
+        false_fail: rate(expert.below(sign * limit), experts, &|value| !passes(value))?,
+    };
+    let interval = interval(novices.values(), experts.values(), sign)?;
+    Target::new(limit, Some(interval), direction, basis)
+}
+
+fn interval(novices: &[f64], experts: &[f64], sign: f64) -> Result<Interval, NoAnswer> {
+    let mut chance = Chance::of(novices.iter().chain(experts).copied());
+    let mut again = || {
+        let (novices, experts) = (chance.resample(novices), chance.resample(experts));
+        let limit = crossing(Normal::of(&novices, sign).ok()?, Normal::of(&experts, sign).ok()?).ok()?;
+        Some(sign * limit)
+    };
+    let limits: Vec<f64> = (0..RESAMPLES).filter_map(|_| again()).collect();
+    if (limits.len() as f64) < (1.0 - LOST_RESAMPLES) * RESAMPLES as f64 {
+        return Err(NoAnswer::NotApart);
+    }
+    Ok(of_resamples(limits))
+}
+
+/// A group's normal law, turned so that more is better.
+#[derive(Clone, Copy)]
+struct Normal {
+    mean: f64,
+    deviation: f64,
+}
+
+impl Normal {
+    fn of(values: &[f64], sign: f64) -> Result<Self, NoAnswer> {
+        let (mean, deviation) = moments(values);
+        if deviation > 0.0 { Ok(Self { mean: sign * mean, deviation }) } else { Err(NoAnswer::NoSpread) }
+    }
+
+    fn below(self, value: f64) -> f64 {
+        normal_below((value - self.mean) / self.deviation)
+    }
+
+    /// Logarithm of the density, but for a constant that all normal laws share.
+    fn log_density(self, value: f64) -> f64 {
+        -0.5 * ((value - self.mean) / self.deviation).powi(2) - self.deviation.ln()
+    }
+}
+
+/// Where the two laws cross between their means: from the lower mean to the upper one the first only falls and the
+/// second only rises. If one is so wide that the other is below it all the way, they do not cross there.
+fn crossing(lower: Normal, upper: Normal) -> Result<f64, NoAnswer> {
+    let lead = |value: f64| lower.log_density(value) - upper.log_density(value);
+    let (mut low, mut high) = (lower.mean, upper.mean);
+    if low >= high || lead(low) <= 0.0 || lead(high) >= 0.0 {
+        return Err(NoAnswer::NotApart);
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if lead(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    Ok(0.5 * (low + high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Evenly spread quantiles of a group: mean `centre`, standard deviation about 0.6 of `reach`.
+    fn group(centre: f64, reach: f64, count: usize) -> People {
+        let place = |i: usize| centre + reach * (2.0 * i as f64 / (count - 1) as f64 - 1.0);
+        People::of_values((0..count).map(place).collect()).unwrap()
+    }
+
+    fn rates(target: &Target) -> (ErrorRate, ErrorRate) {
+        match target.basis {
+            Basis::ContrastingGroups { false_pass, false_fail, .. } => (false_pass, false_fail),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn equally_spread_groups_are_parted_in_the_middle() {
+        let (novices, experts) = (group(101.0, 30.0, 13), group(59.0, 30.0, 13));
+        let target = contrasting_groups(&novices, &experts, Direction::Lower).unwrap();
+        assert!((target.limit - 80.0).abs() < 1e-9, "{target:?}");
+        let (_, deviation) = moments(novices.values());
+        let (false_pass, false_fail) = rates(&target);
+        let tail = normal_below(-21.0 / deviation);
+        assert!((false_pass.expected - tail).abs() < 1e-9 && (false_fail.expected - tail).abs() < 1e-9);
+        // Novices stand at 71, 76, 81 …, experts at … 79, 84, 89.
+        assert!((false_pass.seen - 2.0 / 13.0).abs() < 1e-12 && (false_fail.seen - 2.0 / 13.0).abs() < 1e-12);
+        let interval = target.interval.unwrap();
+        assert!(interval.holds(80.0) && interval.low > 70.0 && interval.high < 90.0, "{interval:?}");
+    }
+
+    #[test]
+    fn unequal_spreads_move_the_line_towards_the_narrow_group() {
+        // Laws of N(0, 1) and N(4, 2) cross where 3x² + 8x − 16 − 8 ln 2 = 0.
+        let (lower, upper) = (Normal { mean: 0.0, deviation: 1.0 }, Normal { mean: 4.0, deviation: 2.0 });
+        let want = (-8.0 + (64.0 + 12.0 * (16.0 + 8.0 * 2.0f64.ln())).sqrt()) / 6.0;
+        assert!((crossing(lower, upper).unwrap() - want).abs() < 1e-12);
+        assert!(want < 2.0);
+    }
+
+    #[test]
+    fn the_direction_only_mirrors() {
+        let (novices, experts) = (group(100.0, 30.0, 13), group(50.0, 17.0, 11));
+        let mirrored = |people: &People| People::of_values(people.values().iter().map(|v| -v).collect()).unwrap();
+        let lower = contrasting_groups(&novices, &experts, Direction::Lower).unwrap();
+        let higher = contrasting_groups(&mirrored(&novices), &mirrored(&experts), Direction::Higher).unwrap();
+        assert!((lower.limit + higher.limit).abs() < 1e-9);
+        assert!((rates(&lower).0.expected - rates(&higher).0.expected).abs() < 1e-9);
+        assert_eq!(lower, contrasting_groups(&novices, &experts, Direction::Lower).unwrap());
+    }
+
+    #[test]
+    fn groups_that_are_not_apart_have_no_line() {
+        let of = |novices: People, experts: &People| {
+            contrasting_groups(&novices, experts, Direction::Lower).map(|target| target.limit)
+        };
+        let calm = group(60.0, 10.0, 12);
+        assert_eq!(of(group(50.0, 10.0, 12), &calm), Err(NoAnswer::NotApart), "experts are worse");
+        assert_eq!(of(group(61.0, 10.0, 12), &calm), Err(NoAnswer::NotApart), "apart by chance only");
+        assert_eq!(of(group(62.0, 90.0, 12), &calm), Err(NoAnswer::NotApart), "one inside the other");
+        assert_eq!(of(People::of_values(vec![90.0; 12]).unwrap(), &calm), Err(NoAnswer::NoSpread));
+    }
+
+    #[test]
+    fn a_class_of_one_has_no_line() {
+        let (one, many) = (People::of_values(vec![80.0]).unwrap(), group(60.0, 10.0, 12));
+        let too_few = |of| Err(NoAnswer::TooFew { of, found: 1, needed: 10 });
+        assert_eq!(contrasting_groups(&one, &many, Direction::Lower), too_few("novices"));
+        assert_eq!(contrasting_groups(&many, &one, Direction::Lower), too_few("experts"));
+        assert_eq!(contrasting_groups(&many, &many, Direction::Neither), Err(NoAnswer::NoDirection));
+    }
+}

@@ -1,0 +1,114 @@
+//! Limits from people of one kind: the trimmed mean of experts, and the best share of peers.
+
+use super::{Basis, Target};
+use crate::pipeline::features::Direction;
+use crate::pipeline::score::distribution::beta_below;
+use crate::pipeline::score::interval::{Interval, mean, moments};
+use crate::pipeline::score::no_answer::NoAnswer;
+use crate::pipeline::score::people::{FEWEST_PEOPLE, People, quantile};
+
+/// Fewest experts of whom a trimmed mean is taken. Among five nobody can lie two standard deviations off, (n − 1)/√n
+/// being 1.79, so that nothing would ever be trimmed.
+pub const FEWEST_EXPERTS: usize = 6;
+
+/// How many standard deviations from the mean an expert is left out.
+const OUTLIER: f64 = 2.0;
+
+/// The mean of experts, those left out who lie more than two standard deviations from the mean of all (jamasurgery
+/// 508246; PEERS 3.5), with the mean's 95 % interval. Half of the experts break it: it is a goal to train to, not a
+/// minimum.
+pub fn trimmed_experts(experts: &People, direction: Direction) -> Result<Target, NoAnswer> {
+    NoAnswer::at_least("experts", experts.count(), FEWEST_EXPERTS)?;
+    let (middle, deviation) = moments(experts.values());
+    let near = |value: &f64| (value - middle).abs() <= OUTLIER * deviation;
+    let kept: Vec<f64> = experts.values().iter().copied().filter(near).collect();
+    let trimmed = mean(&kept)?;
+    let basis = Basis::TrimmedExperts { experts: experts.count(), dropped: experts.count() - kept.len() };
+    Target::new(trimmed.value, Some(trimmed.interval), direction, basis)
+}
+
+/// As good as the best share of these people (0.25: the best quarter, as LAP Mentor's benchmarks), with the 95 %
+/// interval of that quantile from order statistics, which assumes no law (David & Nagaraja 2003, 7.1).
+pub fn best_share(people: &People, share: f64, direction: Direction) -> Result<Target, NoAnswer> {
+    if !(share > 0.0 && share < 1.0) {
+        return Err(NoAnswer::UnusableSetting("share"));
+    }
+    // So few people may all lie on one side of the quantile, and then no two of them enclose it.
+    let enclosing = (0.025f64.ln() / share.max(1.0 - share).ln()).ceil() as usize;
+    NoAnswer::at_least("people", people.count(), enclosing.max(FEWEST_PEOPLE))?;
+    let below = if direction == Direction::Higher { 1.0 - share } else { share };
+    let interval = quantile_interval(people.values(), below);
+    let basis = Basis::BestShare { people: people.count(), share };
+    Target::new(quantile(people.values(), below), Some(interval), direction, basis)
+}
+
+/// The two values between which the population's quantile lies with 95 % at least.
+fn quantile_interval(sorted: &[f64], below: f64) -> Interval {
+    let n = sorted.len();
+    // Chance that `k` or more of `n` people lie below the quantile.
+    let or_more = |k: usize| if k == 0 { 1.0 } else { beta_below(below, k as f64, (n - k + 1) as f64) };
+    let low = (1..=n).take_while(|k| 1.0 - or_more(*k) <= 0.025).last().unwrap_or(1);
+    let high = (1..=n).find(|k| or_more(*k) <= 0.025).unwrap_or(n);
+    Interval { low: sorted[low - 1], high: sorted[high - 1] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::score::chance::Chance;
+
+    fn people(values: &[f64]) -> People {
+        People::of_values(values.to_vec()).unwrap()
+    }
+
+    #[test]
+    fn an_outlier_does_not_move_the_experts_mean() {
+        let calm = [40.0, 42.0, 44.0, 46.0, 48.0, 50.0, 52.0];
+        let target = trimmed_experts(&people(&calm), Direction::Lower).unwrap();
+        assert_eq!((target.limit, target.basis), (46.0, Basis::TrimmedExperts { experts: 7, dropped: 0 }));
+        // t(0.975, 6) = 2.446912 and s² = 56/3.
+        let half = 2.446_911_851 * (56.0f64 / 3.0 / 7.0).sqrt();
+        assert!((target.interval.unwrap().high - 46.0 - half).abs() < 1e-6);
+        let with_outlier = [&calm[..], &[140.0]].concat();
+        let trimmed = trimmed_experts(&people(&with_outlier), Direction::Lower).unwrap();
+        assert_eq!((trimmed.limit, trimmed.basis), (46.0, Basis::TrimmedExperts { experts: 8, dropped: 1 }));
+    }
+
+    #[test]
+    fn the_best_quarter_of_peers_sets_the_limit() {
+        let peers = people(&(1..=41).map(f64::from).collect::<Vec<_>>());
+        let lower = best_share(&peers, 0.25, Direction::Lower).unwrap();
+        let higher = best_share(&peers, 0.25, Direction::Higher).unwrap();
+        assert_eq!((lower.limit, higher.limit), (11.0, 31.0));
+        // Order statistics of a binomial(41, 0.25), each tail at most 2.5 % (SciPy): the 5th and the 17th.
+        assert_eq!(lower.interval, Some(Interval { low: 5.0, high: 17.0 }));
+        assert_eq!(higher.interval, Some(Interval { low: 25.0, high: 37.0 }));
+    }
+
+    #[test]
+    fn the_interval_of_a_quantile_holds_it_in_95_of_100_samples() {
+        let mut chance = Chance::of([1.0]);
+        let held = (0..2000).filter(|_| {
+            let sample: Vec<f64> = (0..30).map(|_| chance.pick(1_000_000) as f64 / 1e6).collect();
+            best_share(&people(&sample), 0.25, Direction::Lower).unwrap().interval.unwrap().holds(0.25)
+        });
+        let share = held.count() as f64 / 2000.0;
+        assert!((0.94..0.99).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn too_few_experts_or_peers_set_no_limit() {
+        let few = |of, found, needed| Err(NoAnswer::TooFew { of, found, needed });
+        let values = |n: usize| people(&(0..n).map(|i| i as f64).collect::<Vec<_>>());
+        assert_eq!(trimmed_experts(&values(1), Direction::Lower), few("experts", 1, 6));
+        assert_eq!(trimmed_experts(&values(0), Direction::Lower), few("experts", 0, 6));
+        assert_eq!(trimmed_experts(&people(&[3.0; 8]), Direction::Lower), Err(NoAnswer::NoSpread));
+        assert_eq!(trimmed_experts(&values(8), Direction::Neither), Err(NoAnswer::NoDirection));
+        assert_eq!(best_share(&values(9), 0.5, Direction::Lower), few("people", 9, 10));
+        assert_eq!(best_share(&values(12), 0.25, Direction::Lower), few("people", 12, 13));
+        assert!(best_share(&values(13), 0.25, Direction::Lower).is_ok());
+        for share in [0.0, 1.0, f64::NAN] {
+            assert_eq!(best_share(&values(13), share, Direction::Lower), Err(NoAnswer::UnusableSetting("share")));
+        }
+    }
+}

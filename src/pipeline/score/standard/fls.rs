@@ -1,0 +1,51 @@
+//! The times of the Fundamentals of Laparoscopic Surgery to train to (PEERS 4d, S80): external, made with other boxes
+//! and by hand-held clocks, not measured here.
+
+use super::{Basis, Target};
+use crate::pipeline::features::Direction;
+use crate::pipeline::score::pass_rule::PassRule;
+
+/// A published target of one task.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Preset {
+    /// Stable name of the task.
+    pub task: &'static str,
+    /// Name for people.
+    pub title: &'static str,
+    /// The task's duration to keep.
+    pub duration: Target,
+    /// How often it must be kept; `None` where the source at hand does not say.
+    pub rule: Option<PassRule>,
+}
+
+const fn preset(task: &'static str, title: &'static str, limit_s: f64, rule: Option<PassRule>) -> Preset {
+    let basis = Basis::External { source: "Fundamentals of Laparoscopic Surgery" };
+    let duration = Target { limit: limit_s, interval: None, direction: Direction::Lower, basis };
+    Preset { task, title, duration, rule }
+}
+
+/// Twice in a row and ten times more, in 80 trials at most.
+const PEG_RULE: PassRule = PassRule { in_a_row: 2, then_more: 10, at_most: Some(80) };
+
+/// The five tasks. Limits in seconds.
+pub static FLS: [Preset; 5] = [
+    preset("peg_transfer", "Peg transfer", 48.0, Some(PEG_RULE)),
+    preset("pattern_cut", "Pattern cutting", 98.0, None),
+    preset("loop", "Ligating loop", 53.0, None),
+    preset("extracorporeal_knot", "Suture with extracorporeal knot", 136.0, None),
+    preset("intracorporeal_knot", "Suture with intracorporeal knot", 112.0, None),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_published_times_are_targets_to_keep_from_below_and_say_that_they_are_external() {
+        assert_eq!(FLS.each_ref().map(|preset| preset.duration.limit), [48.0, 98.0, 53.0, 136.0, 112.0]);
+        for preset in &FLS {
+            assert_eq!((preset.duration.direction, preset.duration.basis.name()), (Direction::Lower, "external"));
+            assert!(preset.rule.is_none_or(|rule| rule.checked().is_ok()));
+        }
+    }
+}
