@@ -102,17 +102,17 @@ pub struct FeatureRow {
     pub error: Option<Result<FeatureError, String>>,
 }
 
-/// How far a feature may be off, in its unit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How far a value may be off, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct FeatureError {
-    /// The value before the shift that errors cause was taken off.
-    pub as_measured: f64,
     /// Standard deviation.
     pub sigma: f64,
-    /// The true value lies between this
+    /// The value of the true path lies between `low`
     pub low: f64,
-    /// and this in 95 of 100 sessions.
+    /// and `high` in 95 of 100 sessions.
     pub high: f64,
+    /// The value before the shift that errors cause was taken off: errors lengthen every path.
+    pub as_measured: f64,
 }
 
 /// A feature as it stood when a recording that was tracked while it arrived had come to its end: by the causal filter, over all

@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
-use crate::domain::session::{self, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
+use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
 use crate::http::error::ProblemDocument;
 use crate::http::show::{Named, Time};
 use crate::ids::SessionId;
@@ -84,19 +84,6 @@ pub struct Feature {
     /// How far the value may be off; `null` where that is not known, and then `no_error` says why.
     error: Option<FeatureError>,
     no_error: Option<String>,
-}
-
-/// How far a value may be off, in its unit.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct FeatureError {
-    /// Standard deviation.
-    sigma: f64,
-    /// The value on the true path lies between `low`
-    low: f64,
-    /// and `high` in 95 of 100 sessions.
-    high: f64,
-    /// The value before the shift that errors cause was taken off: errors lengthen every path.
-    as_measured: f64,
 }
 
 impl Session {
@@ -177,16 +164,9 @@ impl From<FeatureRow> for Feature {
             space: row.space,
             value,
             not_enough,
-            error: error.map(FeatureError::from),
+            error,
             no_error,
         }
-    }
-}
-
-impl From<session::FeatureError> for FeatureError {
-    fn from(error: session::FeatureError) -> Self {
-        let session::FeatureError { as_measured, sigma, low, high } = error;
-        Self { sigma, low, high, as_measured }
     }
 }
 

@@ -18,8 +18,7 @@ const ENOUGH: usize = 28;
 const T: f64 = 2.04;
 /// A shift is taken off if it is so many times its own standard error.
 const SHIFT_SEEN: f64 = 2.0;
-/// A shift of a path at rest comes out at 0.4 of what it is, one of a moving path whole; so much of what is taken off
-/// may be missing.
+/// So much of what is taken off may be missing, as a standard deviation: a session's errors are not quite those it states.
 const SHIFT_UNSURE: f64 = 1.5;
 
 /// So much of a value, as a standard deviation, may hang on what the smoother has flattened: no replicate brings that back.
@@ -71,8 +70,14 @@ pub fn error_bar(
     let spread = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
     let is_count = values.iter().chain([&measured]).all(|value| value.fract() == 0.0);
     let shift = mean - measured;
-    let shift = if is_count || shift.abs() < SHIFT_SEEN * spread / n.sqrt() { 0.0 } else { shift };
-    let value = (measured - shift).clamp(range.0, range.1);
+    let is_seen = !is_count && shift.abs() > SHIFT_SEEN * spread / n.sqrt();
+    let value = match () {
+        _ if !is_seen => measured,
+        // What errors add to a size they add in squares, which counts where there is little else: at rest, all of it is theirs.
+        _ if range.0 == 0.0 && shift > 0.0 => (2.0 * measured * measured - mean * mean).max(0.0).sqrt(),
+        _ => measured - shift,
+    };
+    let value = value.clamp(range.0, range.1);
     let sigma = spread.hypot(SHIFT_UNSURE * (measured - value)).hypot(SMOOTHED_SHARE * value);
     let [low, high] = [value - T * sigma, value + T * sigma].map(|end| end.clamp(range.0, range.1));
     Ok((value, ErrorBar { as_measured: measured, sigma, low, high }))
@@ -87,9 +92,17 @@ mod tests {
     fn a_shift_by_errors_is_taken_off_and_a_spread_is_stated() {
         let mut dice = Dice::new(1, "errors");
         let values: Vec<f64> = (0..REPLICATES).map(|_| 110.0 + dice.gauss()).collect();
-        let (value, bar) = error_bar(105.0, values.into_iter(), (0.0, 1e3)).unwrap();
+        let (value, bar) = error_bar(105.0, values.into_iter(), (-1e3, 1e3)).unwrap();
         assert!((value - 100.0).abs() < 0.7, "{value}");
         assert!(bar.as_measured == 105.0 && bar.low < value && value < bar.high && bar.sigma > 1.0, "{bar:?}");
+    }
+
+    #[test]
+    fn a_length_that_is_all_errors_is_none() {
+        let mut dice = Dice::new(2, "errors");
+        let values: Vec<f64> = (0..REPLICATES).map(|_| 2f64.sqrt() * 40.0 + dice.gauss()).collect();
+        let (value, bar) = error_bar(40.0, values.into_iter(), (0.0, 1e3)).unwrap();
+        assert!(value < 10.0 && bar.low == 0.0, "{value} {bar:?}");
     }
 
     #[test]

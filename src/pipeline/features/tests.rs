@@ -1,6 +1,7 @@
 //! Whole features against closed forms and laws, through [`assess`] as everyone calls it; and the paths that they share.
 
 mod closed_forms;
+mod errors;
 mod laws;
 mod not_enough;
 
