@@ -97,11 +97,12 @@ test('the features on the page are those that REST tells', async () => {
   const { features, tools } = await ask(`sessions/${session}`);
   const first = features.find(feature => feature.space === '3d' && feature.tool === tools[0] && feature.value !== null);
   const row = page.locator('tr', { has: page.locator('th', { hasText: first.title }) }).first();
-  const shown = Number((await row.locator('td').first().innerText()).replace('−', '-').replaceAll(',', ''));
-  assert.ok(
-    Math.abs(shown - first.value) <= 0.01 * Math.abs(first.value),
-    `${first.name}: page ${shown}, REST ${first.value}`,
-  );
+  const [shown, off] = (await row.locator('td').first().innerText())
+    .split('±')
+    .map(text => Number(text.trim().replace('−', '-').replaceAll(',', '')));
+  const told = (first.error.high - first.error.low) / 2;
+  for (const [what, page, rest] of [['value', shown, first.value], ['error', off, told]])
+    assert.ok(Math.abs(page - rest) <= 0.01 * Math.abs(rest), `${what} of ${first.name}: page ${page}, REST ${rest}`);
 });
 
 /** How much is drawn on the overlay, and a number that changes with what is drawn. */
