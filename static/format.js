@@ -6,6 +6,7 @@ const plain = [0, 1, 2, 3].map(
   digits => new Intl.NumberFormat('en', { minimumFractionDigits: digits, maximumFractionDigits: digits }),
 );
 const rounded = new Intl.NumberFormat('en', { maximumSignificantDigits: 3 });
+const telling = new Intl.NumberFormat('en', { maximumSignificantDigits: 2 });
 const TRUE_MINUS = '−';
 
 /** Three telling digits and no more: what follows is noise of the measurement. */
@@ -16,6 +17,9 @@ export function number(value) {
   if (size !== 0 && (size < 0.1 || size >= 10_000)) return minus(rounded.format(value));
   return minus(plain[size >= 100 ? 0 : size >= 10 ? 1 : 2].format(value));
 }
+
+/** An error: two telling digits. */
+export const uncertain = value => (Number.isFinite(value) ? telling.format(value) : '–');
 
 /** A fixed number of digits after the point: for read-outs, which must not jump in width. */
 export function fixed(value, digits) {

@@ -117,7 +117,7 @@ fn add_error_bars(values: &mut [FeatureValue], samples: &[Vec<Sample>], settings
             (Ok(_), None) => Err(NoErrorBar::NotStated),
             (Ok(measured), Some(all)) => {
                 let of_this = all.iter().filter_map(|values| values.get(index)?.value.ok());
-                error_bar(measured, of_this, value.feature.range)
+                error_bar(value.feature, measured, of_this)
             }
         };
         value.value = bar.map_or(value.value, |(corrected, _)| Ok(corrected));

@@ -1,6 +1,6 @@
 // The features of a session: one row per feature, one column per tool, "not enough" in words instead of a number.
 import { html, useState } from './preact.js';
-import { number, unit } from '../format.js';
+import { number, uncertain, unit } from '../format.js';
 import { t } from '../texts.js';
 import { Empty } from './notice.js';
 
@@ -86,7 +86,7 @@ function Off({ feature: { error, no_error: why } }) {
   if (why) return html`<small class="off" title=${words.offUnknown(why)}>${words.off('?')}</small>`;
   if (!error) return '';
   const told = words.offMeans(number(error.low), number(error.high));
-  return html`<small class="off" title=${told} aria-label=${told}>${words.off(number((error.high - error.low) / 2))}</small>`;
+  return html`<small class="off" title=${told} aria-label=${told}>${words.off(uncertain((error.high - error.low) / 2))}</small>`;
 }
 
 /** What was told while the recording arrived. */

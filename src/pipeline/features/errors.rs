@@ -10,6 +10,8 @@
 
 pub mod replicate;
 
+use super::Feature;
+
 /// How many times the path is made anew: the spread of so many is known to 13 %.
 pub const REPLICATES: usize = 32;
 /// Replicates that must have a value.
@@ -18,6 +20,10 @@ const ENOUGH: usize = 28;
 const T: f64 = 2.04;
 /// A shift is taken off if it is so many times its own standard error.
 const SHIFT_SEEN: f64 = 2.0;
+/// Units of lengths, to which errors add in squares.
+const LENGTHS: [&str; 2] = ["mm", "mm/s"];
+/// A shift by more than this share of a size that is no length is not known well enough to be taken off.
+const LARGEST_SHARE: f64 = 0.4;
 /// So much of what is taken off may be missing, as a standard deviation: a session's errors are not quite those it states.
 const SHIFT_UNSURE: f64 = 1.5;
 
@@ -55,13 +61,13 @@ pub enum NoErrorBar {
 }
 
 /// A value without the shift that errors cause, and how far it may be off: from what was measured, and from what
-/// replicates of the path gave. `range` is the feature's.
+/// replicates of the path gave.
 pub fn error_bar(
+    feature: &Feature,
     measured: f64,
     replicates: impl Iterator<Item = f64>,
-    range: (f64, f64),
 ) -> Result<(f64, ErrorBar), NoErrorBar> {
-    let values: Vec<f64> = replicates.collect();
+    let (range, values): (_, Vec<f64>) = (feature.range, replicates.collect());
     if values.len() < ENOUGH {
         return Err(NoErrorBar::Unsteady);
     }
@@ -73,12 +79,15 @@ pub fn error_bar(
     let is_seen = !is_count && shift.abs() > SHIFT_SEEN * spread / n.sqrt();
     let value = match () {
         _ if !is_seen => measured,
-        // What errors add to a size they add in squares, which counts where there is little else: at rest, all of it is theirs.
-        _ if range.0 == 0.0 && shift > 0.0 => (2.0 * measured * measured - mean * mean).max(0.0).sqrt(),
+        // What errors add to a length they add in squares, which counts where there is little else: at rest, all of it is theirs.
+        _ if LENGTHS.contains(&feature.unit) && shift > 0.0 => {
+            (2.0 * measured * measured - mean * mean).max(0.0).sqrt()
+        }
+        _ if feature.range.0 == 0.0 && shift > LARGEST_SHARE * measured => measured, // the bar says it
         _ => measured - shift,
     };
     let value = value.clamp(range.0, range.1);
-    let sigma = spread.hypot(SHIFT_UNSURE * (measured - value)).hypot(SMOOTHED_SHARE * value);
+    let sigma = spread.hypot(if is_seen { SHIFT_UNSURE * shift } else { 0.0 }).hypot(SMOOTHED_SHARE * value);
     let [low, high] = [value - T * sigma, value + T * sigma].map(|end| end.clamp(range.0, range.1));
     Ok((value, ErrorBar { as_measured: measured, sigma, low, high }))
 }
@@ -86,43 +95,46 @@ pub fn error_bar(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::features::path::PATH_LENGTH;
+    use crate::pipeline::features::per_movement::{LOG_DIMENSIONLESS_JERK, MOVEMENTS};
+    use crate::pipeline::features::time::IDLE_SHARE;
     use crate::random::Dice;
 
     #[test]
     fn a_shift_by_errors_is_taken_off_and_a_spread_is_stated() {
         let mut dice = Dice::new(1, "errors");
-        let values: Vec<f64> = (0..REPLICATES).map(|_| 110.0 + dice.gauss()).collect();
-        let (value, bar) = error_bar(105.0, values.into_iter(), (-1e3, 1e3)).unwrap();
-        assert!((value - 100.0).abs() < 0.7, "{value}");
-        assert!(bar.as_measured == 105.0 && bar.low < value && value < bar.high && bar.sigma > 1.0, "{bar:?}");
+        let values: Vec<f64> = (0..REPLICATES).map(|_| 10.0 + dice.gauss()).collect();
+        let (value, bar) = error_bar(&LOG_DIMENSIONLESS_JERK, 5.0, values.into_iter()).unwrap();
+        assert!((value - 0.0).abs() < 0.7, "{value}");
+        assert!(bar.as_measured == 5.0 && bar.low < value && value < bar.high && bar.sigma > 1.0, "{bar:?}");
     }
 
     #[test]
     fn a_length_that_is_all_errors_is_none() {
         let mut dice = Dice::new(2, "errors");
         let values: Vec<f64> = (0..REPLICATES).map(|_| 2f64.sqrt() * 40.0 + dice.gauss()).collect();
-        let (value, bar) = error_bar(40.0, values.into_iter(), (0.0, 1e3)).unwrap();
+        let (value, bar) = error_bar(&PATH_LENGTH, 40.0, values.into_iter()).unwrap();
         assert!(value < 10.0 && bar.low == 0.0, "{value} {bar:?}");
     }
 
     #[test]
     fn a_chance_difference_is_no_shift_and_a_count_stays_whole() {
         let even = (0..REPLICATES).map(|k| 50.0 + f64::from(k as u8 % 2) - 0.4);
-        assert_eq!(error_bar(50.0, even, (0.0, 1e3)).unwrap().0, 50.0);
+        assert_eq!(error_bar(&PATH_LENGTH, 50.0, even).unwrap().0, 50.0);
         let counts = (0..REPLICATES).map(|k| 14.0 + f64::from(k as u8 % 3));
-        let (value, bar) = error_bar(12.0, counts, (0.0, 1e3)).unwrap();
+        let (value, bar) = error_bar(&MOVEMENTS, 12.0, counts).unwrap();
         assert!(value == 12.0 && bar.low < 12.0 && bar.high > 12.0, "{bar:?}");
     }
 
     #[test]
     fn no_bar_leaves_the_range() {
         let values = (0..REPLICATES).map(|k| if k % 2 == 0 { 0.9 } else { 1.0 });
-        let (value, bar) = error_bar(0.96, values, (0.0, 1.0)).unwrap();
+        let (value, bar) = error_bar(&IDLE_SHARE, 0.96, values).unwrap();
         assert!(value <= 1.0 && bar.high == 1.0 && bar.low > 0.7, "{value} {bar:?}");
     }
 
     #[test]
     fn what_has_no_value_on_many_replicates_has_no_bar() {
-        assert_eq!(error_bar(1.0, [1.0; ENOUGH - 1].into_iter(), (0.0, 2.0)), Err(NoErrorBar::Unsteady));
+        assert_eq!(error_bar(&MOVEMENTS, 1.0, [1.0; ENOUGH - 1].into_iter()), Err(NoErrorBar::Unsteady));
     }
 }
