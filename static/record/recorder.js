@@ -95,7 +95,12 @@ function capture(worker, track, begins) {
     if (track.readyState !== 'live') return;
     video.requestVideoFrameCallback(grab);
     const timestamp = Math.round(captureTime ? captureTime * 1e3 : mediaTime * 1e6);
-    const frame = 'VideoFrame' in window ? new VideoFrame(video, { timestamp }) : await createImageBitmap(video);
+    let frame;
+    try {
+      frame = 'VideoFrame' in window ? new VideoFrame(video, { timestamp }) : await createImageBitmap(video);
+    } catch {
+      return; // the camera is just being let go: the video has no picture any more
+    }
     worker.postMessage({ frame, timestamp }, [frame]);
   };
   video.requestVideoFrameCallback(grab);
