@@ -15,13 +15,15 @@ from pathlib import Path
 import accuracy
 import bad_case
 import cost
+import features
 import memory
 import repeatability
 import rest
 from programs import ROUNDS, Bench
 from scenes import Scenes
 
-PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "cost": cost, "memory": memory}
+PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features, "cost": cost,
+         "memory": memory}
 BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
 
 

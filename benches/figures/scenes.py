@@ -60,15 +60,23 @@ class Scenes:
 
     def simulated(self, scene, view):
         """A whole task of the simulator (the rest: 8 s), 720p."""
-        folder = self._folder(f"own {scene} {view}")
+        seconds = ["--seconds", 4] if self.bench.quick and scene != "slide" else []
+        return self._own(f"own {scene} {view}", f"own {scene}, {view}", ["--scene", scene, "--view", view, "--seed", 5, *seconds])
+
+    def person(self, seed, level, task, view, box):
+        """A whole task of somebody's, 720p."""
+        seconds = ["--seconds", 6] if self.bench.quick else []
+        return self._own(f"person {seed}", f"person {seed}", ["--scene", task, "--view", view, "--skill", level, "--box", box,
+                                                              "--seed", seed, *seconds])
+
+    def _own(self, folder, name, how):
+        folder = self._folder(folder)
         if not (folder / "clip.mp4").exists():
-            seconds = ["--seconds", 4] if self.bench.quick and scene != "slide" else []
-            run([self.bench.trocar, "simulate", "--quiet", "--scene", scene, "--view", view, "--seed", 5, *seconds,
-                 "--out", folder / "new"])
+            run([self.bench.trocar, "simulate", "--quiet", *how, "--out", folder / "new"])
             for made in sorted((folder / "new").iterdir()):
                 made.rename(folder / made.name)
-        return Scene(f"own {scene}, {view}", folder, folder / "clip.mp4", folder / "annotations.json",
-                     folder / "truth.json", folder / "camera.json", sorted((folder / "boards").glob("*.jpg")))
+        return Scene(name, folder, folder / "clip.mp4", folder / "annotations.json", folder / "truth.json",
+                     folder / "camera.json", sorted((folder / "boards").glob("*.jpg")))
 
     def _folder(self, name):
         folder = self.bench.work / ("quick" if self.bench.quick else "full") / name.replace(", ", "-").replace(" ", "-")

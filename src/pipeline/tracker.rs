@@ -196,7 +196,8 @@ impl Tracker {
         let filtered = seen
             .advance
             .state
-            .map(|filtered| motion::state_sample(&filtered, pose.as_ref(), tool, instant, state, camera, None));
+            .map(|filtered| motion::state_sample(&filtered, pose.as_ref(), tool, instant, state, camera, None))
+            .map(motion::without_hindsight);
         let refused = seen.outcome.as_ref().err().copied();
         let absence = refused.filter(|_| filtered.is_none()).map(|reason| {
             let rim = Rim::new(camera, self.settings.tools[tool].band_length_mm);

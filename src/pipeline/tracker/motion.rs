@@ -88,12 +88,13 @@ impl Motion {
     fn filtered(&self, run: &Run) -> impl Iterator<Item = Sample> {
         let is_near = |place: usize| run.frames[place].instant.1 - run.last_seen(place).0 <= self.longest_prediction_s;
         let near = run.filter.filtered().enumerate().filter(move |(place, _)| is_near(*place));
-        near.map(|(place, state)| self.sample(run, place, &state)).filter(|sample| is_supported(sample, &self.camera))
+        let sample = |(place, state)| without_hindsight(self.sample(run, place, &state));
+        near.map(sample).filter(|sample| is_supported(sample, &self.camera))
     }
 
     /// What the whole run says; the last frame first.
     fn smoothed_last_first(&self, run: &Run) -> impl Iterator<Item = Sample> {
-        let length = run.smoothed_frames(self.longest_prediction_s);
+        let length = run.smoothed_frames();
         let states = (0..run.frames.len()).rev().zip(run.filter.smoothed()).filter(move |(place, _)| *place < length);
         states.map(|(place, state)| self.sample(run, place, &state)).filter(|sample| is_supported(sample, &self.camera))
     }
@@ -127,8 +128,6 @@ impl Motion {
 pub struct Run {
     filter: smoother::Run,
     frames: Blocks<RunFrame>,
-    /// Frames up to the last that showed anything of the tool's colour.
-    in_sight: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -140,16 +139,13 @@ struct RunFrame {
 impl Run {
     /// A run that has yet to begin.
     pub fn new(motion: &MotionSettings) -> Self {
-        Self { filter: smoother::Run::new(motion.noise_density()), frames: Blocks::default(), in_sight: 0 }
+        Self { filter: smoother::Run::new(motion.noise_density()), frames: Blocks::default() }
     }
 
-    /// Takes the next frame: the filter's state, the pose that was believed, and whether the tool's colour was in sight.
-    pub fn add(&mut self, state: &State, instant: Instant, pose: Option<TubeEstimate>, in_sight: bool) {
+    /// Takes the next frame: the filter's state, and the pose that was believed.
+    pub fn add(&mut self, state: &State, instant: Instant, pose: Option<TubeEstimate>) {
         self.filter.push(instant.1, state, pose.map(|p| (p.tube.tip, p.tip_covariance())));
         self.frames.push(RunFrame { instant, pose: pose.as_ref().map(PastPose::from) });
-        if in_sight {
-            self.in_sight = self.frames.len();
-        }
     }
 
     /// Its frames, and how many of them saw the tool.
@@ -163,13 +159,10 @@ impl Run {
         seen.map_or((f64::NEG_INFINITY, None), |frame| (frame.instant.1, frame.pose.as_ref()))
     }
 
-    /// How many frames the smoothed path has: up to the last that saw the tool, and a short prediction beyond; but
-    /// hindsight knows when the tool was gone, and ends with the last frame that showed anything of its colour.
-    fn smoothed_frames(&self, longest_prediction_s: f64) -> usize {
-        let Some(last) = self.frames.len().checked_sub(1) else { return 0 };
-        let (seen_s, _) = self.last_seen(last);
-        let is_near = |place: &usize| self.frames[*place].instant.1 - seen_s <= longest_prediction_s;
-        (0..=last).rfind(is_near).map_or(0, |last| last + 1).min(self.in_sight)
+    /// How many frames the smoothed path has: up to the last that saw the tool. Hindsight knows that it did not come back, and
+    /// what nobody saw after that is a guess.
+    fn smoothed_frames(&self) -> usize {
+        (0..self.frames.len()).rev().find(|place| self.frames[*place].pose.is_some()).map_or(0, |last| last + 1)
     }
 }
 
@@ -220,6 +213,18 @@ pub fn state_sample(
         sigma_xy_mm: Some(sigma_xy_mm),
         sigma_z_mm: Some(sigma_z_mm),
         state: seen,
+    }
+}
+
+/// What was told of a frame when it came. A prediction errs by what the hand did meanwhile, of which the filter reckons with no
+/// more than there is: over 9 clips the root mean square of depth's errors was 0.8 to 1.2 of what is stated so.
+pub fn without_hindsight(sample: Sample) -> Sample {
+    let whole = |sigma_mm: f64| sigma_mm / STATED_SHARE;
+    match sample.state {
+        SampleState::Observed => sample,
+        SampleState::Predicted => {
+            Sample { sigma_xy_mm: sample.sigma_xy_mm.map(whole), sigma_z_mm: sample.sigma_z_mm.map(whole), ..sample }
+        }
     }
 }
 
