@@ -6,7 +6,7 @@ import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
-import { featureRows } from '../parts/features.js';
+import { families, featureRows } from '../parts/features.js';
 import { Field } from '../parts/form.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Spark } from '../parts/spark.js';
@@ -70,8 +70,11 @@ function Progress({ id, tasks, usual, route }) {
         ${!data && !problem && html`<${Loading} />`}
         ${data && done.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>
           <a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
-        ${done.length > 0 && html`<div class="sparks">${sparks(done, tool === SHARED ? null
-          : tool).map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>`}
+        ${done.length > 0 && families(sparks(done, tool === SHARED ? null : tool)).map(([family, members]) => html`
+          <section key=${family} class="family">
+            ${t.session.families[family] && html`<h3>${t.session.families[family]}</h3>`}
+            <div class="sparks">${members.map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>
+          </section>`)}
       </div>
     </section>
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
@@ -82,9 +85,10 @@ function sparks(sessions, tool) {
   const names = new Map();
   for (const session of sessions)
     for (const row of featureRows(session.features, '3d')) if (row.byTool.has(tool)) names.set(row.name, row);
-  return [...names.values()].map(({ name, title, unit }) => ({
+  return [...names.values()].map(({ name, title, family, unit }) => ({
     name,
     title,
+    family,
     unit,
     points: sessions.map(session => {
       const feature = session.features.find(one => one.name === name && one.tool === tool && one.space === '3d');

@@ -15,13 +15,35 @@ use super::errors::NoErrorBar;
 use super::fit::{MIN_SAMPLES, NEIGHBOURS};
 use super::motion::{Interval, Node, check_enough, node_at};
 use super::path::{DEPTH_TRAVELLED, PATH_LENGTH};
-use super::speed::MEAN_VELOCITY;
-use super::time::{NOT_SEEN_SHARE, THINKING_TIME, share_below};
+use super::pauses::{LONG_PAUSES, MEDIUM_PAUSES, SHORT_PAUSES};
+use super::per_movement::{MOVEMENT_RATE, MOVEMENTS};
+use super::speed::{JITTER, MEAN_VELOCITY};
+use super::time::{IDLE_SHARE, THINKING_TIME, share_below};
+use super::view::{ABSENCES, LONGEST_ABSENCE, NOT_SEEN_SHARE};
 use super::{Feature, FeatureSettings, FeatureValue, NotEnough, Space};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
+mod moving;
+
+use moving::Moving;
+
 /// The features that can be told while a feed goes on, in the order in which people read them.
-pub static LIVE: [&Feature; 5] = [&PATH_LENGTH, &DEPTH_TRAVELLED, &MEAN_VELOCITY, &THINKING_TIME, &NOT_SEEN_SHARE];
+pub static LIVE: [&Feature; 14] = [
+    &THINKING_TIME,
+    &IDLE_SHARE,
+    &SHORT_PAUSES,
+    &MEDIUM_PAUSES,
+    &LONG_PAUSES,
+    &MEAN_VELOCITY,
+    &JITTER,
+    &PATH_LENGTH,
+    &DEPTH_TRAVELLED,
+    &MOVEMENTS,
+    &MOVEMENT_RATE,
+    &NOT_SEEN_SHARE,
+    &ABSENCES,
+    &LONGEST_ABSENCE,
+];
 
 /// Running features of some tools.
 pub struct Running {
@@ -106,6 +128,7 @@ impl Growing {
         if let Some(last_s) = self.run.back().map(|last| last.time_s) {
             self.grow(settings, last_s, true);
         }
+        self.sums.moving.end_span(settings);
         (self.length, self.next, self.before) = (0, None, None);
         self.run.clear();
         self.predicted.clear();
@@ -125,6 +148,7 @@ impl Growing {
                 break;
             }
             if let Some(node) = node_at(samples, at_s, half_s) {
+                self.sums.moving.add(instant, node.velocity.norm(), settings);
                 self.sums.add(self.before, node, instant, settings);
                 self.before = Some(node);
             }
@@ -147,21 +171,32 @@ struct Sums {
     depth_mm: f64,
     /// Of the mean speed of each step.
     speeds_mm_s: f64,
+    /// Of the mean acceleration of each step.
+    accelerations_mm_s2: f64,
     /// Shares of steps below the thinking speed.
     slow_steps: f64,
+    /// Stretches between spans, and the longest of them in steps.
+    absences: u32,
+    longest_absence: i64,
+    moving: Moving,
 }
 
 impl Sums {
     fn add(&mut self, before: Option<Node>, node: Node, instant: i64, settings: &FeatureSettings) {
         let Some(before) = before else { return }; // a span has a length only from its second node on
         let step = Interval { first: instant - 1, last: instant };
+        let missed = self.extent.map_or(0, |extent| step.first - extent.last);
+        self.absences += u32::from(missed > 0);
+        self.longest_absence = self.longest_absence.max(missed);
         self.extent = Some(self.extent.map_or(step, |extent| extent.hull(step)));
         let moved: Vector3<f64> = node.position - before.position;
         let speeds = [before, node].map(|node| node.velocity.norm());
+        let accelerations = [before, node].map(|node| node.acceleration.norm());
         self.steps += 1;
         self.length_mm += moved.norm();
         self.depth_mm += moved.z.abs();
         self.speeds_mm_s += 0.5 * (speeds[0] + speeds[1]);
+        self.accelerations_mm_s2 += 0.5 * (accelerations[0] + accelerations[1]);
         self.slow_steps += share_below(speeds[0], speeds[1], settings.thinking_speed_mm_s);
     }
 
@@ -175,12 +210,26 @@ impl Sums {
         let share = self.steps as f64 / steps as f64;
         let enough = check_enough(observed_s, share, self.length_mm, settings);
         let sum = |value: f64| enough.map(|()| value);
+        let in_view = |value: f64| if observed_s < settings.min_observed_s { sum(value) } else { Ok(value) };
+        let (seen, minutes, gone) = (self.steps as f64, observed_s / 60.0, steps - extent.steps());
+        let mut moving = self.moving;
+        moving.end_span(settings); // as if it ended now
+        let [short, medium, long] = moving.rests.map(|rests| sum(f64::from(rests) / minutes));
         [
+            sum(self.slow_steps * settings.step_s),
+            sum(moving.idle_steps as f64 / seen),
+            short,
+            medium,
+            long,
+            sum(self.speeds_mm_s / seen),
+            sum(self.accelerations_mm_s2 / seen),
             sum(self.length_mm),
             sum(self.depth_mm),
-            sum(self.speeds_mm_s / self.steps as f64),
-            sum(self.slow_steps * settings.step_s),
-            if observed_s < settings.min_observed_s { enough.map(|()| 0.0) } else { Ok(1.0 - share) },
+            sum(f64::from(moving.movements)),
+            sum(f64::from(moving.movements) / minutes),
+            in_view(1.0 - share),
+            in_view(f64::from(self.absences + u32::from(gone > 0))),
+            in_view(self.longest_absence.max(gone) as f64 * settings.step_s),
         ]
     }
 }
