@@ -6,7 +6,7 @@
 use super::motion::{Motion, Span};
 use super::movement::movements;
 use super::quantile::weighted_quantile;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
 
 /// How many.
 pub const MOVEMENTS: Feature = Feature {
@@ -66,7 +66,7 @@ pub const NORMALISED_JERK: Feature = Feature {
                   movements of at most 10 s, weighted by their duration. The smoothest stroke has 19.",
     source: "Cotin 2002; EVA (Oropesa 2013)",
     range: (0.0, 1e6),
-    spaces: BOTH,
+    spaces: IMAGE,
     windowed: false,
     measures: &[Measure::Tool(normalised_jerk)],
 };

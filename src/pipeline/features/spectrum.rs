@@ -1,14 +1,15 @@
 //! Features of the velocity's spectrum: how much of the motion is tremor, and how fast the hand corrects itself.
 //!
 //! **Method** (Welch 1967): over stretches of 2.56 s that overlap by half, each faded in and out by a Hann window, the powers of the
-//! velocity's spectra are added; the two or three components together, so that no axis is preferred. The path has been
-//! smoothed by then: the local fit passes 90 % of 3 Hz, half of 6 Hz and next to nothing of 10 Hz, at every frame rate alike.
+//! velocity's spectra are added, of both components together, so that no direction is preferred. The path has been smoothed by
+//! then: the local fit passes 90 % of 3 Hz, half of 6 Hz and next to nothing of 10 Hz, at every frame rate alike. In the
+//! picture only: in depth, what trembles is the tracker.
 
 use nalgebra::Complex;
 
 use super::motion::{Motion, Node, Span};
 use super::movement::movements;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
+use super::{Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
 
 /// How much trembles.
 pub const TREMOR_SHARE: Feature = Feature {
@@ -20,7 +21,7 @@ pub const TREMOR_SHARE: Feature = Feature {
     description: "The power of the velocity between 3 and 6 Hz as a share of all of it, as far as the path's fit passes it.",
     source: "band power of 3–6 Hz, the strongest feature after jerk in a study of the JIGSAWS recordings; Welch's estimate",
     range: (0.0, 1.0),
-    spaces: BOTH,
+    spaces: IMAGE,
     windowed: false,
     measures: &[Measure::Tool(tremor_share)],
 };
@@ -35,7 +36,7 @@ pub const MOTION_FREQUENCY: Feature = Feature {
     description: "The frequency below which 95 % of the velocity's power lies.",
     source: "95 % frequency of the tip's motion: separates experts, residents and novices where mean jerk does not",
     range: (0.0, 500.0),
-    spaces: BOTH,
+    spaces: IMAGE,
     windowed: false,
     measures: &[Measure::Tool(motion_frequency)],
 };
@@ -119,24 +120,15 @@ impl Transform {
         }
     }
 
-    /// Adds the power of a stretch's velocity to each bin. Of two components, taken as the parts of a complex number, the power
-    /// at a frequency is half of that at it and its negative together.
+    /// Adds the power of a stretch's velocity to each bin. With the components as the two parts of a complex number, their
+    /// power at a frequency is half of that at it and at its negative together.
     fn add_powers(&self, stretch: &[Node], powers: &mut [f64]) {
-        let faded = |of: &dyn Fn(&Node) -> Complex<f64>| -> Vec<Complex<f64>> {
-            stretch.iter().zip(&self.window).map(|(node, weight)| of(node) * *weight).collect()
-        };
-        let across = self.apply(&faded(&|node| Complex::new(node.velocity.x, node.velocity.y)));
-        let is_flat = stretch.iter().all(|node| node.velocity.z == 0.0);
-        let along = if is_flat { Vec::new() } else { self.apply(&faded(&|node| Complex::new(node.velocity.z, 0.0))) };
+        let faded = stretch.iter().zip(&self.window);
+        let faded = faded.map(|(node, weight)| Complex::new(node.velocity.x, node.velocity.y) * *weight);
+        let values = self.apply(&faded.collect::<Vec<_>>());
         for (bin, power) in powers.iter_mut().enumerate() {
-            for values in [&across, &along].into_iter().filter(|values| !values.is_empty()) {
-                let negative = (values.len() - bin) % values.len();
-                *power += if negative == bin {
-                    values[bin].norm_sqr()
-                } else {
-                    values[bin].norm_sqr() + values[negative].norm_sqr()
-                };
-            }
+            let negative = (values.len() - bin) % values.len();
+            *power += values[bin].norm_sqr() + if negative == bin { 0.0 } else { values[negative].norm_sqr() };
         }
     }
 
