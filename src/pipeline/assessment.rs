@@ -4,13 +4,11 @@
 //! [`features::movement`]); where nothing moved, over all that was seen. Each tool is measured over the whole task, so a
 //! hand that rests while the other works is idle, not absent.
 
-use std::rc::Rc;
-
 use super::features::errors::replicate::replicate;
 use super::features::errors::{NoErrorBar, REPLICATES, error_bar};
-use super::features::motion::{Interval, Motion};
-use super::features::view::{Absent, why_absent};
-use super::features::{self, FeatureSettings, FeatureValue, NotEnough, movement};
+use super::features::motion::{Interval, Known, Motion};
+use super::features::view::why_absent;
+use super::features::{self, FeatureSettings, FeatureValue, NotEnough, fulcrum, movement};
 use super::tracker::ToolQuality;
 use super::trajectory::{Sample, Trajectory};
 use crate::random::Dice;
@@ -94,7 +92,7 @@ struct Session<'a> {
     settings: &'a FeatureSettings,
     samples: Vec<Vec<Sample>>,
     motions: Vec<Result<Motion, NotEnough>>,
-    absent: Vec<Option<Rc<[Absent]>>>,
+    known: Vec<Known>,
 }
 
 impl<'a> Session<'a> {
@@ -103,7 +101,9 @@ impl<'a> Session<'a> {
         let samples: Vec<Vec<Sample>> = (0..trajectory.tools.len()).map(of_tool).collect();
         let motions: Vec<_> = samples.iter().map(|samples| motion(samples, settings)).collect();
         let absent = why_absent(&samples, &motions, tools);
-        Self { settings, samples, motions, absent }
+        let known =
+            samples.iter().zip(absent).map(|(samples, absent)| Known { fulcrum: fulcrum::find(samples), absent });
+        Self { settings, known: known.collect(), samples, motions }
     }
 
     fn of_task(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<FeatureValue> {
@@ -142,16 +142,16 @@ impl<'a> Session<'a> {
 
     /// The motions within an interval. A tool that was never seen is absent from it all the time.
     fn clipped(&self, motions: &[Result<Motion, NotEnough>], interval: Interval) -> Vec<Result<Motion, NotEnough>> {
-        let clip = |(motion, absent): (&Result<Motion, NotEnough>, &Option<Rc<[Absent]>>)| {
+        let clip = |(motion, known): (&Result<Motion, NotEnough>, &Known)| {
             let mut clipped = match motion {
                 Ok(motion) => motion.clipped(interval),
                 Err(NotEnough::NeverSeen) => Motion::unseen(interval, self.settings),
                 Err(reason) => return Err(*reason),
             };
-            clipped.absent.clone_from(absent);
+            clipped.known.clone_from(known);
             Ok(clipped)
         };
-        motions.iter().zip(&self.absent).map(clip).collect()
+        motions.iter().zip(&self.known).map(clip).collect()
     }
 
     fn windows(&self, task: Interval, window_s: f64) -> Vec<Window> {

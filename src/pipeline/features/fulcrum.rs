@@ -2,12 +2,13 @@
 //!
 //! **In:** a tool's samples with the axis of its shaft. **Out:** the point that all axes pass through, camera frame, mm.
 //! **Method:** the point nearest to all axes ([`nearest_point`]); the tracker states the axis from the trocar to the tip where it
-//! knows the trocar, so that this is then the tracker's own. **Gives up** where no axes are stated, where they turn
+//! knows the trocar, so that this is then the tracker's own. What is measured about it takes it as it is: that it may be off by
+//! millimetres, over a lever of decimetres, is in no error bar. **Gives up** where no axes are stated, where they turn
 //! too little to meet in one place, or where it would lie at the tip or before it.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use crate::pipeline::pose::fulcrum::{WELL_KNOWN_MM, nearest_point};
+use crate::pipeline::pose::fulcrum::{PLAY_MM, WELL_KNOWN_MM, nearest_point};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
 /// Axes that err alike for so long count as one, s: what lies behind the tape changes as slowly.
@@ -35,12 +36,13 @@ fn is_well_known(lines: &[(Point3<f64>, Vector3<f64>)], at: Point3<f64>, indepen
     let across = |axis: &Vector3<f64>| Matrix3::identity() - axis * axis.transpose();
     let count = lines.len() as f64;
     let missed = lines.iter().map(|(tip, axis)| (across(axis) * (tip - at)).norm_squared()).sum::<f64>() / count;
+    let least = 2.0 * PLAY_MM * PLAY_MM; // axes that were made to meet do not tell how surely
     let information =
         lines.iter().map(|(_, axis)| across(axis)).sum::<Matrix3<f64>>() * (independent.min(count) / count);
     let largest = information
         .symmetric_eigenvalues()
         .iter()
-        .map(|known| 0.5 * missed / known.max(f64::MIN_POSITIVE))
+        .map(|known| 0.5 * missed.max(least) / known.max(f64::MIN_POSITIVE))
         .fold(0.0, f64::max);
     missed <= PASSES_MM * PASSES_MM && largest <= WELL_KNOWN_MM * WELL_KNOWN_MM
 }

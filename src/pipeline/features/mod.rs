@@ -12,7 +12,7 @@ pub mod curvature;
 pub mod errors;
 mod family;
 pub mod fit;
-mod fulcrum;
+pub mod fulcrum;
 pub(in crate::pipeline) mod hull;
 pub mod motion;
 pub mod movement;

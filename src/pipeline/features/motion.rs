@@ -12,7 +12,7 @@ use nalgebra::{Point3, Vector3};
 use super::fit::{MIN_SAMPLES, Series};
 use super::settings::FeatureSettings;
 use super::view::Absent;
-use super::{NotEnough, Space, fulcrum};
+use super::{NotEnough, Space};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
 /// Largest coordinate, mm, and latest time, s, that is taken for a measurement: ten metres and a week.
@@ -61,13 +61,20 @@ pub struct Motion {
     pub spans: Vec<Span>,
     /// The grid's step, s.
     pub step_s: f64,
-    /// Where the tool passes through the box's wall, mm, if its path tells.
-    pub fulcrum: Option<Point3<f64>>,
-    /// Why it was not seen where it was not, over the whole recording; `None` where nobody knows.
-    pub absent: Option<Rc<[Absent]>>,
+    /// What is known of the tool beside its path.
+    pub known: Known,
     /// What [`super::movement::movements`] found.
     pub(super) movements: OnceCell<Vec<Span>>,
     length_mm: OnceCell<f64>,
+}
+
+/// What is known of a tool beside its path.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Known {
+    /// Where it passes through the box's wall, mm ([`super::fulcrum`]).
+    pub fulcrum: Option<Point3<f64>>,
+    /// Why it was not seen where it was not, over the whole recording ([`super::view`]).
+    pub absent: Option<Rc<[Absent]>>,
 }
 
 impl Span {
@@ -126,7 +133,7 @@ impl Motion {
         let spans: Vec<Span> = runs.iter().filter_map(|run| follow(run, settings)).collect();
         let (Some(first), Some(last)) = (spans.first(), spans.last()) else { return Err(NotEnough::NeverSeen) };
         let interval = Interval { first: first.first, last: last.last() };
-        Ok(Motion { spans, fulcrum: fulcrum::find(samples), ..Motion::unseen(interval, settings) })
+        Ok(Motion::new(interval, spans, settings.step_s))
     }
 
     /// The motion of a tool that was not seen in an interval.
@@ -153,12 +160,12 @@ impl Motion {
 
     /// The same tool seen otherwise.
     fn with(&self, interval: Interval, spans: Vec<Span>) -> Motion {
-        Motion { fulcrum: self.fulcrum, absent: self.absent.clone(), ..Motion::new(interval, spans, self.step_s) }
+        Motion { known: self.known.clone(), ..Motion::new(interval, spans, self.step_s) }
     }
 
     fn new(interval: Interval, spans: Vec<Span>, step_s: f64) -> Motion {
         let (movements, length_mm) = (OnceCell::new(), OnceCell::new());
-        Motion { interval, spans, step_s, fulcrum: None, absent: None, movements, length_mm }
+        Motion { interval, spans, step_s, known: Known::default(), movements, length_mm }
     }
 
     /// All nodes, span after span.

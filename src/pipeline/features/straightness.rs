@@ -54,7 +54,7 @@ fn path_ratio(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEno
 }
 
 fn fulcrum_path_ratio(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let fulcrum = motion.fulcrum.ok_or(NotEnough::NoFulcrum)?;
+    let fulcrum = motion.known.fulcrum.ok_or(NotEnough::NoFulcrum)?;
     median_ratio(motion, settings, |from, to| way_about(fulcrum, from, to))
 }
 

@@ -58,7 +58,7 @@ pub const INSERTION_TRAVELLED: Feature = Feature {
 
 fn angular_path(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let fulcrum = motion.fulcrum.ok_or(NotEnough::NoFulcrum)?;
+    let fulcrum = motion.known.fulcrum.ok_or(NotEnough::NoFulcrum)?;
     Ok(motion.steps().map(|(a, b)| angle(a.position - fulcrum, b.position - fulcrum)).sum())
 }
 
@@ -68,7 +68,7 @@ fn angular_velocity(motion: &Motion, settings: &FeatureSettings) -> Result<f64, 
 
 fn insertion_travelled(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let fulcrum = motion.fulcrum.ok_or(NotEnough::NoFulcrum)?;
+    let fulcrum = motion.known.fulcrum.ok_or(NotEnough::NoFulcrum)?;
     let depth = |tip: Point3<f64>| (tip - fulcrum).norm();
     Ok(motion.steps().map(|(a, b)| (depth(b.position) - depth(a.position)).abs()).sum())
 }

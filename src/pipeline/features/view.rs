@@ -96,7 +96,7 @@ fn share_of(motion: &Motion, settings: &FeatureSettings, cause: Cause) -> Result
     if not_seen_share(motion, settings)? <= 0.0 {
         return Ok(0.0); // where nothing was missed, nobody has to know why
     }
-    let absent = motion.absent.as_ref().ok_or(NotEnough::NoReasons)?;
+    let absent = motion.known.absent.as_ref().ok_or(NotEnough::NoReasons)?;
     let of_cause = absent.iter().filter(|absent| absent.cause == cause);
     let steps: i64 = of_cause.filter_map(|absent| absent.interval.common(motion.interval)).map(Interval::steps).sum();
     Ok(steps as f64 / motion.interval.steps() as f64)
