@@ -82,19 +82,25 @@ function Progress({ id, tasks, usual, route }) {
 
 /** One small plot per feature of that tool, with a point per session. */
 function sparks(sessions, tool) {
+  const rows = sessions.map(session => new Map(spatialRows(session.features).map(row => [row.name, row])));
   const names = new Map();
-  for (const session of sessions)
-    for (const row of featureRows(session.features, '3d')) if (row.byTool.has(tool)) names.set(row.name, row);
+  for (const row of rows.flatMap(ofSession => [...ofSession.values()]))
+    if (row.byTool.has(tool)) names.set(row.name, row);
   return [...names.values()].map(({ name, title, family, unit }) => ({
     name,
     title,
     family,
     unit,
-    points: sessions.map(session => {
-      const feature = session.features.find(one => one.name === name && one.tool === tool && one.space === '3d');
-      return { id: session.id, recorded_at: session.recorded_at, value: feature?.value ?? null };
+    points: sessions.map(({ id, recorded_at }, index) => {
+      return { id, recorded_at, value: rows[index].get(name)?.byTool.get(tool)?.value ?? null };
     }),
   }));
+}
+
+/** Features in space; those that are measured in the image alone, there. */
+function spatialRows(features) {
+  const [inSpace, inImage] = ['3d', 'image'].map(space => featureRows(features, space));
+  return [...inSpace, ...inImage.filter(row => !inSpace.some(({ name }) => name === row.name))];
 }
 
 const Sessions = ({ sessions }) => html`
