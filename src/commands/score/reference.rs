@@ -78,11 +78,11 @@ impl Strays {
     /// As a table beneath the features.
     pub fn text(&self) -> String {
         let head = ["tool", "mean (DTW)", "largest (Fréchet)", "unit"].map(str::to_owned);
-        let mut table = Table::new(head.into_iter());
+        let mut table = Table::new(head);
         for (tool, strays) in &self.tools {
             let cell =
                 |of: fn(&Deviation) -> f64| strays.as_ref().map_or("–".to_owned(), |strays| significant(of(strays)));
-            table.row([tool.clone(), cell(|s| s.mean_mm), cell(|s| s.largest_mm), "mm".to_owned()].into_iter());
+            table.row([tool.clone(), cell(|s| s.mean_mm), cell(|s| s.largest_mm), "mm".to_owned()]);
         }
         let why = self.tools.iter().filter_map(|(tool, strays)| Some(format!("  – {tool}: {}\n", strays.err()?)));
         let head = format!("  strays from {}:\n", self.reference.display());
