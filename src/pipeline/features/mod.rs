@@ -6,7 +6,7 @@
 //! nothing is ever the difference of two noisy points, and a path is measured alike whoever made it.
 //! All features of a session are taken over the *task*: from the start of the first movement of any tool to the end
 //! of the last ([`movement`]); where nothing moves, over all that was seen. **Gives up** with a [`NotEnough`] where too
-//! little was seen; sums describe what was seen, and [`time::NOT_SEEN_SHARE`] says how much was not.
+//! little was seen; sums describe what was seen, and [`view::NOT_SEEN_SHARE`] says how much was not.
 
 pub mod curvature;
 pub mod errors;
