@@ -21,7 +21,7 @@ use crate::pipeline::assessment::{AssessmentSettings, assess};
 use crate::pipeline::features::errors::ErrorBar;
 use crate::pipeline::features::{FeatureValue, Space};
 use crate::pipeline::quality::{self, Evidence};
-use crate::pipeline::tracker::MotionSettings;
+use crate::pipeline::tracker::{MotionSettings, ToolQuality};
 use crate::pipeline::trajectory::{Kind, Trajectory};
 
 /// Why what a child said makes no result, although each record was in order.
@@ -92,7 +92,7 @@ impl Tracked {
         Ok(Self {
             versions: versions(input),
             video,
-            features: features(&smoothed, verdict.is_refused()),
+            features: features(&smoothed, &counts.tools, verdict.is_refused()),
             quality: serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?,
             paths: paths.to_bytes()?,
             diagnostics,
@@ -113,8 +113,8 @@ fn facts(width: u32, height: u32, times_s: &[f64]) -> VideoFacts {
 }
 
 /// Every feature; without its value where the session is refused.
-fn features(path: &Trajectory, is_refused: bool) -> Vec<FeatureRow> {
-    let assessment = assess(path, &AssessmentSettings::default());
+fn features(path: &Trajectory, tools: &[ToolQuality], is_refused: bool) -> Vec<FeatureRow> {
+    let assessment = assess(path, tools, &AssessmentSettings::default());
     let assessment = if is_refused { assessment.withheld() } else { assessment };
     assessment.features.iter().map(|value| feature_row(value, &path.tools)).collect()
 }

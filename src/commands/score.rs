@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 
+use self::reference::{Reference, Strays};
 use super::table::Table;
 use super::{Failure, print_result, read_trajectory, verdict};
 use crate::domain::files::quality::ConcernDocument;
@@ -13,6 +14,8 @@ use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
 use crate::pipeline::quality::{self, Evidence, Verdict};
 use crate::pipeline::trajectory::Trajectory;
+
+mod reference;
 
 /// Arguments of `trocar score`.
 #[derive(clap::Args)]
@@ -23,6 +26,10 @@ pub struct Args {
     /// Length of the windows over which features are also measured, s.
     #[arg(long, value_name = "SECONDS", default_value_t = AssessmentSettings::default().window_s)]
     window_s: f64,
+    /// A trajectory that shows how the task should go: how far each tool of the same name strays from it is told too. The camera
+    /// must not have moved in between.
+    #[arg(long, value_name = "TRACK.CSV")]
+    reference: Option<PathBuf>,
     /// Print JSON, with the windows.
     #[arg(long)]
     json: bool,
@@ -37,7 +44,12 @@ pub fn run(args: Args) -> Result<(), Failure> {
         return Err(Failure::Input(anyhow!("--window-s is {}; expected at least 1 second", args.window_s)));
     }
     let settings = AssessmentSettings { window_s: args.window_s, ..AssessmentSettings::default() };
-    let scored = |path: &PathBuf| Ok(Scored::new(path, &read_trajectory(path)?, &settings));
+    let reference = args.reference.as_deref().map(|path| Reference::read(path, &settings.features)).transpose()?;
+    let scored = |path: &PathBuf| {
+        let trajectory = read_trajectory(path)?;
+        let strays = reference.as_ref().map(|reference| reference.strays(path, &trajectory, &settings.features));
+        Ok(Scored { strays: strays.transpose()?, ..Scored::new(path, &trajectory, &settings) })
+    };
     let sessions = args.tracks.iter().map(scored).collect::<Result<Vec<Scored>, Failure>>()?;
     let task = args.task.as_deref();
     if args.json {
@@ -54,18 +66,20 @@ struct Scored {
     path: PathBuf,
     assessment: Assessment,
     verdict: Verdict,
+    /// How far from the reference, if there is one.
+    strays: Option<Strays>,
 }
 
 impl Scored {
     fn new(path: &Path, trajectory: &Trajectory, settings: &AssessmentSettings) -> Self {
         let verdict = quality::judge(&quality::measure(&Evidence::of_path(trajectory)));
-        let assessment = assess(trajectory, settings);
+        let assessment = assess(trajectory, &[], settings);
         let assessment = if verdict.is_refused() { assessment.withheld() } else { assessment };
-        Self { path: path.to_owned(), assessment, verdict }
+        Self { path: path.to_owned(), assessment, verdict, strays: None }
     }
 }
 
-fn session_json(Scored { path, assessment, verdict }: &Scored, task: Option<&str>) -> Value {
+fn session_json(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>) -> Value {
     let values = |values: &[FeatureValue]| values.iter().map(|v| value_json(v, &assessment.tools)).collect::<Vec<_>>();
     let windows = assessment.windows.iter().map(
         |window| json!({ "start_s": window.start_s, "end_s": window.end_s, "features": values(&window.features) }),
@@ -81,6 +95,7 @@ fn session_json(Scored { path, assessment, verdict }: &Scored, task: Option<&str
         "end_s": assessment.task_s.map(|(_, end)| end),
         "features": values(&assessment.features),
         "windows": windows.collect::<Vec<_>>(),
+        "reference": strays.as_ref().filter(|_| !verdict.is_refused()).map(Strays::json),
     })
 }
 
@@ -89,6 +104,7 @@ fn value_json(value: &FeatureValue, tools: &[String]) -> Value {
     json!({
         "name": value.feature.name,
         "title": value.feature.title,
+        "family": value.feature.family.name(),
         "unit": value.feature.unit,
         "direction": value.feature.direction.name(),
         "tool": tool_name(value, tools),
@@ -108,14 +124,16 @@ fn tool_name<'a>(value: &FeatureValue, tools: &'a [String]) -> Option<&'a str> {
 }
 
 /// A head line, the verdict, and, unless it is refused, the table and under it why a value is missing.
-fn session_text(Scored { path, assessment, verdict }: &Scored, task: Option<&str>) -> String {
+fn session_text(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>) -> String {
     let task = task.map(|task| format!(", task {task}")).unwrap_or_default();
     let when = match assessment.task_s {
         Some((start, end)) => format!("from {start:.2} s to {end:.2} s"),
         None => "nothing was seen".to_owned(),
     };
     let head = format!("{}{task}, pipeline {PIPELINE_VERSION}: {when}\n", path.display());
-    let values = if verdict.is_refused() { String::new() } else { table(assessment).text() + &reasons(assessment) };
+    let strays = strays.as_ref().map(Strays::text).unwrap_or_default();
+    let values =
+        if verdict.is_refused() { String::new() } else { table(assessment).text() + &reasons(assessment) + &strays };
     head + &verdict::text(verdict) + &values
 }
 

@@ -8,6 +8,7 @@ use super::job::JobState;
 use super::named;
 use super::text::FileName;
 use crate::ids::{BoxId, CalibrationId, PaletteId, TaskId, TraineeId};
+use crate::pipeline::features;
 
 named! {
     /// How a session stands, for people.
@@ -100,6 +101,13 @@ pub struct FeatureRow {
     /// How far the value may be off, or why that is not known; `None` without a value, and of results from before this was
     /// worked out.
     pub error: Option<Result<FeatureError, String>>,
+}
+
+impl FeatureRow {
+    /// Under which head it stands; `None` of a feature that is measured no more.
+    pub fn family(&self) -> Option<&'static str> {
+        features::find(&self.name).map(|feature| feature.family.name())
+    }
 }
 
 /// How far a value may be off, in its unit.

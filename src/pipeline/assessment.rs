@@ -6,8 +6,10 @@
 
 use super::features::errors::replicate::replicate;
 use super::features::errors::{NoErrorBar, REPLICATES, error_bar};
-use super::features::motion::{Interval, Motion};
-use super::features::{self, FeatureSettings, FeatureValue, NotEnough, movement};
+use super::features::motion::{Interval, Known, Motion};
+use super::features::view::why_absent;
+use super::features::{self, FeatureSettings, FeatureValue, NotEnough, fulcrum, movement};
+use super::tracker::ToolQuality;
 use super::trajectory::{Sample, Trajectory};
 use crate::random::Dice;
 
@@ -64,64 +66,118 @@ impl Assessment {
     }
 }
 
-/// Measures a session. Never fails: what cannot be measured carries its reason.
-pub fn assess(trajectory: &Trajectory, settings: &AssessmentSettings) -> Assessment {
-    let samples: Vec<Vec<Sample>> =
-        (0..trajectory.tools.len()).map(|tool| trajectory.of_tool(tool).copied().collect()).collect();
-    let motions = motions(&samples, &settings.features);
-    let task = task(&motions, &settings.features);
+/// Measures a session. Never fails: what cannot be measured carries its reason. `tools` is what the tracker says of each
+/// tool; nothing of a path that comes alone.
+pub fn assess(trajectory: &Trajectory, tools: &[ToolQuality], settings: &AssessmentSettings) -> Assessment {
+    let session = Session::new(trajectory, tools, &settings.features);
+    let task = task(&session.motions, &settings.features);
     let step_s = settings.features.step_s;
-    let mut features = of_task(&motions, task, &settings.features);
-    add_error_bars(&mut features, &samples, &settings.features);
+    let mut features = session.of_task(&session.motions);
+    session.add_error_bars(&mut features);
     Assessment {
         tools: trajectory.tools.clone(),
         task_s: task.map(|task| (task.first as f64 * step_s, task.last as f64 * step_s)),
         features,
-        windows: task.map_or_else(Vec::new, |task| windows(&motions, task, settings)),
+        windows: task.map_or_else(Vec::new, |task| session.windows(task, settings.window_s)),
     }
 }
 
-/// The motion of each tool, from its samples.
-fn motions(samples: &[Vec<Sample>], settings: &FeatureSettings) -> Vec<Result<Motion, NotEnough>> {
-    let of_tool = |samples: &Vec<Sample>| match settings.unusable() {
-        Some(name) => Err(NotEnough::UnusableSetting(name)),
-        None => Motion::of_samples(samples, settings),
-    };
-    samples.iter().map(of_tool).collect()
+/// The motion of each tool over the whole of a recording, or the reason why there is none.
+pub fn motions(trajectory: &Trajectory, settings: &FeatureSettings) -> Vec<Result<Motion, NotEnough>> {
+    Session::new(trajectory, &[], settings).motions
 }
 
-fn of_task(
-    motions: &[Result<Motion, NotEnough>],
-    task: Option<Interval>,
-    settings: &FeatureSettings,
-) -> Vec<FeatureValue> {
-    let motions = task.map_or_else(|| motions.to_vec(), |task| clipped(motions, task, settings.step_s));
-    features::measure(&motions, settings, |_| true)
+/// A session while it is measured; what is known of each tool, in the trajectory's order.
+struct Session<'a> {
+    settings: &'a FeatureSettings,
+    samples: Vec<Vec<Sample>>,
+    motions: Vec<Result<Motion, NotEnough>>,
+    known: Vec<Known>,
 }
 
-/// Tells how far each value may be off, and takes off the shift that errors cause ([`features::errors`]). The same path
-/// always gives the same bars.
-fn add_error_bars(values: &mut [FeatureValue], samples: &[Vec<Sample>], settings: &FeatureSettings) {
-    let anew = |number: usize| -> Option<Vec<FeatureValue>> {
+impl<'a> Session<'a> {
+    fn new(trajectory: &Trajectory, tools: &[ToolQuality], settings: &'a FeatureSettings) -> Self {
+        let of_tool = |tool| trajectory.of_tool(tool).copied().collect();
+        let samples: Vec<Vec<Sample>> = (0..trajectory.tools.len()).map(of_tool).collect();
+        let motions: Vec<_> = samples.iter().map(|samples| motion(samples, settings)).collect();
+        let absent = why_absent(&samples, &motions, tools);
+        let known =
+            samples.iter().zip(absent).map(|(samples, absent)| Known { fulcrum: fulcrum::find(samples), absent });
+        Self { settings, known: known.collect(), samples, motions }
+    }
+
+    fn of_task(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<FeatureValue> {
+        let interval = task(motions, self.settings);
+        let motions = interval.map_or_else(|| motions.to_vec(), |interval| self.clipped(motions, interval));
+        features::measure(&motions, self.settings, |_| true)
+    }
+
+    /// Tells how far each value may be off, and takes off the shift that errors cause ([`features::errors`]). The same path
+    /// always gives the same bars.
+    fn add_error_bars(&self, values: &mut [FeatureValue]) {
+        let replicates: Option<Vec<_>> = (0..REPLICATES).map(|number| self.anew(number)).collect();
+        for (index, value) in values.iter_mut().enumerate() {
+            let bar = match (value.value, &replicates) {
+                (Err(_), _) => Err(NoErrorBar::NoValue),
+                (Ok(_), None) => Err(NoErrorBar::NotStated),
+                (Ok(measured), Some(all)) => {
+                    let of_this = all.iter().filter_map(|values| values.get(index)?.value.ok());
+                    error_bar(value.feature, measured, of_this)
+                }
+            };
+            value.value = bar.map_or(value.value, |(corrected, _)| Ok(corrected));
+            value.error = bar.map(|(_, bar)| bar);
+        }
+    }
+
+    /// The features of the session as it could have been seen just as well.
+    fn anew(&self, number: usize) -> Option<Vec<FeatureValue>> {
         let of_tool = |(tool, samples): (usize, &Vec<Sample>)| {
-            replicate(samples, &mut Dice::new(number as u64, &format!("errors of tool {tool}")))
+            let samples = replicate(samples, &mut Dice::new(number as u64, &format!("errors of tool {tool}")))?;
+            Some(motion(&samples, self.settings))
         };
-        let samples = samples.iter().enumerate().map(of_tool).collect::<Option<Vec<_>>>()?;
-        let motions = motions(&samples, settings);
-        Some(of_task(&motions, task(&motions, settings), settings))
-    };
-    let replicates: Option<Vec<_>> = (0..REPLICATES).map(anew).collect();
-    for (index, value) in values.iter_mut().enumerate() {
-        let bar = match (value.value, &replicates) {
-            (Err(_), _) => Err(NoErrorBar::NoValue),
-            (Ok(_), None) => Err(NoErrorBar::NotStated),
-            (Ok(measured), Some(all)) => {
-                let of_this = all.iter().filter_map(|values| values.get(index)?.value.ok());
-                error_bar(value.feature, measured, of_this)
+        let motions = self.samples.iter().enumerate().map(of_tool).collect::<Option<Vec<_>>>()?;
+        Some(self.of_task(&motions))
+    }
+
+    /// The motions within an interval. A tool that was never seen is absent from it all the time.
+    fn clipped(&self, motions: &[Result<Motion, NotEnough>], interval: Interval) -> Vec<Result<Motion, NotEnough>> {
+        let clip = |(motion, known): (&Result<Motion, NotEnough>, &Known)| {
+            let mut clipped = match motion {
+                Ok(motion) => motion.clipped(interval),
+                Err(NotEnough::NeverSeen) => Motion::unseen(interval, self.settings),
+                Err(reason) => return Err(*reason),
+            };
+            clipped.known.clone_from(known);
+            Ok(clipped)
+        };
+        motions.iter().zip(&self.known).map(clip).collect()
+    }
+
+    fn windows(&self, task: Interval, window_s: f64) -> Vec<Window> {
+        let step_s = self.settings.step_s;
+        let steps = (window_s / step_s).round() as i64;
+        if steps < 1 || task.steps() / steps >= MOST_WINDOWS {
+            return Vec::new();
+        }
+        let starts = (0..MOST_WINDOWS).map(|k| task.first + k * steps).take_while(|start| *start < task.last);
+        let window = |first: i64| {
+            let interval = Interval { first, last: (first + steps).min(task.last) };
+            Window {
+                start_s: interval.first as f64 * step_s,
+                end_s: interval.last as f64 * step_s,
+                features: features::measure(&self.clipped(&self.motions, interval), self.settings, |f| f.windowed),
             }
         };
-        value.value = bar.map_or(value.value, |(corrected, _)| Ok(corrected));
-        value.error = bar.map(|(_, bar)| bar);
+        starts.map(window).collect()
+    }
+}
+
+/// The motion of one tool, from its samples.
+fn motion(samples: &[Sample], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
+    match settings.unusable() {
+        Some(name) => Err(NotEnough::UnusableSetting(name)),
+        None => Motion::of_samples(samples, settings),
     }
 }
 
@@ -129,32 +185,4 @@ fn task(motions: &[Result<Motion, NotEnough>], settings: &FeatureSettings) -> Op
     let moved = motions.iter().flatten().filter_map(|motion| movement::extent(motion, settings));
     let seen = motions.iter().flatten().map(|motion| motion.interval);
     moved.reduce(Interval::hull).or(seen.reduce(Interval::hull))
-}
-
-/// The motions within an interval. A tool that was never seen is absent from it all the time.
-fn clipped(motions: &[Result<Motion, NotEnough>], interval: Interval, step_s: f64) -> Vec<Result<Motion, NotEnough>> {
-    let clip = |motion: &Result<Motion, NotEnough>| match motion {
-        Ok(motion) => Ok(motion.clipped(interval)),
-        Err(NotEnough::NeverSeen) => Ok(Motion { interval, spans: Vec::new(), step_s }),
-        Err(reason) => Err(*reason),
-    };
-    motions.iter().map(clip).collect()
-}
-
-fn windows(motions: &[Result<Motion, NotEnough>], task: Interval, settings: &AssessmentSettings) -> Vec<Window> {
-    let step_s = settings.features.step_s;
-    let steps = (settings.window_s / step_s).round() as i64;
-    if steps < 1 || task.steps() / steps >= MOST_WINDOWS {
-        return Vec::new();
-    }
-    let starts = (0..MOST_WINDOWS).map(|k| task.first + k * steps).take_while(|start| *start < task.last);
-    let window = |first: i64| {
-        let interval = Interval { first, last: (first + steps).min(task.last) };
-        Window {
-            start_s: interval.first as f64 * step_s,
-            end_s: interval.last as f64 * step_s,
-            features: features::measure(&clipped(motions, interval, step_s), &settings.features, |f| f.windowed),
-        }
-    };
-    starts.map(window).collect()
 }

@@ -6,7 +6,7 @@ import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
-import { featureRows } from '../parts/features.js';
+import { families, featureRows } from '../parts/features.js';
 import { Field } from '../parts/form.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Spark } from '../parts/spark.js';
@@ -70,8 +70,11 @@ function Progress({ id, tasks, usual, route }) {
         ${!data && !problem && html`<${Loading} />`}
         ${data && done.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>
           <a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
-        ${done.length > 0 && html`<div class="sparks">${sparks(done, tool === SHARED ? null
-          : tool).map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>`}
+        ${done.length > 0 && families(sparks(done, tool === SHARED ? null : tool)).map(([family, members]) => html`
+          <section key=${family} class="family">
+            ${t.session.families[family] && html`<h3>${t.session.families[family]}</h3>`}
+            <div class="sparks">${members.map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>
+          </section>`)}
       </div>
     </section>
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
@@ -79,18 +82,25 @@ function Progress({ id, tasks, usual, route }) {
 
 /** One small plot per feature of that tool, with a point per session. */
 function sparks(sessions, tool) {
+  const rows = sessions.map(session => new Map(spatialRows(session.features).map(row => [row.name, row])));
   const names = new Map();
-  for (const session of sessions)
-    for (const row of featureRows(session.features, '3d')) if (row.byTool.has(tool)) names.set(row.name, row);
-  return [...names.values()].map(({ name, title, unit }) => ({
+  for (const row of rows.flatMap(ofSession => [...ofSession.values()]))
+    if (row.byTool.has(tool)) names.set(row.name, row);
+  return [...names.values()].map(({ name, title, family, unit }) => ({
     name,
     title,
+    family,
     unit,
-    points: sessions.map(session => {
-      const feature = session.features.find(one => one.name === name && one.tool === tool && one.space === '3d');
-      return { id: session.id, recorded_at: session.recorded_at, value: feature?.value ?? null };
+    points: sessions.map(({ id, recorded_at }, index) => {
+      return { id, recorded_at, value: rows[index].get(name)?.byTool.get(tool)?.value ?? null };
     }),
   }));
+}
+
+/** Features in space; those that are measured in the image alone, there. */
+function spatialRows(features) {
+  const [inSpace, inImage] = ['3d', 'image'].map(space => featureRows(features, space));
+  return [...inSpace, ...inImage.filter(row => !inSpace.some(({ name }) => name === row.name))];
 }
 
 const Sessions = ({ sessions }) => html`

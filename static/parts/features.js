@@ -6,12 +6,18 @@ import { Empty } from './notice.js';
 
 const words = t.session;
 
-/** `[name, title, unit, {tool → feature}]`, in the order in which the service tells them; live features have no space. */
+/** `[name, title, family, unit, {tool → feature}]`, in the order in which the service tells them; live features have no space. */
 export function featureRows(features, space) {
   const rows = new Map();
   for (const feature of features.filter(feature => feature.space === space)) {
     if (!rows.has(feature.name))
-      rows.set(feature.name, { name: feature.name, title: feature.title, unit: feature.unit, byTool: new Map() });
+      rows.set(feature.name, {
+        name: feature.name,
+        title: feature.title,
+        family: feature.family,
+        unit: feature.unit,
+        byTool: new Map(),
+      });
     rows.get(feature.name).byTool.set(feature.tool, feature);
   }
   return [...rows.values()];
@@ -44,8 +50,12 @@ export function Features({ features, live, tools, withheld }) {
             <th scope="col"><span class="unseen">${words.unit}</span></th>
           </tr>
         </thead>
-        <tbody>
-          ${rows.map(row => html`
+        ${families(rows).map(([family, members]) => html`
+          <tbody key=${family}>
+            ${words.families[family] && html`<tr><th class="family" scope="rowgroup" colspan=${columns.length + 2}>${
+              words.families[family]
+            }</th></tr>`}
+            ${members.map(row => html`
               <tr key=${row.name}>
                 <th scope="row">${row.title}${whyNot(row)
                   .filter(why => !general.includes(why))
@@ -54,9 +64,16 @@ export function Features({ features, live, tools, withheld }) {
                   feature=${row.byTool.get(tool)} /><${Live} feature=${toldLive.get(row.name)?.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
               </tr>`)}
-        </tbody>
+          </tbody>`)}
       </table>
     </div>`;
+}
+
+/** `[family, rows]`, each in the order of its first row. */
+export function families(rows) {
+  const heads = new Map();
+  for (const row of rows) heads.set(row.family, [...(heads.get(row.family) ?? []), row]);
+  return [...heads];
 }
 
 /** The reasons stand under the title, where there is room; the cell only says that there is no number. */

@@ -13,7 +13,7 @@ export function Spark({ title, unit: name, points }) {
   const last = known[known.length - 1];
   return html`
     <section class="card spark">
-      <header><h3>${title}</h3><span class="last">${last ? `${number(last.value)} ${unit(name)}`
+      <header><h4>${title}</h4><span class="last">${last ? `${number(last.value)} ${unit(name)}`
         : t.session.notEnough}</span></header>
       ${known.length > 0 && html`<${Curve} title=${title} name=${unit(name)} points=${points} known=${known} />`}
       <p class="small muted">${known.length > 1 && known.every(point => point.value > 0)

@@ -95,6 +95,35 @@ fn a_refused_path_has_reasons_instead_of_features() {
     assert!(text.contains("refused") && !text.contains("path_length"), "{text}");
 }
 
+/// A tool that circles at a depth, in mm, as any tracker could write it.
+fn circle(folder: &Path, name: &str, tool: &str, depth_mm: f64) {
+    let row = |frame: u32| {
+        let time_s = f64::from(frame) / 25.0;
+        let (sin, cos) = (0.8 * time_s).sin_cos();
+        format!("{frame},{time_s},{tool},{},{},{depth_mm}\n", 30.0 * cos, 30.0 * sin)
+    };
+    let rows: String = (0..500).map(row).collect();
+    fs::write(folder.join(name), format!("frame,time_s,tool,x_mm,y_mm,z_mm\n{rows}")).unwrap();
+}
+
+#[test]
+fn a_path_is_held_against_one_that_shows_how_it_should_go() {
+    let folder = tempfile::tempdir().unwrap();
+    circle(folder.path(), "track.csv", "orange", 180.0);
+    circle(folder.path(), "deeper.csv", "orange", 187.0);
+    circle(folder.path(), "other.csv", "cyan", 180.0);
+    let scored = trocar(folder.path(), "score --json --reference deeper.csv track.csv");
+    let sessions: Value = serde_json::from_slice(&scored.stdout).unwrap();
+    let strays = &sessions[0]["reference"]["tools"][0];
+    assert_eq!(strays["tool"], "orange", "{sessions:#}");
+    for figure in ["mean", "largest"] {
+        assert!((strays[figure].as_f64().unwrap() - 7.0).abs() < 1e-3, "{strays}");
+    }
+    let text = String::from_utf8(trocar(folder.path(), "score --reference deeper.csv track.csv").stdout).unwrap();
+    assert!(text.contains("strays from deeper.csv"), "{text}");
+    assert!(refusal(folder.path(), "score --reference other.csv track.csv").contains("name them alike"));
+}
+
 #[test]
 fn a_tool_in_another_colour_is_refused_but_what_was_tracked_is_written() {
     let folder = scene();

@@ -73,6 +73,9 @@ pub struct Feature {
     name: String,
     /// Title for people.
     title: String,
+    /// Under which head it stands: `time`, `speed`, `path`, `smoothness`, `movements`, `two_hands` or `view`; `null` where it is
+    /// measured no more.
+    family: Option<&'static str>,
     /// Unit of `value`; empty for a pure number.
     unit: String,
     /// The tool's marker; `null` for a feature of the whole session.
@@ -151,6 +154,7 @@ fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) ->
 
 impl From<FeatureRow> for Feature {
     fn from(row: FeatureRow) -> Self {
+        let family = row.family();
         let (value, not_enough) = match row.value {
             Ok(value) => (Some(value), None),
             Err(reason) => (None, Some(reason)),
@@ -159,6 +163,7 @@ impl From<FeatureRow> for Feature {
         Self {
             name: row.name,
             title: row.title,
+            family,
             unit: row.unit,
             tool: row.tool,
             space: row.space,

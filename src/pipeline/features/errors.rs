@@ -20,8 +20,8 @@ const ENOUGH: usize = 28;
 const T: f64 = 2.04;
 /// A shift is taken off if it is so many times its own standard error.
 const SHIFT_SEEN: f64 = 2.0;
-/// Units of lengths, to which errors add in squares.
-const LENGTHS: [&str; 2] = ["mm", "mm/s"];
+/// Units of lengths, also on a sphere about the trocar, to which errors add in squares.
+const LENGTHS: [&str; 4] = ["mm", "mm/s", "rad", "rad/s"];
 /// A shift by more than this share of a size that is no length is not known well enough to be taken off.
 const LARGEST_SHARE: f64 = 0.4;
 /// So much of what is taken off may be missing, as a standard deviation: a session's errors are not quite those it states.

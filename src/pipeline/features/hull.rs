@@ -43,20 +43,55 @@ pub fn volume(points: &[Point3<f64>]) -> f64 {
     let Some((points, unit)) = on_lattice(points) else { return 0.0 };
     let Some([a, b, c, d]) = tetrahedron(&points) else { return 0.0 };
     let height = |[i, j, k]: [usize; 3], from: usize| six_volumes(&points[i], &points[j], &points[k], &points[from]);
-
     let corners = [([a, b, c], d), ([a, b, d], c), ([a, c, d], b), ([b, c, d], a)];
     let outward = |(face, inner)| if height(face, inner) > 0 { [face[1], face[0], face[2]] } else { face };
     let mut faces: Vec<[usize; 3]> = corners.map(outward).to_vec();
-    for point in 0..points.len() {
-        if faces.iter().any(|face| height(*face, point) > 0) {
-            let (seen, hidden): (Vec<[usize; 3]>, _) = faces.iter().partition(|face| height(**face, point) > 0);
-            faces = hidden;
-            faces.extend(horizon(&seen).into_iter().map(|(i, j)| [i, j, point]));
-        }
+    for point in outermost(&points) {
+        add(&mut faces, point, &points);
+    }
+    // By now nearly all of the others lie inside, and once inside is always inside.
+    let planes: Vec<Plane> = faces.iter().map(|face| Plane::of(face, &points)).collect();
+    for point in (0..points.len()).filter(|&point| planes.iter().any(|plane| plane.sees(&points[point]))) {
+        add(&mut faces, point, &points);
     }
     // The signed cones from the origin to all faces; summed exactly, then scaled back to millimetres.
     let six: i128 = faces.iter().map(|[i, j, k]| i128::from(points[*i].cross(&points[*j]).dot(&points[*k]))).sum();
     six as f64 / 6.0 * unit.powi(3)
+}
+
+/// Adds a point to a hull: the faces that see it give way to a cone to their horizon.
+fn add(faces: &mut Vec<[usize; 3]>, point: usize, points: &[LatticePoint]) {
+    let sees = |[i, j, k]: &[usize; 3]| six_volumes(&points[*i], &points[*j], &points[*k], &points[point]) > 0;
+    if faces.iter().any(sees) {
+        let (seen, hidden): (Vec<[usize; 3]>, _) = faces.iter().partition(|face| sees(face));
+        *faces = hidden;
+        faces.extend(horizon(&seen).into_iter().map(|(i, j)| [i, j, point]));
+    }
+}
+
+/// The points that lie farthest in evenly spread directions: a hull that holds most of the others.
+fn outermost(points: &[LatticePoint]) -> impl Iterator<Item = usize> {
+    let directions =
+        (0..27).map(|k| Vector3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1)).filter(|d| *d != Vector3::zeros());
+    directions.filter_map(move |direction| (0..points.len()).max_by_key(|&point| direction.dot(&points[point])))
+}
+
+/// The plane of a face.
+struct Plane {
+    normal: LatticePoint,
+    height: i64,
+}
+
+impl Plane {
+    fn of([i, j, k]: &[usize; 3], points: &[LatticePoint]) -> Self {
+        let normal = (points[*j] - points[*i]).cross(&(points[*k] - points[*i]));
+        Self { height: normal.dot(&points[*i]), normal }
+    }
+
+    /// Does a point lie outside?
+    fn sees(&self, point: &LatticePoint) -> bool {
+        self.normal.dot(point) > self.height
+    }
 }
 
 /// The edges around a set of neighbouring faces, each running as in its face.

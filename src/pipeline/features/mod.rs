@@ -6,23 +6,36 @@
 //! nothing is ever the difference of two noisy points, and a path is measured alike whoever made it.
 //! All features of a session are taken over the *task*: from the start of the first movement of any tool to the end
 //! of the last ([`movement`]); where nothing moves, over all that was seen. **Gives up** with a [`NotEnough`] where too
-//! little was seen; sums describe what was seen, and [`time::NOT_SEEN_SHARE`] says how much was not.
+//! little was seen; sums describe what was seen, and [`view::NOT_SEEN_SHARE`] says how much was not.
 
+pub mod curvature;
 pub mod errors;
+mod family;
 pub mod fit;
+pub mod fulcrum;
 pub(in crate::pipeline) mod hull;
 pub mod motion;
 pub mod movement;
 mod not_enough;
 pub mod path;
+pub mod pauses;
 pub mod per_movement;
+mod quantile;
+pub mod reference;
 pub mod running;
 mod settings;
 pub mod smoothness;
+pub mod spectrum;
 pub mod speed;
+pub mod straightness;
+pub mod submovements;
 pub mod time;
+pub mod tip_distance;
+pub mod turning;
 pub mod two_hands;
+pub mod view;
 
+pub use family::Family;
 pub use not_enough::NotEnough;
 pub use settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
@@ -81,6 +94,8 @@ pub struct Feature {
     pub name: &'static str,
     /// Name for people.
     pub title: &'static str,
+    /// Under which head it stands.
+    pub family: Family,
     /// Unit; `1` for shares, counts and ratios.
     pub unit: &'static str,
     /// What a larger value means for skill.
@@ -135,30 +150,62 @@ pub struct FeatureValue {
     pub error: Result<ErrorBar, NoErrorBar>,
 }
 
-/// Every feature, in the order in which people read them.
+/// Every feature, in the order in which people read them: family by family.
 pub static FEATURES: &[Feature] = &[
     time::DURATION,
     time::THINKING_TIME,
     time::IDLE_SHARE,
-    time::NOT_SEEN_SHARE,
+    pauses::SHORT_PAUSES,
+    pauses::MEDIUM_PAUSES,
+    pauses::LONG_PAUSES,
+    pauses::SHORT_PAUSE_SHARE,
+    pauses::MEDIUM_PAUSE_SHARE,
+    pauses::LONG_PAUSE_SHARE,
     speed::MEAN_VELOCITY,
+    speed::MEDIAN_VELOCITY,
     speed::PEAK_VELOCITY,
     speed::JITTER,
     speed::RELATIVE_JITTER,
+    turning::ANGULAR_VELOCITY,
     path::PATH_LENGTH,
     path::DEPTH_TRAVELLED,
     path::ECONOMY_OF_AREA,
     path::ECONOMY_OF_VOLUME,
     path::WORKING_AREA,
     path::WORKING_VOLUME,
+    path::SPREAD,
+    turning::ANGULAR_PATH,
+    turning::INSERTION_TRAVELLED,
     smoothness::SMOOTHNESS,
-    per_movement::MOVEMENTS,
+    curvature::MEDIAN_CURVATURE,
+    curvature::PEAK_CURVATURE,
     per_movement::LOG_DIMENSIONLESS_JERK,
+    per_movement::NORMALISED_JERK,
     per_movement::SPECTRAL_ARC_LENGTH,
-    two_hands::TIP_DISTANCE,
+    spectrum::TREMOR_SHARE,
+    spectrum::MOTION_FREQUENCY,
+    per_movement::MOVEMENTS,
+    per_movement::MOVEMENT_RATE,
+    submovements::SUBMOVEMENTS,
+    straightness::PATH_RATIO,
+    straightness::FULCRUM_PATH_RATIO,
+    tip_distance::TIP_DISTANCE,
+    tip_distance::TIP_DISTANCE_SPREAD,
+    tip_distance::TIP_DISTANCE_LOW,
+    tip_distance::TIP_DISTANCE_HIGH,
     two_hands::SYNCHRONY,
+    two_hands::SPEED_BALANCE,
     two_hands::TOGETHER_SHARE,
+    two_hands::ONE_HAND_SHARE,
+    two_hands::NEITHER_SHARE,
     two_hands::HANDEDNESS,
+    two_hands::HANDEDNESS_IN_TIME,
+    view::NOT_SEEN_SHARE,
+    view::LEFT_VIEW_SHARE,
+    view::HIDDEN_SHARE,
+    view::LOST_SHARE,
+    view::ABSENCES,
+    view::LONGEST_ABSENCE,
 ];
 
 /// The feature of a name.

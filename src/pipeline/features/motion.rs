@@ -4,10 +4,14 @@
 //! rates coincide. A *span* is a stretch in which the tool was observed with no gap longer than the settings allow;
 //! between spans nothing is assumed. Samples that the tracker predicted count only inside such a stretch.
 
+use std::cell::OnceCell;
+use std::rc::Rc;
+
 use nalgebra::{Point3, Vector3};
 
 use super::fit::{MIN_SAMPLES, Series};
 use super::settings::FeatureSettings;
+use super::view::Absent;
 use super::{NotEnough, Space};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
@@ -57,6 +61,20 @@ pub struct Motion {
     pub spans: Vec<Span>,
     /// The grid's step, s.
     pub step_s: f64,
+    /// What is known of the tool beside its path.
+    pub known: Known,
+    /// What [`super::movement::movements`] found.
+    pub(super) movements: OnceCell<Vec<Span>>,
+    length_mm: OnceCell<f64>,
+}
+
+/// What is known of a tool beside its path.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Known {
+    /// Where it passes through the box's wall, mm ([`super::fulcrum`]).
+    pub fulcrum: Option<Point3<f64>>,
+    /// Why it was not seen where it was not, over the whole recording ([`super::view`]).
+    pub absent: Option<Rc<[Absent]>>,
 }
 
 impl Span {
@@ -75,6 +93,11 @@ impl Span {
         self.nodes.iter().map(|node| node.velocity.norm()).collect()
     }
 
+    /// The length of its path, mm.
+    pub fn length_mm(&self) -> f64 {
+        self.nodes.windows(2).map(|pair| (pair[1].position - pair[0].position).norm()).sum()
+    }
+
     /// The part inside an interval, if it has a length.
     fn clipped(&self, interval: Interval) -> Option<Span> {
         let (first, last) = (self.first.max(interval.first), self.last().min(interval.last));
@@ -88,6 +111,12 @@ impl Interval {
     /// The smallest interval that holds both.
     pub fn hull(self, other: Interval) -> Interval {
         Interval { first: self.first.min(other.first), last: self.last.max(other.last) }
+    }
+
+    /// What both have in common, if that has a length.
+    pub fn common(self, other: Interval) -> Option<Interval> {
+        let (first, last) = (self.first.max(other.first), self.last.min(other.last));
+        (first < last).then_some(Interval { first, last })
     }
 
     /// How many steps long it is.
@@ -104,24 +133,39 @@ impl Motion {
         let spans: Vec<Span> = runs.iter().filter_map(|run| follow(run, settings)).collect();
         let (Some(first), Some(last)) = (spans.first(), spans.last()) else { return Err(NotEnough::NeverSeen) };
         let interval = Interval { first: first.first, last: last.last() };
-        Ok(Motion { interval, spans, step_s: settings.step_s })
+        Ok(Motion::new(interval, spans, settings.step_s))
+    }
+
+    /// The motion of a tool that was not seen in an interval.
+    pub fn unseen(interval: Interval, settings: &FeatureSettings) -> Motion {
+        Motion::new(interval, Vec::new(), settings.step_s)
     }
 
     /// The motion within an interval, which may be longer than what was seen.
     pub fn clipped(&self, interval: Interval) -> Motion {
         let spans = self.spans.iter().filter_map(|span| span.clipped(interval)).collect();
-        Motion { interval, spans, step_s: self.step_s }
+        self.with(interval, spans)
     }
 
     /// The motion as a space shows it: whole, or flattened to x and y.
     pub fn in_space(&self, space: Space) -> Motion {
-        let mut motion = self.clone();
+        let mut spans = self.spans.clone();
         if space == Space::Image {
-            for node in motion.spans.iter_mut().flat_map(|span| &mut span.nodes) {
+            for node in spans.iter_mut().flat_map(|span| &mut span.nodes) {
                 (node.position.z, node.velocity.z, node.acceleration.z) = (0.0, 0.0, 0.0);
             }
         }
-        motion
+        self.with(self.interval, spans)
+    }
+
+    /// The same tool seen otherwise.
+    fn with(&self, interval: Interval, spans: Vec<Span>) -> Motion {
+        Motion { known: self.known.clone(), ..Motion::new(interval, spans, self.step_s) }
+    }
+
+    fn new(interval: Interval, spans: Vec<Span>, step_s: f64) -> Motion {
+        let (movements, length_mm) = (OnceCell::new(), OnceCell::new());
+        Motion { interval, spans, step_s, known: Known::default(), movements, length_mm }
     }
 
     /// All nodes, span after span.
@@ -134,22 +178,27 @@ impl Motion {
         self.spans.iter().flat_map(|span| span.nodes.iter().zip(&span.nodes[1..]))
     }
 
+    /// How many steps of the grid the tool was seen for.
+    pub fn observed_steps(&self) -> usize {
+        self.spans.iter().map(|span| span.nodes.len() - 1).sum()
+    }
+
     /// How long the tool was seen, s.
     pub fn observed_s(&self) -> f64 {
-        self.steps().count() as f64 * self.step_s
+        self.observed_steps() as f64 * self.step_s
     }
 
     /// The share of the interval in which the tool was seen, 0 to 1.
     pub fn seen_share(&self) -> f64 {
         match self.interval.steps() {
-            steps if steps > 0 => self.steps().count() as f64 / steps as f64,
+            steps if steps > 0 => self.observed_steps() as f64 / steps as f64,
             _ => 0.0,
         }
     }
 
-    /// The path's length as far as it was seen, mm.
+    /// The path's length as far as it was seen, mm; worked out once.
     pub fn length_mm(&self) -> f64 {
-        self.steps().map(|(a, b)| (b.position - a.position).norm()).sum()
+        *self.length_mm.get_or_init(|| self.steps().map(|(a, b)| (b.position - a.position).norm()).sum())
     }
 
     /// Refuses a motion of which too little was seen, or that no hand can make.

@@ -8,9 +8,10 @@ use std::ops::Range;
 use super::motion::{Interval, Motion, Span};
 use super::settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
-/// The movements of a motion, in time order.
-pub fn movements(motion: &Motion, settings: &FeatureSettings) -> Vec<Span> {
-    motion.spans.iter().flat_map(|span| movements_of_span(span, settings)).collect()
+/// The movements of a motion, in time order; worked out once, by the settings of the first who asks.
+pub fn movements<'a>(motion: &'a Motion, settings: &FeatureSettings) -> &'a [Span] {
+    let all = || motion.spans.iter().flat_map(|span| movements_of_span(span, settings)).collect();
+    motion.movements.get_or_init(all)
 }
 
 /// From the first instant of the first movement to the last of the last.
@@ -19,15 +20,37 @@ pub fn extent(motion: &Motion, settings: &FeatureSettings) -> Option<Interval> {
     Some(movements.first()?.interval().hull(movements.last()?.interval()))
 }
 
+/// The rests of a motion: what lies before, between and after the movements of each of its spans, in time order.
+pub fn rests(motion: &Motion, settings: &FeatureSettings) -> impl Iterator<Item = Interval> {
+    let all = movements(motion, settings);
+    let of_span = move |span: &'_ Span| {
+        let from = all.partition_point(|movement| movement.first < span.first);
+        let until = all.partition_point(|movement| movement.first <= span.last());
+        let starts = all[from..until].iter().map(|movement| movement.first).chain([span.last()]);
+        let ends = [span.first].into_iter().chain(all[from..until].iter().map(Span::last));
+        ends.zip(starts).map(|(first, last)| Interval { first, last }).filter(|rest| rest.steps() > 0)
+    };
+    motion.spans.iter().flat_map(of_span)
+}
+
 /// The movements of one span, in time order.
-pub fn movements_of_span(span: &Span, settings: &FeatureSettings) -> Vec<Span> {
+fn movements_of_span(span: &Span, settings: &FeatureSettings) -> Vec<Span> {
     let speeds = span.speeds();
-    let least_steps = settings.movement_min_s / settings.step_s - 1e-9; // 0.2 s in steps of 0.02 s is 10, not 10.000…2
-    let long_enough = |run: &Range<usize>| (run.len() - 1) as f64 >= least_steps;
+    let long_enough = |run: &Range<usize>| is_long_enough(run.len() as i64 - 1, settings);
     let fast_enough = |run: &Range<usize>| speeds[run.clone()].iter().any(|v| *v >= settings.movement_speed_mm_s);
-    let faster = runs(&speeds, |speed| speed > MOVEMENT_END_RATIO * settings.movement_speed_mm_s);
-    let kept = faster.into_iter().filter(|run| long_enough(run) && fast_enough(run));
+    let kept = runs(&speeds, |speed| is_fast(speed, settings)).into_iter();
+    let kept = kept.filter(|run| long_enough(run) && fast_enough(run));
     kept.map(|run| Span { first: span.first + run.start as i64, nodes: span.nodes[run].to_vec() }).collect()
+}
+
+/// Is this too fast for rest?
+pub(super) fn is_fast(speed_mm_s: f64, settings: &FeatureSettings) -> bool {
+    speed_mm_s > MOVEMENT_END_RATIO * settings.movement_speed_mm_s
+}
+
+/// Is a stretch of so many steps long enough for a movement?
+pub(super) fn is_long_enough(steps: i64, settings: &FeatureSettings) -> bool {
+    steps as f64 >= settings.movement_min_s / settings.step_s - 1e-9 // 0.2 s in steps of 0.02 s is 10, not 10.000…2
 }
 
 /// The maximal stretches of values that satisfy a condition; none is empty.

@@ -30,6 +30,17 @@ pub enum NotEnough {
         /// Share that must.
         needed: f64,
     },
+    /// The movements end where they began, so that there is no way to hold theirs against.
+    ReturnsToStart,
+    /// The path does not tell where the tool passes through the box's wall.
+    NoFulcrum,
+    /// Nobody knows why the tool was not seen: the path comes without the tracker's reasons.
+    NoReasons,
+    /// Too little was seen in one piece.
+    NoStretch {
+        /// How long a piece must be, s.
+        needed_s: f64,
+    },
     /// A feature of two hands, but not two tools.
     NotTwoTools {
         /// How many tools the trajectory has.
@@ -56,6 +67,10 @@ impl NotEnough {
             NotEnough::TooLittleSeen { .. } => "too_little_seen",
             NotEnough::NoMovement => "no_movement",
             NotEnough::MovementsTooLong { .. } => "movements_too_long",
+            NotEnough::ReturnsToStart => "returns_to_start",
+            NotEnough::NoFulcrum => "no_fulcrum",
+            NotEnough::NoReasons => "no_reasons",
+            NotEnough::NoStretch { .. } => "no_stretch",
             NotEnough::NotTwoTools { .. } => "not_two_tools",
             NotEnough::OtherTool => "other_tool",
             NotEnough::UnusableSamples => "unusable_samples",
@@ -83,6 +98,12 @@ impl fmt::Display for NotEnough {
                 100.0 * share,
                 100.0 * needed
             ),
+            NotEnough::ReturnsToStart => f.write_str("the movements end where they began"),
+            NotEnough::NoFulcrum => f.write_str("the path does not tell where its trocar is"),
+            NotEnough::NoReasons => f.write_str("the path does not say why a tool was not seen"),
+            NotEnough::NoStretch { needed_s } => {
+                write!(f, "needs most of the seen time in stretches of {needed_s:.1} s without a gap")
+            }
             NotEnough::NotTwoTools { found } => write!(f, "compares two tools; the trajectory has {found}"),
             NotEnough::OtherTool => f.write_str("the other tool's path could not be measured"),
             NotEnough::UnusableSamples => f.write_str("the samples are not finite numbers in time order"),

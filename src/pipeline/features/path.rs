@@ -4,15 +4,16 @@ use nalgebra::{Point3, Vector3};
 
 use super::hull;
 use super::motion::Motion;
-use super::{BOTH, Direction, Feature, FeatureSettings, IMAGE, Measure, NotEnough, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough, THREE_D};
 
 /// Longest path that is taken for a hand's, mm: ten kilometres.
-const LONGEST_MM: f64 = 1e7;
+pub(super) const LONGEST_MM: f64 = 1e7;
 
 /// How far.
 pub const PATH_LENGTH: Feature = Feature {
     name: "path_length",
     title: "Path length",
+    family: Family::Path,
     unit: "mm",
     direction: Direction::Lower,
     description: "Length of the path during the task, as far as it was seen; nothing is added across gaps.",
@@ -27,6 +28,7 @@ pub const PATH_LENGTH: Feature = Feature {
 pub const DEPTH_TRAVELLED: Feature = Feature {
     name: "depth_travelled",
     title: "Depth travelled",
+    family: Family::Path,
     unit: "mm",
     direction: Direction::Lower,
     description: "Sum of the path's steps along the line of sight (z), both ways.",
@@ -41,6 +43,7 @@ pub const DEPTH_TRAVELLED: Feature = Feature {
 pub const ECONOMY_OF_AREA: Feature = Feature {
     name: "economy_of_area",
     title: "Economy of area",
+    family: Family::Path,
     unit: "1",
     direction: Direction::Higher,
     description: "Square root of the area of the path's bounding rectangle in x and y, divided by the path's length \
@@ -56,6 +59,7 @@ pub const ECONOMY_OF_AREA: Feature = Feature {
 pub const ECONOMY_OF_VOLUME: Feature = Feature {
     name: "economy_of_volume",
     title: "Economy of volume",
+    family: Family::Path,
     unit: "1",
     direction: Direction::Higher,
     description: "Cube root of the volume of the path's bounding box along the camera's axes, divided by the path's \
@@ -71,6 +75,7 @@ pub const ECONOMY_OF_VOLUME: Feature = Feature {
 pub const WORKING_AREA: Feature = Feature {
     name: "working_area",
     title: "Working area",
+    family: Family::Path,
     unit: "mm²",
     direction: Direction::Lower,
     description: "Area of the convex hull of the path in x and y.",
@@ -85,6 +90,7 @@ pub const WORKING_AREA: Feature = Feature {
 pub const WORKING_VOLUME: Feature = Feature {
     name: "working_volume",
     title: "Working volume",
+    family: Family::Path,
     unit: "mm³",
     direction: Direction::Lower,
     description: "Volume of the convex hull of the path.",
@@ -93,6 +99,21 @@ pub const WORKING_VOLUME: Feature = Feature {
     spaces: THREE_D,
     windowed: false,
     measures: &[Measure::Tool(working_volume)],
+};
+
+/// How far about.
+pub const SPREAD: Feature = Feature {
+    name: "spread",
+    title: "Spread",
+    family: Family::Path,
+    unit: "mm",
+    direction: Direction::Lower,
+    description: "Root mean square distance of the tip from its mean place during the task.",
+    source: "PerkTutor (position's spread)",
+    range: (0.0, 20_000.0),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Tool(spread)],
 };
 
 /// Points from which a hull is made, at most: every instant of six minutes. Of a longer path every second or third is
@@ -128,6 +149,14 @@ fn working_area(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotE
 
 fn working_volume(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     Ok(hull::volume(&hull_points(motion, settings)?))
+}
+
+fn spread(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    let count = motion.nodes().count() as f64;
+    let mean = motion.nodes().map(|node| node.position.coords).sum::<Vector3<f64>>() / count;
+    let square: f64 = motion.nodes().map(|node| (node.position.coords - mean).norm_squared()).sum();
+    Ok((square / count).sqrt())
 }
 
 /// The path's length, if it went anywhere.

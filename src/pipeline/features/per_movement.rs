@@ -3,14 +3,16 @@
 //! Jerk and spectrum are defined for discrete movements of a few seconds, and their authors warn against longer ones.
 //! So they are taken per movement, and the session's value is the median, weighted by the movements' lengths.
 
-use super::motion::Motion;
+use super::motion::{Motion, Span};
 use super::movement::movements;
-use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough};
+use super::quantile::weighted_quantile;
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
 
 /// How many.
 pub const MOVEMENTS: Feature = Feature {
     name: "movements",
     title: "Number of movements",
+    family: Family::Movements,
     unit: "1",
     direction: Direction::Lower,
     description: "How many movements the task took: stretches of at least 0.2 s in which the speed stays above 7 mm/s \
@@ -22,10 +24,26 @@ pub const MOVEMENTS: Feature = Feature {
     measures: &[Measure::Tool(movement_count)],
 };
 
+/// How many, for the time.
+pub const MOVEMENT_RATE: Feature = Feature {
+    name: "movement_rate",
+    title: "Movements per minute",
+    family: Family::Movements,
+    unit: "1/min",
+    direction: Direction::Neither,
+    description: "Number of movements per minute of the seen time of the task.",
+    source: "PerkTutor (actions), as a rate",
+    range: (0.0, 600.0),
+    spaces: BOTH,
+    windowed: false,
+    measures: &[Measure::Tool(movement_rate)],
+};
+
 /// Smoothness in time.
 pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
     name: "log_dimensionless_jerk",
     title: "Log dimensionless jerk",
+    family: Family::Smoothness,
     unit: "1",
     direction: Direction::Higher,
     description: "−ln(T³/v² · ∫ (d²s/dt²)² dt) of a movement's speed s with duration T and peak v; median over the \
@@ -37,10 +55,27 @@ pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
     measures: &[Measure::Tool(log_dimensionless_jerk)],
 };
 
+/// Smoothness in time, in space.
+pub const NORMALISED_JERK: Feature = Feature {
+    name: "normalised_jerk",
+    title: "Normalised jerk",
+    family: Family::Smoothness,
+    unit: "1",
+    direction: Direction::Lower,
+    description: "√(T⁵/(2·L²) · ∫ j² dt) of a movement's jerk j with duration T and path length L; median over the \
+                  movements of at most 10 s, weighted by their duration. The smoothest stroke has 19.",
+    source: "Cotin 2002; EVA (Oropesa 2013)",
+    range: (0.0, 1e6),
+    spaces: IMAGE,
+    windowed: false,
+    measures: &[Measure::Tool(normalised_jerk)],
+};
+
 /// Smoothness in frequency.
 pub const SPECTRAL_ARC_LENGTH: Feature = Feature {
     name: "spectral_arc_length",
     title: "Spectral arc length",
+    family: Family::Smoothness,
     unit: "1",
     direction: Direction::Higher,
     description: "Minus the length of the curve of a movement's normalised speed spectrum up to 10 Hz; median over the \
@@ -61,50 +96,59 @@ const LEAST_AMPLITUDE: f64 = 0.05;
 /// The spectrum is refined by zeros to this power of two times the movement's length.
 const PADDING: u32 = 4;
 
+/// Frequencies that are worked out at a time.
+const ABREAST: usize = 8;
+
 fn movement_count(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
     Ok(movements(motion, settings).len() as f64)
 }
 
+fn movement_rate(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    Ok(movement_count(motion, settings)? / (motion.observed_s() / 60.0))
+}
+
+fn normalised_jerk(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    median_over_movements(motion, settings, |movement| jerk_of(movement, motion.step_s))
+}
+
 fn log_dimensionless_jerk(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    median_over_movements(motion, settings, ldlj)
+    median_over_movements(motion, settings, |movement| ldlj(&movement.speeds(), motion.step_s))
 }
 
 fn spectral_arc_length(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    median_over_movements(motion, settings, sparc)
+    median_over_movements(motion, settings, |movement| sparc(&movement.speeds(), motion.step_s))
 }
 
-fn median_over_movements(
+/// The median of what the movements that are short enough have, weighted by their duration.
+pub(super) fn median_over_movements(
     motion: &Motion,
     settings: &FeatureSettings,
-    of: impl Fn(&[f64], f64) -> Option<f64>,
+    of: impl Fn(&Span) -> Option<f64>,
 ) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
     let all = movements(motion, settings);
     let moving: i64 = all.iter().map(|m| m.interval().steps()).sum();
     let short = all.iter().filter(|m| m.interval().steps() as f64 * motion.step_s <= settings.longest_movement_s);
-    let values: Vec<(f64, f64)> =
-        short.filter_map(|m| Some((of(&m.speeds(), motion.step_s)?, m.interval().steps() as f64))).collect();
+    let values: Vec<(f64, f64)> = short.filter_map(|m| Some((of(m)?, m.interval().steps() as f64))).collect();
     let share = values.iter().map(|(_, steps)| steps).sum::<f64>() / moving.max(1) as f64;
     if moving == 0 {
         Err(NotEnough::NoMovement)
     } else if values.is_empty() || share < settings.min_short_share {
         Err(NotEnough::MovementsTooLong { share, needed: settings.min_short_share })
     } else {
-        Ok(weighted_median(values))
+        Ok(weighted_quantile(values, 0.5))
     }
 }
 
-/// The value at which half of the weight is reached. `values` are pairs of value and weight, and not empty.
-fn weighted_median(mut values: Vec<(f64, f64)>) -> f64 {
-    values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = values.iter().map(|(_, weight)| weight).sum::<f64>() / 2.0;
-    let mut reached = 0.0;
-    let middle = values.iter().find(|(_, weight)| {
-        reached += weight;
-        reached >= half
-    });
-    middle.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
+/// Normalised jerk of a movement; `None` where it goes nowhere. A jerk is the change of the fitted acceleration over a step,
+/// which sees as little of the noise as that does.
+fn jerk_of(movement: &Span, step_s: f64) -> Option<f64> {
+    let steps = || movement.nodes.iter().zip(&movement.nodes[1..]);
+    let jerk: f64 = steps().map(|(a, b)| (b.acceleration - a.acceleration).norm_squared()).sum::<f64>() / step_s;
+    let duration_s = (movement.nodes.len() - 1) as f64 * step_s;
+    let value = (duration_s.powi(5) / (2.0 * movement.length_mm().powi(2)) * jerk).sqrt();
+    value.is_finite().then_some(value)
 }
 
 /// Log dimensionless jerk of a speed profile at even steps. `None` for a profile that is too short, at rest, or of
@@ -134,17 +178,25 @@ fn amplitudes(speeds: &[f64], step_s: f64) -> Option<Vec<f64>> {
     let sum: f64 = speeds.iter().sum();
     let length = speeds.len().next_power_of_two() << PADDING;
     let bins = ((CUT_OFF_HZ * step_s * length as f64 + 1e-9) as usize).min(length - 1);
-    let amplitude = |bin: usize| {
-        // Goertzel's recurrence: one pass per frequency, without a table of sines.
-        let turn = 2.0 * (std::f64::consts::TAU * bin as f64 / length as f64).cos();
-        let (s1, s2) = speeds.iter().fold((0.0, 0.0), |(s1, s2), v| (v + turn * s1 - s2, s1));
-        (s1 * s1 + s2 * s2 - turn * s1 * s2).max(0.0).sqrt() / sum
+    let amplitudes = |first: usize| {
+        // Goertzel's recurrence: one pass per frequency, without a table of sines; several at a time, as none waits for another.
+        let cosine = |bin: usize| (std::f64::consts::TAU * (first + bin) as f64 / length as f64).cos();
+        let turns: [f64; ABREAST] = std::array::from_fn(|bin| 2.0 * cosine(bin));
+        let (mut s1, mut s2) = ([0.0; ABREAST], [0.0; ABREAST]);
+        for v in speeds {
+            for bin in 0..ABREAST {
+                (s1[bin], s2[bin]) = (v + turns[bin] * s1[bin] - s2[bin], s1[bin]);
+            }
+        }
+        let square = move |bin: usize| s1[bin] * s1[bin] + s2[bin] * s2[bin] - turns[bin] * s1[bin] * s2[bin];
+        (0..ABREAST).map(move |bin| square(bin).max(0.0).sqrt() / sum)
     };
-    (sum > 0.0).then(|| (0..=bins).map(amplitude).collect())
+    (sum > 0.0).then(|| (0..=bins).step_by(ABREAST).flat_map(amplitudes).take(bins + 1).collect())
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::motion::Node;
     use super::*;
 
     /// The reference implementation's example: speed exp(−5t²), t from −1 to 1 (excluded), 100 Hz.
@@ -183,8 +235,17 @@ mod tests {
     }
 
     #[test]
-    fn a_long_movement_outweighs_short_ones() {
-        assert_eq!(weighted_median(vec![(1.0, 1.0), (9.0, 10.0), (2.0, 1.0)]), 9.0);
-        assert_eq!(weighted_median(vec![(3.0, 1.0), (1.0, 1.0), (2.0, 1.0)]), 2.0);
+    fn a_minimum_jerk_stroke_has_the_least_normalised_jerk() {
+        let node = |k: u32| {
+            let u = f64::from(k) / 100.0;
+            let along = |value: f64| nalgebra::Vector3::new(value, 0.0, 0.0);
+            Node {
+                position: along(40.0 * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)).into(),
+                velocity: along(20.0 * 30.0 * (u * (1.0 - u)).powi(2)),
+                acceleration: along(10.0 * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)),
+            }
+        };
+        let stroke = Span { first: 0, nodes: (0..=100).map(node).collect() };
+        assert!((jerk_of(&stroke, 0.02).unwrap() - 360f64.sqrt()).abs() < 0.02); // 40 mm in 2 s: ∫ j² = 720 · 40² / 2⁵
     }
 }

@@ -15,13 +15,35 @@ use super::errors::NoErrorBar;
 use super::fit::{MIN_SAMPLES, NEIGHBOURS};
 use super::motion::{Interval, Node, check_enough, node_at};
 use super::path::{DEPTH_TRAVELLED, PATH_LENGTH};
-use super::speed::MEAN_VELOCITY;
-use super::time::{NOT_SEEN_SHARE, THINKING_TIME, share_below};
+use super::pauses::{LONG_PAUSES, MEDIUM_PAUSES, SHORT_PAUSES};
+use super::per_movement::{MOVEMENT_RATE, MOVEMENTS};
+use super::speed::{JITTER, MEAN_VELOCITY};
+use super::time::{IDLE_SHARE, THINKING_TIME, share_below};
+use super::view::{ABSENCES, LONGEST_ABSENCE, NOT_SEEN_SHARE};
 use super::{Feature, FeatureSettings, FeatureValue, NotEnough, Space};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
+mod moving;
+
+use moving::Moving;
+
 /// The features that can be told while a feed goes on, in the order in which people read them.
-pub static LIVE: [&Feature; 5] = [&PATH_LENGTH, &DEPTH_TRAVELLED, &MEAN_VELOCITY, &THINKING_TIME, &NOT_SEEN_SHARE];
+pub static LIVE: [&Feature; 14] = [
+    &THINKING_TIME,
+    &IDLE_SHARE,
+    &SHORT_PAUSES,
+    &MEDIUM_PAUSES,
+    &LONG_PAUSES,
+    &MEAN_VELOCITY,
+    &JITTER,
+    &PATH_LENGTH,
+    &DEPTH_TRAVELLED,
+    &MOVEMENTS,
+    &MOVEMENT_RATE,
+    &NOT_SEEN_SHARE,
+    &ABSENCES,
+    &LONGEST_ABSENCE,
+];
 
 /// Running features of some tools.
 pub struct Running {
@@ -106,6 +128,7 @@ impl Growing {
         if let Some(last_s) = self.run.back().map(|last| last.time_s) {
             self.grow(settings, last_s, true);
         }
+        self.sums.moving.end_span(settings);
         (self.length, self.next, self.before) = (0, None, None);
         self.run.clear();
         self.predicted.clear();
@@ -125,6 +148,7 @@ impl Growing {
                 break;
             }
             if let Some(node) = node_at(samples, at_s, half_s) {
+                self.sums.moving.add(instant, node.velocity.norm(), settings);
                 self.sums.add(self.before, node, instant, settings);
                 self.before = Some(node);
             }
@@ -147,21 +171,32 @@ struct Sums {
     depth_mm: f64,
     /// Of the mean speed of each step.
     speeds_mm_s: f64,
+    /// Of the mean acceleration of each step.
+    accelerations_mm_s2: f64,
     /// Shares of steps below the thinking speed.
     slow_steps: f64,
+    /// Stretches between spans, and the longest of them in steps.
+    absences: u32,
+    longest_absence: i64,
+    moving: Moving,
 }
 
 impl Sums {
     fn add(&mut self, before: Option<Node>, node: Node, instant: i64, settings: &FeatureSettings) {
         let Some(before) = before else { return }; // a span has a length only from its second node on
         let step = Interval { first: instant - 1, last: instant };
+        let missed = self.extent.map_or(0, |extent| step.first - extent.last);
+        self.absences += u32::from(missed > 0);
+        self.longest_absence = self.longest_absence.max(missed);
         self.extent = Some(self.extent.map_or(step, |extent| extent.hull(step)));
         let moved: Vector3<f64> = node.position - before.position;
         let speeds = [before, node].map(|node| node.velocity.norm());
+        let accelerations = [before, node].map(|node| node.acceleration.norm());
         self.steps += 1;
         self.length_mm += moved.norm();
         self.depth_mm += moved.z.abs();
         self.speeds_mm_s += 0.5 * (speeds[0] + speeds[1]);
+        self.accelerations_mm_s2 += 0.5 * (accelerations[0] + accelerations[1]);
         self.slow_steps += share_below(speeds[0], speeds[1], settings.thinking_speed_mm_s);
     }
 
@@ -175,108 +210,29 @@ impl Sums {
         let share = self.steps as f64 / steps as f64;
         let enough = check_enough(observed_s, share, self.length_mm, settings);
         let sum = |value: f64| enough.map(|()| value);
+        let in_view = |value: f64| if observed_s < settings.min_observed_s { sum(value) } else { Ok(value) };
+        let (seen, minutes, gone) = (self.steps as f64, observed_s / 60.0, steps - extent.steps());
+        let mut moving = self.moving;
+        moving.end_span(settings); // as if it ended now
+        let [short, medium, long] = moving.rests.map(|rests| sum(f64::from(rests) / minutes));
         [
+            sum(self.slow_steps * settings.step_s),
+            sum(moving.idle_steps as f64 / seen),
+            short,
+            medium,
+            long,
+            sum(self.speeds_mm_s / seen),
+            sum(self.accelerations_mm_s2 / seen),
             sum(self.length_mm),
             sum(self.depth_mm),
-            sum(self.speeds_mm_s / self.steps as f64),
-            sum(self.slow_steps * settings.step_s),
-            if observed_s < settings.min_observed_s { enough.map(|()| 0.0) } else { Ok(1.0 - share) },
+            sum(f64::from(moving.movements)),
+            sum(f64::from(moving.movements) / minutes),
+            in_view(1.0 - share),
+            in_view(f64::from(self.absences + u32::from(gone > 0))),
+            in_view(self.longest_absence.max(gone) as f64 * settings.step_s),
         ]
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use nalgebra::Point3;
-    use proptest::prelude::*;
-
-    use super::*;
-    use crate::pipeline::features;
-    use crate::pipeline::features::motion::Motion;
-
-    /// A path with uneven frames, each observed or not: a hand that circles, and rests now and then.
-    fn path(steps_s: &[f64], seen: &[bool]) -> Vec<Sample> {
-        let mut time_s = 0.0;
-        let frames = steps_s.iter().zip(seen).enumerate();
-        let samples = frames.map(|(frame, (step_s, seen))| {
-            time_s += step_s;
-            let moving_s = if time_s % 4.0 < 3.0 { time_s } else { time_s - time_s % 4.0 + 3.0 };
-            let at = |t: f64| Vector3::new(20.0 * t.cos(), 20.0 * (1.3 * t).sin(), 150.0 + 9.0 * (0.7 * t).sin());
-            Sample {
-                frame: frame as u64,
-                time_s,
-                tool: 0,
-                tip_mm: Point3::from(at(moving_s)),
-                velocity_mm_s: Some((at(moving_s + 1e-4) - at(moving_s)) * 1e4),
-                axis: None,
-                tip_px: None,
-                sigma_xy_mm: None,
-                sigma_z_mm: None,
-                state: if *seen { SampleState::Observed } else { SampleState::Predicted },
-            }
-        });
-        samples.collect()
-    }
-
-    proptest! {
-        #[test]
-        fn sums_over_a_feed_are_those_over_the_whole_path(
-            steps_s in prop::collection::vec(0.015f64..0.06, 60..300),
-            lost in prop::collection::vec((0usize..300, 1usize..14), 0..5),
-        ) {
-            let mut seen = vec![true; steps_s.len()];
-            for (first, length) in lost {
-                let first = first.min(seen.len());
-                let end = (first + length).min(seen.len());
-                seen[first..end].fill(false);
-            }
-            let samples = path(&steps_s, &seen);
-            let settings = FeatureSettings::default();
-            let mut running = Running::new(1, settings.clone());
-            samples.iter().for_each(|sample| running.take(sample));
-            running.end();
-            let motion = Motion::of_samples(&samples, &settings);
-            let whole = features::measure(&[motion], &settings, |feature| LIVE.contains(&feature));
-            for live in running.values() {
-                let batch = whole.iter().find(|v| v.feature == live.feature && v.space == live.space).unwrap();
-                match (live.value, batch.value) {
-                    (Ok(live), Ok(batch)) => prop_assert!((live - batch).abs() <= 1e-9 * (1.0 + batch.abs())),
-                    (live, batch) => prop_assert_eq!(live.is_err(), batch.is_err(), "{:?} {:?}", live, batch),
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_tool_that_is_gone_is_not_seen_for_longer_and_longer() {
-        let samples = path(&[0.04; 100], &[true; 100]);
-        let mut running = Running::new(1, FeatureSettings::default());
-        samples.iter().for_each(|sample| running.take(sample));
-        let not_seen =
-            |running: &Running| running.values().into_iter().find(|v| v.feature == &NOT_SEEN_SHARE).unwrap().value;
-        running.pass(4.1);
-        assert!(not_seen(&running).unwrap() < 0.03, "{:?}", not_seen(&running));
-        running.pass(8.25);
-        assert!((not_seen(&running).unwrap() - 0.5).abs() < 0.03, "{:?}", not_seen(&running));
-    }
-
-    #[test]
-    fn a_feed_of_an_hour_keeps_no_more_than_a_moment_of_it() {
-        let samples = path(&vec![0.04; 3000], &vec![true; 3000]);
-        let mut running = Running::new(1, FeatureSettings::default());
-        for sample in &samples {
-            running.take(sample);
-            assert!(running.tools[0].run.len() < 40, "{}", running.tools[0].run.len());
-        }
-    }
-
-    #[test]
-    fn too_little_is_said_to_be_so() {
-        let samples = path(&[0.04; 20], &[true; 20]);
-        let mut running = Running::new(2, FeatureSettings::default());
-        samples.iter().for_each(|sample| running.take(sample));
-        let values = running.values();
-        assert_eq!(values.len(), 2 * LIVE.len());
-        assert!(values.iter().all(|value| value.value.is_err()), "{values:?}");
-    }
-}
+mod tests;

@@ -26,6 +26,8 @@ pub struct FeatureSettings {
     pub thinking_speed_mm_s: f64,
     /// Shortest rest between movements that counts as idle, s. Shorter ones are turning points, not pauses.
     pub pause_min_s: f64,
+    /// Shortest rest that is time lost rather than a look, s (AIMotion's tiers: 1 and 3).
+    pub long_pause_s: f64,
     /// Spacing of the points along the path from which T 4.38's smoothness is taken, mm. The value depends on it
     /// strongly, so it is fixed: a smaller step sees more of the noise.
     pub smoothness_step_mm: f64,
@@ -51,6 +53,7 @@ impl Default for FeatureSettings {
             movement_min_s: 0.2,
             thinking_speed_mm_s: 5.0,
             pause_min_s: 1.0,
+            long_pause_s: 3.0,
             smoothness_step_mm: 1.0,
             longest_movement_s: 10.0,
             min_short_share: 0.5,
@@ -68,6 +71,7 @@ impl FeatureSettings {
             ("movement_min_s", self.movement_min_s),
             ("thinking_speed_mm_s", self.thinking_speed_mm_s),
             ("pause_min_s", self.pause_min_s),
+            ("long_pause_s", self.long_pause_s),
             ("longest_movement_s", self.longest_movement_s),
         ];
         let bad = positive.into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)).map(|(name, _)| name);

@@ -7,12 +7,13 @@ use nalgebra::Point3;
 
 use super::motion::{Motion, Span};
 use super::movement::movements;
-use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
 
 /// How crooked.
 pub const SMOOTHNESS: Feature = Feature {
     name: "smoothness",
     title: "Smoothness",
+    family: Family::Smoothness,
     unit: "1/mm²",
     direction: Direction::Lower,
     description: "Sum over all movements, on points of their path 1 mm apart, of the squared turn per length: (2·(π − angle) \

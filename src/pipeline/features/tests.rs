@@ -1,9 +1,11 @@
 //! Whole features against closed forms and laws, through [`assess`] as everyone calls it; and the paths that they share.
 
+mod about_trocar;
 mod closed_forms;
 mod errors;
 mod laws;
 mod not_enough;
+mod view;
 
 use std::f64::consts::{PI, TAU};
 
@@ -46,7 +48,7 @@ fn record(times: &[f64], paths: &[&Path<'_>]) -> Trajectory {
 }
 
 fn score(trajectory: &Trajectory) -> Assessment {
-    assess(trajectory, &AssessmentSettings::default())
+    assess(trajectory, &[], &AssessmentSettings::default())
 }
 
 fn get(assessment: &Assessment, name: &str, tool: Option<usize>, space: Space) -> Result<f64, NotEnough> {

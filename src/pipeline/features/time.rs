@@ -1,13 +1,14 @@
-//! Features of time: how long, how much of it at rest, how much of it unseen.
+//! Features of time: how long, and how much of it at rest.
 
-use super::motion::{Motion, Span};
-use super::movement::{extent, movements_of_span};
-use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+use super::motion::{Interval, Motion};
+use super::movement::{extent, rests};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
 /// From first to last movement.
 pub const DURATION: Feature = Feature {
     name: "duration",
     title: "Duration",
+    family: Family::Time,
     unit: "s",
     direction: Direction::Lower,
     description: "Time from the start of the first movement to the end of the last, of the tool or, for the session, of \
@@ -24,6 +25,7 @@ pub const DURATION: Feature = Feature {
 pub const THINKING_TIME: Feature = Feature {
     name: "thinking_time",
     title: "Thinking time",
+    family: Family::Time,
     unit: "s",
     direction: Direction::Lower,
     description: "Time during the task in which the tool is seen and its speed is below 5 mm/s.",
@@ -38,6 +40,7 @@ pub const THINKING_TIME: Feature = Feature {
 pub const IDLE_SHARE: Feature = Feature {
     name: "idle_share",
     title: "Idle share",
+    family: Family::Time,
     unit: "1",
     direction: Direction::Lower,
     description: "Share of the seen time of the task that lies in rests of at least 1 s between movements.",
@@ -46,21 +49,6 @@ pub const IDLE_SHARE: Feature = Feature {
     spaces: THREE_D,
     windowed: true,
     measures: &[Measure::Tool(idle_share)],
-};
-
-/// Neither observed nor bridged.
-pub const NOT_SEEN_SHARE: Feature = Feature {
-    name: "not_seen_share",
-    title: "Share not seen",
-    unit: "1",
-    direction: Direction::Lower,
-    description: "Share of the task in which the tool was neither observed nor in a gap of at most 0.25 s between two \
-                  observations: out of view, hidden, or lost by the tracker.",
-    source: "SurgTrac's time off-screen",
-    range: (0.0, 1.0),
-    spaces: THREE_D,
-    windowed: true,
-    measures: &[Measure::Tool(not_seen_share)],
 };
 
 fn task_duration(motions: &[Motion], settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -97,25 +85,9 @@ pub(super) fn share_below(a: f64, b: f64, threshold: f64) -> f64 {
 
 fn idle_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
-    let idle_steps: i64 = motion.spans.iter().map(|span| idle_steps(span, settings)).sum();
-    Ok(idle_steps as f64 / motion.steps().count() as f64)
-}
-
-/// Steps of a span that lie in long enough rests: before, between and after its movements.
-fn idle_steps(span: &Span, settings: &FeatureSettings) -> i64 {
-    let movements = movements_of_span(span, settings);
-    let starts = movements.iter().map(|m| m.first).chain([span.last()]);
-    let ends = [span.first].into_iter().chain(movements.iter().map(|m| m.last()));
-    let rests = ends.zip(starts).map(|(rest_from, rest_until)| rest_until - rest_from);
-    rests.filter(|steps| *steps as f64 * settings.step_s >= settings.pause_min_s - 1e-9).sum()
-}
-
-fn not_seen_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let task_s = motion.interval.steps() as f64 * motion.step_s;
-    if task_s < settings.min_observed_s {
-        return Err(NotEnough::TooShort { observed_s: task_s, needed_s: settings.min_observed_s });
-    }
-    Ok(1.0 - motion.seen_share())
+    let idle =
+        rests(motion, settings).filter(|rest| rest.steps() as f64 * motion.step_s >= settings.pause_min_s - 1e-9);
+    Ok(idle.map(Interval::steps).sum::<i64>() as f64 / motion.observed_steps() as f64)
 }
 
 #[cfg(test)]

@@ -2,29 +2,16 @@
 
 use std::ops::RangeInclusive;
 
-use super::motion::{Motion, Node, Span};
+use super::motion::{Interval, Motion, Node, Span};
 use super::movement::movements;
 use super::path::path_length;
-use super::{BOTH, Direction, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
-
-/// How far apart.
-pub const TIP_DISTANCE: Feature = Feature {
-    name: "tip_distance",
-    title: "Distance between the tips",
-    unit: "mm",
-    direction: Direction::Neither,
-    description: "Mean distance between the two tips while both are seen.",
-    source: "SurgTrac",
-    range: (0.0, 20_000.0),
-    spaces: BOTH,
-    windowed: true,
-    measures: &[Measure::Pair(tip_distance)],
-};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
 /// Do they speed up and slow down together?
 pub const SYNCHRONY: Feature = Feature {
     name: "synchrony",
     title: "Synchrony of the hands",
+    family: Family::TwoHands,
     unit: "1",
     direction: Direction::Higher,
     description: "Pearson's correlation of the two tips' speeds at the instants at which both are seen.",
@@ -39,6 +26,7 @@ pub const SYNCHRONY: Feature = Feature {
 pub const TOGETHER_SHARE: Feature = Feature {
     name: "together_share",
     title: "Share of moving together",
+    family: Family::TwoHands,
     unit: "1",
     direction: Direction::Higher,
     description: "Of the time at which both tools are seen and at least one is in a movement, the share in which both are.",
@@ -49,10 +37,48 @@ pub const TOGETHER_SHARE: Feature = Feature {
     measures: &[Measure::Pair(together_share)],
 };
 
+/// Does one work alone?
+pub const ONE_HAND_SHARE: Feature = Feature {
+    name: "one_hand_share",
+    title: "Share of one hand alone",
+    direction: Direction::Neither,
+    description: "Of the time at which both tools are seen, the share in which one is in a movement and the other is not.",
+    measures: &[Measure::Pair(|a, b, settings| Ok(Together::of(a, b, settings)?.share(|together| together.one)))],
+    ..TOGETHER_SHARE
+};
+
+/// Do both rest?
+pub const NEITHER_SHARE: Feature = Feature {
+    name: "neither_share",
+    title: "Share of both at rest",
+    direction: Direction::Lower,
+    description: "Of the time at which both tools are seen, the share in which neither is in a movement.",
+    source: "AIMotion (idle time of both hands); D'Angelo 2016",
+    measures: &[Measure::Pair(|a, b, settings| Ok(Together::of(a, b, settings)?.share(|together| together.neither)))],
+    ..TOGETHER_SHARE
+};
+
+/// How alike are they in speed?
+pub const SPEED_BALANCE: Feature = Feature {
+    name: "speed_balance",
+    title: "Balance of the speeds",
+    family: Family::TwoHands,
+    unit: "1",
+    direction: Direction::Higher,
+    description: "Mean of the slower tip's speed divided by the faster one's, over the instants at which both tools are seen and \
+                  at least one is in a movement.",
+    source: "AIMotion (speed balance), without the instants at which it would compare noise with noise",
+    range: (0.0, 1.0),
+    spaces: BOTH,
+    windowed: false,
+    measures: &[Measure::Pair(speed_balance)],
+};
+
 /// Which of them does the work?
 pub const HANDEDNESS: Feature = Feature {
     name: "handedness",
     title: "Share of the work",
+    family: Family::TwoHands,
     unit: "1",
     direction: Direction::Neither,
     description: "This tool's share of both tools' path length; 0.5 is balance, and at most 0.65 for either is SurgTrac's \
@@ -64,10 +90,15 @@ pub const HANDEDNESS: Feature = Feature {
     measures: &[Measure::EachOfPair(handedness)],
 };
 
-fn tip_distance(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    let both = common(a, b, settings)?;
-    Ok(both.iter().map(|(a, b)| (a.position - b.position).norm()).sum::<f64>() / both.len() as f64)
-}
+/// Which of them is at work for longer?
+pub const HANDEDNESS_IN_TIME: Feature = Feature {
+    name: "handedness_in_time",
+    title: "Share of the moving time",
+    description: "This tool's share of both tools' time in movements; 0.5 is balance.",
+    spaces: THREE_D,
+    measures: &[Measure::EachOfPair(handedness_in_time)],
+    ..HANDEDNESS
+};
 
 fn synchrony(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let both = common(a, b, settings)?;
@@ -89,19 +120,77 @@ fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
 }
 
 fn together_share(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
-    common(a, b, settings)?;
-    let [of_a, of_b] = [a, b].map(|motion| movements(motion, settings));
-    let moving = |movements: &[Span], instant: i64| {
-        let next = movements.partition_point(|m| m.last() < instant);
-        movements.get(next).is_some_and(|m| m.first <= instant)
-    };
-    let (mut any, mut all) = (0_u32, 0_u32);
-    for instant in overlaps(a, b).flat_map(|(_, _, instants)| instants) {
-        let (a, b) = (moving(&of_a, instant), moving(&of_b, instant));
-        any += u32::from(a || b);
-        all += u32::from(a && b);
+    let Together { both, one, .. } = Together::of(a, b, settings)?;
+    if both + one == 0 { Err(NotEnough::NoMovement) } else { Ok(both as f64 / (both + one) as f64) }
+}
+
+/// At how many instants both hands, one or neither is in a movement, of those at which both are seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Together {
+    both: usize,
+    one: usize,
+    neither: usize,
+}
+
+impl Together {
+    fn of(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<Self, NotEnough> {
+        let seen = common(a, b, settings)?.len();
+        let steps = |movements: &[Span]| movements.iter().map(Span::interval).collect::<Vec<_>>();
+        let [of_a, of_b] = [a, b].map(|motion| steps(movements(motion, settings)));
+        let both = instants(&shared(&of_a, &of_b));
+        let within = |movements: &[Interval], other: &Motion| {
+            instants(&shared(movements, &other.spans.iter().map(Span::interval).collect::<Vec<_>>()))
+        };
+        let one = within(&of_a, b) + within(&of_b, a) - 2 * both;
+        Ok(Self { both, one, neither: seen - both - one })
     }
-    if any == 0 { Err(NotEnough::NoMovement) } else { Ok(f64::from(all) / f64::from(any)) }
+
+    fn share(self, part: impl Fn(Self) -> usize) -> f64 {
+        part(self) as f64 / (self.both + self.one + self.neither) as f64 // never 0: enough was seen
+    }
+}
+
+/// What two rows of intervals, each in time order, have in common.
+fn shared(a: &[Interval], b: &[Interval]) -> Vec<Interval> {
+    let (mut a, mut b, mut shared) = (a.iter().peekable(), b.iter().peekable(), Vec::new());
+    while let (Some(one), Some(other)) = (a.peek(), b.peek()) {
+        let part = Interval { first: one.first.max(other.first), last: one.last.min(other.last) };
+        if part.first <= part.last {
+            shared.push(part);
+        }
+        if one.last < other.last {
+            a.next()
+        } else {
+            b.next()
+        };
+    }
+    shared
+}
+
+/// How many instants intervals hold, both ends included.
+fn instants(intervals: &[Interval]) -> usize {
+    intervals.iter().map(|interval| interval.steps() as usize + 1).sum()
+}
+
+fn speed_balance(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    common(a, b, settings)?;
+    let mut ratios = Vec::new();
+    let [of_a, of_b] = [a, b].map(|motion| movements(motion, settings));
+    for (span_a, span_b, instants) in overlaps(a, b) {
+        for instant in instants {
+            if is_moving(of_a, instant) || is_moving(of_b, instant) {
+                let [one, other] = [at(span_a, instant), at(span_b, instant)].map(|node| node.velocity.norm());
+                ratios.push(one.min(other) / one.max(other));
+            }
+        }
+    }
+    let count = ratios.len() as f64;
+    if ratios.is_empty() { Err(NotEnough::NoMovement) } else { Ok(ratios.iter().sum::<f64>() / count) }
+}
+
+fn is_moving(movements: &[Span], instant: i64) -> bool {
+    let next = movements.partition_point(|movement| movement.last() < instant);
+    movements.get(next).is_some_and(|movement| movement.first <= instant)
 }
 
 fn handedness(own: &Motion, other: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -111,8 +200,16 @@ fn handedness(own: &Motion, other: &Motion, settings: &FeatureSettings) -> Resul
     if sum < settings.smoothness_step_mm { Err(NotEnough::NoMovement) } else { Ok(own_mm / sum) }
 }
 
+fn handedness_in_time(own: &Motion, other: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    own.check_enough(settings)?;
+    other.check_enough(settings).map_err(|_| NotEnough::OtherTool)?;
+    let moving = |motion: &Motion| movements(motion, settings).iter().map(|m| m.interval().steps()).sum::<i64>();
+    let (own, sum) = (moving(own), moving(own) + moving(other));
+    if sum == 0 { Err(NotEnough::NoMovement) } else { Ok(own as f64 / sum as f64) }
+}
+
 /// The nodes of both tools at the instants at which both are seen, if these are enough.
-fn common<'a>(
+pub(super) fn common<'a>(
     a: &'a Motion,
     b: &'a Motion,
     settings: &FeatureSettings,

@@ -10,6 +10,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 use trocar::domain::feed::record::{Body, Record};
+use trocar::pipeline::features::running::LIVE;
 
 use super::scene::{SIZE, Scene, causal_path, furnish};
 use super::sender::{Heard, Sender, hello, open};
@@ -166,7 +167,7 @@ async fn what_is_told_live_is_what_the_causal_tracker_says_and_the_score_is_that
 
     let sent = done(&centre.instructor, &id).await;
     let kept = sent["live_features"].as_array().unwrap();
-    assert_eq!(kept.len(), 2 * 5, "{kept:?}");
+    assert_eq!(kept.len(), 2 * LIVE.len(), "{kept:?}");
     assert_eq!(kept.len(), features.as_array().unwrap().len());
     let clip = std::fs::read(scene.file("clip.mp4")).unwrap();
     let uploaded = session(&centre.administrator, "bob", clip).await;

@@ -13,6 +13,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
 use trocar::media::{Limits, VideoFile};
+use trocar::pipeline::features::running::LIVE;
 use trocar::settings::Settings;
 
 use super::live::{Watcher, done};
@@ -154,7 +155,7 @@ async fn a_pushed_stream_is_tracked_as_it_comes_and_becomes_the_clip_that_it_is(
         assert_eq!(read(answer, StatusCode::CREATED).await, json!({"id": id}), "an agent sees no more of it");
         assert_eq!(place.unwrap(), format!("/api/v1/sessions/{id}"));
         let pushed = done(&centre.instructor, &id).await;
-        assert_eq!(pushed["live_features"].as_array().unwrap().len(), 2 * 5);
+        assert_eq!(pushed["live_features"].as_array().unwrap().len(), 2 * LIVE.len());
         let shown = shown(&centre.instructor, &id).await;
         assert!(shown.len() == clip.len() && are_of(&shown, &clip), "{container}: {shown:?}");
         if container == "mpegts" {

@@ -36,6 +36,28 @@ fn a_resting_tool_is_idle_and_its_path_is_none_within_its_error() {
 }
 
 #[test]
+fn nothing_is_told_of_how_a_resting_tool_moves() {
+    let rest = score(&seen(&times(25.0, 40.0), &|_| Point3::new(20.0, -10.0, 0.0), 3));
+    for name in [
+        "median_curvature",
+        "peak_curvature",
+        "normalised_jerk",
+        "tremor_share",
+        "motion_frequency",
+        "path_ratio",
+        "log_dimensionless_jerk",
+    ] {
+        let space = find(name).unwrap().spaces[0];
+        assert_eq!(get(&rest, name, Some(0), space), Err(NotEnough::NoMovement), "{name}");
+    }
+    let none = ["submovements", "movements", "movement_rate", "short_pauses", "medium_pauses", "absences"];
+    assert_eq!(none.map(|name| of_first(&rest, name)), [0.0; 6]);
+    assert_eq!(of_first(&rest, "long_pause_share"), 1.0);
+    assert_eq!(bar(&rest, "median_velocity").low, 0.0);
+    assert!(of_first(&rest, "spread") < DEPTH_MM);
+}
+
+#[test]
 fn the_true_value_lies_within_the_bar_in_about_95_of_100_sessions() {
     let path = square(0.3);
     let truth = score(&record(&times(25.0, 40.0), &[&|t| path(t) + nalgebra::Vector3::new(0.0, 0.0, 200.0)]));
@@ -43,7 +65,9 @@ fn the_true_value_lies_within_the_bar_in_about_95_of_100_sessions() {
     for seed in 0..12 {
         let found = score(&seen(&times(25.0, 40.0), &path, seed));
         for (found, truth) in found.features.iter().zip(&truth.features) {
-            if let (Ok(bar), Ok(value)) = (found.error, truth.value) {
+            if let (Ok(bar), Ok(value)) = (found.error, truth.value)
+                && bar.sigma > 0.0
+            {
                 all += 1;
                 inside += usize::from((bar.low..=bar.high).contains(&value));
             }
@@ -66,7 +90,7 @@ fn frame_rate_and_lost_frames_change_no_value_beyond_its_error() {
                 beyond += usize::from((a - b).abs() > 2.04 * bar_a.sigma.hypot(bar_b.sigma));
             }
         }
-        assert!(beyond <= 2, "{beyond} of {}", often.features.len());
+        assert!(beyond <= often.features.len() / 20, "{beyond} of {}", often.features.len());
     }
 }
 

@@ -32,8 +32,13 @@ fn pairs<'a>(a: &'a Assessment, b: &'a Assessment) -> impl Iterator<Item = (&'st
 fn same_performance(name: &str, a: f64, b: f64) -> bool {
     let (absolute, relative) = match name {
         "log_dimensionless_jerk" | "spectral_arc_length" => (0.15, 0.0),
-        "idle_share" | "not_seen_share" | "together_share" | "handedness" | "synchrony" => (0.01, 0.0),
-        "movements" => (1.0, 0.0),
+        _ if name.ends_with("share") || name.starts_with("handedness") => (0.01, 0.0),
+        "synchrony" | "speed_balance" => (0.01, 0.0),
+        "movements" | "submovements" => (1.0, 0.0),
+        _ if name.ends_with("pauses") || name == "movement_rate" => (60.0 / 72.0 + 1e-9, 0.0), // one more or less
+        "median_curvature" | "normalised_jerk" => (1e-6, 0.05),
+        "peak_curvature" => (1e-6, 0.1),
+        "motion_frequency" => (0.05, 0.02),
         "thinking_time" => (0.15, 0.02),
         "jitter" | "relative_jitter" => (1e-6, 0.05),
         "smoothness" => (1e-6, 0.1), // a square of a turn
@@ -82,7 +87,7 @@ fn moved(trajectory: &Trajectory, change: impl Fn(&mut Sample)) -> Trajectory {
 }
 
 /// Features that do not ask where the camera is.
-const RIGID: [&str; 12] = [
+const RIGID: [&str; 20] = [
     "duration",
     "thinking_time",
     "idle_share",
@@ -95,10 +100,47 @@ const RIGID: [&str; 12] = [
     "working_volume",
     "log_dimensionless_jerk",
     "spectral_arc_length",
+    "short_pauses",
+    "medium_pause_share",
+    "median_velocity",
+    "spread",
+    "movement_rate",
+    "submovements",
+    "path_ratio",
+    "absences",
+];
+
+/// Features of the picture that do not ask which way is up in it.
+const PLANAR: [&str; 8] = [
+    "path_length",
+    "working_area",
+    "spread",
+    "median_curvature",
+    "peak_curvature",
+    "normalised_jerk",
+    "tremor_share",
+    "motion_frequency",
 ];
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn turning_and_shifting_the_picture_changes_nothing_that_is_seen_in_it(
+        seed in prop::array::uniform4(0.5f64..2.0),
+        turn in -3.0f64..3.0,
+        shift in prop::array::uniform3(-300.0f64..300.0),
+    ) {
+        let path = record(&times(25.0, 30.0), &[&wander(seed)]);
+        let pose = Isometry3::new(Vector3::from(shift), Vector3::new(0.0, 0.0, turn));
+        let (a, b) = (score(&path), score(&moved(&path, |s| s.tip_mm = pose * s.tip_mm)));
+        for name in PLANAR {
+            match (get(&a, name, Some(0), Space::Image), get(&b, name, Some(0), Space::Image)) {
+                (Ok(a), Ok(b)) => prop_assert!((a - b).abs() <= 1e-5 * (1.0 + a.abs()), "{name}: {a} {b}"),
+                (a, b) => prop_assert_eq!(a.is_ok(), b.is_ok(), "{}", name),
+            }
+        }
+    }
 
     #[test]
     fn turning_and_shifting_the_path_changes_no_length_time_or_smoothness(
@@ -128,9 +170,25 @@ proptest! {
             let tolerance = match name {
                 "smoothness" => 0.03, // its points are laid from the path's other end
                 "working_area" | "working_volume" => 1e-4, // its lattice
+                "tremor_share" | "motion_frequency" => 1e-2, // its stretches lie half a step aside
                 _ => 1e-6,
             };
             prop_assert!((a - b).abs() <= tolerance * (1.0 + a.abs()), "{name}: {a} {b}");
+        }
+    }
+
+    #[test]
+    fn a_mirrored_pair_of_hands_has_mirrored_features(seed in prop::array::uniform4(0.5f64..2.0)) {
+        let (left, right) = (wander(seed), square(0.3));
+        let mirrored = |p: Point3<f64>| Point3::new(-p.x, p.y, p.z);
+        let pair = score(&record(&times(25.0, 30.0), &[&left, &right]));
+        let mirror = score(&record(&times(25.0, 30.0), &[&|t| mirrored(right(t)), &|t| mirrored(left(t))]));
+        for v in &pair.features {
+            let other = get(&mirror, v.feature.name, v.tool.map(|tool| 1 - tool), v.space);
+            match (v.value, other) {
+                (Ok(a), Ok(b)) => prop_assert!((a - b).abs() <= 1e-6 * (1.0 + a.abs()), "{}: {a} {b}", v.feature.name),
+                (a, b) => prop_assert_eq!(a.is_ok(), b.is_ok(), "{}", v.feature.name),
+            }
         }
     }
 
@@ -146,11 +204,12 @@ proptest! {
         scaled.features.movement_speed_mm_s *= k;
         scaled.features.thinking_speed_mm_s *= k;
         scaled.features.smoothness_step_mm *= k;
-        for (name, a, b) in pairs(&assess(&path, &settings), &assess(&large, &scaled)) {
+        for (name, a, b) in pairs(&assess(&path, &[], &settings), &assess(&large, &[], &scaled)) {
             let power = match find(name).unwrap().unit {
                 "mm" | "mm/s" | "mm/s²" => 1,
                 "mm²" => 2,
                 "mm³" => 3,
+                "1/mm" => -1,
                 "1/mm²" => -2,
                 _ => 0,
             };

@@ -93,7 +93,7 @@ fn a_path_that_no_hand_can_make_is_withheld() {
 fn a_setting_that_cannot_be_used_is_named() {
     let mut settings = AssessmentSettings::default();
     settings.features.step_s = 0.0;
-    let got = assess(&record(&times(25.0, 40.0), &[&square(0.0)]), &settings);
+    let got = assess(&record(&times(25.0, 40.0), &[&square(0.0)]), &[], &settings);
     let of_one = got.features.iter().filter(|v| !matches!(v.value, Err(NotEnough::NotTwoTools { .. })));
     of_one.for_each(|v| assert_eq!(v.value, Err(NotEnough::UnusableSetting("step_s"))));
 }

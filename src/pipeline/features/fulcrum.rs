@@ -1,0 +1,99 @@
+//! Where a tool passes through the box's wall, as its path tells.
+//!
+//! **In:** a tool's samples with the axis of its shaft. **Out:** the point that all axes pass through, camera frame, mm.
+//! **Method:** the point nearest to all axes ([`nearest_point`]); the tracker states the axis from the trocar to the tip where it
+//! knows the trocar, so that this is then the tracker's own. What is measured about it takes it as it is: that it may be off by
+//! millimetres, over a lever of decimetres, is in no error bar. **Gives up** where no axes are stated, where they turn
+//! too little to meet in one place, or where it would lie at the tip or before it.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use crate::pipeline::pose::fulcrum::{PLAY_MM, WELL_KNOWN_MM, nearest_point};
+use crate::pipeline::trajectory::{Sample, SampleState};
+
+/// Axes that err alike for so long count as one, s: what lies behind the tape changes as slowly.
+const ALIKE_S: f64 = 1.0;
+
+/// Nearest to a tip that a trocar can be, mm: behind the band and a piece of shaft.
+const NEAREST_MM: f64 = 20.0;
+
+/// How far beside it the axes may pass, root mean square, mm: beyond that the tool does not turn about a point.
+const PASSES_MM: f64 = 5.0;
+
+/// The trocar of one tool, if its axes tell where it is, to [`WELL_KNOWN_MM`].
+pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {
+    let observed = samples.iter().filter(|sample| sample.state == SampleState::Observed);
+    let lines: Vec<(Point3<f64>, Vector3<f64>)> =
+        observed.filter_map(|sample| Some((sample.tip_mm, sample.axis?.try_normalize(1e-9)?))).collect();
+    let at = nearest_point(lines.iter().copied())?;
+    let seen_s = samples.last()?.time_s - samples.first()?.time_s;
+    let behind_mm = lines.iter().map(|(tip, axis)| (tip - at).dot(axis)).sum::<f64>() / lines.len() as f64;
+    (behind_mm > NEAREST_MM && is_well_known(&lines, at, (seen_s / ALIKE_S).max(1.0))).then_some(at)
+}
+
+/// Is the point surely where it seems to be? Axes tell little of it along themselves unless they turn.
+fn is_well_known(lines: &[(Point3<f64>, Vector3<f64>)], at: Point3<f64>, independent: f64) -> bool {
+    let across = |axis: &Vector3<f64>| Matrix3::identity() - axis * axis.transpose();
+    let count = lines.len() as f64;
+    let missed = lines.iter().map(|(tip, axis)| (across(axis) * (tip - at)).norm_squared()).sum::<f64>() / count;
+    let least = 2.0 * PLAY_MM * PLAY_MM; // axes that were made to meet do not tell how surely
+    let information =
+        lines.iter().map(|(_, axis)| across(axis)).sum::<Matrix3<f64>>() * (independent.min(count) / count);
+    let largest = information
+        .symmetric_eigenvalues()
+        .iter()
+        .map(|known| 0.5 * missed.max(least) / known.max(f64::MIN_POSITIVE))
+        .fold(0.0, f64::max);
+    missed <= PASSES_MM * PASSES_MM && largest <= WELL_KNOWN_MM * WELL_KNOWN_MM
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRUE: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
+
+    /// A tip that wanders over so many millimetres, with axes that are off by `off` of their length.
+    fn path(wander_mm: f64, off: f64) -> Vec<Sample> {
+        let sample = |k: u32| {
+            let t = f64::from(k) * 0.04;
+            let tip = Point3::new(
+                -20.0 + wander_mm * t.sin(),
+                -5.0 + wander_mm * t.cos(),
+                190.0 + 0.4 * wander_mm * (1.3 * t).sin(),
+            );
+            let error = Vector3::new((7.1 * t).sin(), (5.3 * t).cos(), (9.7 * t).sin()) * off;
+            Sample {
+                frame: u64::from(k),
+                time_s: t,
+                tool: 0,
+                tip_mm: tip,
+                velocity_mm_s: None,
+                axis: Some((tip - TRUE).normalize() + error),
+                tip_px: None,
+                sigma_xy_mm: None,
+                sigma_z_mm: None,
+                state: SampleState::Observed,
+            }
+        };
+        (0..1000).map(sample).collect()
+    }
+
+    #[test]
+    fn axes_that_turn_meet_in_the_trocar() {
+        assert!((find(&path(30.0, 0.0)).unwrap() - TRUE).norm() < 1e-6);
+        assert!((find(&path(30.0, 0.005)).unwrap() - TRUE).norm() < WELL_KNOWN_MM);
+    }
+
+    #[test]
+    fn where_axes_do_not_turn_or_point_elsewhere_no_trocar_is_known() {
+        assert_eq!(find(&path(0.5, 0.005)), None);
+        assert_eq!(find(&path(30.0, 0.1)), None);
+        let mut ahead = path(30.0, 0.0);
+        ahead.iter_mut().for_each(|sample| sample.axis = sample.axis.map(|axis| -axis));
+        assert_eq!(find(&ahead), None);
+        let mut without = path(30.0, 0.0);
+        without.iter_mut().for_each(|sample| sample.axis = None);
+        assert_eq!(find(&without), None);
+    }
+}

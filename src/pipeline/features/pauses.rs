@@ -1,0 +1,119 @@
+//! Features of pauses, by their length: a look, a thought, or lost time.
+//!
+//! A pause is a rest between two movements, or between a movement and where the tool was not seen. All of a rest counts as
+//! the one tier that its length puts it in.
+
+use super::motion::{Interval, Motion};
+use super::movement::rests;
+use super::{Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+
+/// How often it stops for a moment.
+pub const SHORT_PAUSES: Feature = Feature {
+    name: "short_pauses",
+    title: "Pauses below 1 s",
+    description: "Rests of less than 1 s between movements, per minute of the seen time of the task.",
+    measures: &[Measure::Tool(|motion, settings| often(motion, settings, Tier::Short))],
+    ..OFTEN
+};
+
+/// How often it stops for a look.
+pub const MEDIUM_PAUSES: Feature = Feature {
+    name: "medium_pauses",
+    title: "Pauses of 1 to 3 s",
+    description: "Rests of at least 1 s and less than 3 s between movements, per minute of the seen time of the task.",
+    measures: &[Measure::Tool(|motion, settings| often(motion, settings, Tier::Medium))],
+    ..OFTEN
+};
+
+/// How often it stops for long.
+pub const LONG_PAUSES: Feature = Feature {
+    name: "long_pauses",
+    title: "Pauses of 3 s and more",
+    description: "Rests of at least 3 s between movements, per minute of the seen time of the task.",
+    measures: &[Measure::Tool(|motion, settings| often(motion, settings, Tier::Long))],
+    ..OFTEN
+};
+
+/// How much time goes in moments.
+pub const SHORT_PAUSE_SHARE: Feature = Feature {
+    name: "short_pause_share",
+    title: "Share in pauses below 1 s",
+    description: "Share of the seen time of the task that lies in rests of less than 1 s between movements.",
+    measures: &[Measure::Tool(|motion, settings| share(motion, settings, Tier::Short))],
+    ..SHARE
+};
+
+/// How much time goes in looks.
+pub const MEDIUM_PAUSE_SHARE: Feature = Feature {
+    name: "medium_pause_share",
+    title: "Share in pauses of 1 to 3 s",
+    description: "Share of the seen time of the task that lies in rests of at least 1 s and less than 3 s between \
+                  movements.",
+    measures: &[Measure::Tool(|motion, settings| share(motion, settings, Tier::Medium))],
+    ..SHARE
+};
+
+/// How much time goes in long pauses.
+pub const LONG_PAUSE_SHARE: Feature = Feature {
+    name: "long_pause_share",
+    title: "Share in pauses of 3 s and more",
+    description: "Share of the seen time of the task that lies in rests of at least 3 s between movements.",
+    measures: &[Measure::Tool(|motion, settings| share(motion, settings, Tier::Long))],
+    ..SHARE
+};
+
+/// What is told of a tier as a rate.
+const OFTEN: Feature = Feature {
+    name: "",
+    title: "",
+    family: Family::Time,
+    unit: "1/min",
+    direction: Direction::Lower,
+    description: "",
+    source: "AIMotion (micro-pause, check, lost time), per hand; counted by D'Angelo 2016",
+    range: (0.0, 600.0),
+    spaces: THREE_D,
+    windowed: false,
+    measures: &[],
+};
+
+/// What is told of a tier as a share.
+const SHARE: Feature = Feature { unit: "1", range: (0.0, 1.0), ..OFTEN };
+
+/// How long a rest is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Tier {
+    /// A turning point, or a moment's stop.
+    Short,
+    /// A look, or a check.
+    Medium,
+    /// Time lost.
+    Long,
+}
+
+impl Tier {
+    /// The tier of a rest of so many steps.
+    pub(super) fn of(steps: i64, settings: &FeatureSettings) -> Self {
+        let rest_s = steps as f64 * settings.step_s + 1e-9;
+        match () {
+            _ if rest_s >= settings.long_pause_s => Tier::Long,
+            _ if rest_s >= settings.pause_min_s => Tier::Medium,
+            _ => Tier::Short,
+        }
+    }
+}
+
+fn often(motion: &Motion, settings: &FeatureSettings, tier: Tier) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    Ok(of_tier(motion, settings, tier).count() as f64 / (motion.observed_s() / 60.0))
+}
+
+fn share(motion: &Motion, settings: &FeatureSettings, tier: Tier) -> Result<f64, NotEnough> {
+    motion.check_enough(settings)?;
+    Ok(of_tier(motion, settings, tier).sum::<i64>() as f64 / motion.observed_steps() as f64)
+}
+
+/// The rests of a tier, in steps.
+fn of_tier(motion: &Motion, settings: &FeatureSettings, tier: Tier) -> impl Iterator<Item = i64> {
+    rests(motion, settings).map(Interval::steps).filter(move |steps| Tier::of(*steps, settings) == tier)
+}

@@ -1,0 +1,67 @@
+//! Movements and rests of a path while it grows: [`super::super::movement`]'s rule, one instant at a time.
+
+use super::super::FeatureSettings;
+use super::super::movement::{is_fast, is_long_enough};
+use super::super::pauses::Tier;
+
+/// Movements and rests so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Moving {
+    /// How many movements.
+    pub movements: u32,
+    /// How many rests below 1 s, of 1 to 3 s, and of 3 s and more.
+    pub rests: [u32; 3],
+    /// Steps in rests of 1 s and more.
+    pub idle_steps: i64,
+    span: Option<Span>,
+}
+
+/// The span that is growing.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    /// Where it began, or its last movement ended.
+    rests_from: i64,
+    /// Where the speed rose above that of rest, and whether it has been that of a movement since.
+    run: Option<(i64, bool)>,
+    last: i64,
+}
+
+impl Moving {
+    /// The speed at the next instant of a span, or at a new one's first.
+    pub fn add(&mut self, instant: i64, speed_mm_s: f64, settings: &FeatureSettings) {
+        let mut span = self.span.unwrap_or(Span { rests_from: instant, run: None, last: instant });
+        if is_fast(speed_mm_s, settings) {
+            let (first, was_fast_enough) = span.run.unwrap_or((instant, false));
+            span.run = Some((first, was_fast_enough || speed_mm_s >= settings.movement_speed_mm_s));
+        } else {
+            self.end_run(&mut span, settings);
+        }
+        self.span = Some(Span { last: instant, ..span });
+    }
+
+    /// The span has ended.
+    pub fn end_span(&mut self, settings: &FeatureSettings) {
+        if let Some(mut span) = self.span.take() {
+            self.end_run(&mut span, settings);
+            self.rest(span.last - span.rests_from, settings);
+        }
+    }
+
+    fn end_run(&mut self, span: &mut Span, settings: &FeatureSettings) {
+        if let Some((first, true)) = span.run.take()
+            && is_long_enough(span.last - first, settings)
+        {
+            self.movements += 1;
+            self.rest(first - span.rests_from, settings);
+            span.rests_from = span.last;
+        }
+    }
+
+    fn rest(&mut self, steps: i64, settings: &FeatureSettings) {
+        if steps > 0 {
+            let tier = Tier::of(steps, settings);
+            self.rests[tier as usize] += 1;
+            self.idle_steps += if tier == Tier::Short { 0 } else { steps };
+        }
+    }
+}

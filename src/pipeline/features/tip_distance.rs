@@ -1,0 +1,77 @@
+//! Features of how far apart the two tips are.
+
+use super::motion::Motion;
+use super::quantile::quantile;
+use super::two_hands::common;
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
+
+/// How far apart.
+pub const TIP_DISTANCE: Feature = Feature {
+    name: "tip_distance",
+    title: "Distance between the tips",
+    family: Family::TwoHands,
+    unit: "mm",
+    direction: Direction::Neither,
+    description: "Mean distance between the two tips while both are seen.",
+    source: "SurgTrac",
+    range: (0.0, 20_000.0),
+    spaces: BOTH,
+    windowed: true,
+    measures: &[Measure::Pair(tip_distance)],
+};
+
+/// How much that changes.
+pub const TIP_DISTANCE_SPREAD: Feature = Feature {
+    name: "tip_distance_spread",
+    title: "Spread of the tips' distance",
+    description: "Standard deviation of the distance between the two tips while both are seen.",
+    spaces: THREE_D,
+    windowed: false,
+    measures: &[Measure::Pair(tip_distance_spread)],
+    ..TIP_DISTANCE
+};
+
+/// How near.
+pub const TIP_DISTANCE_LOW: Feature = Feature {
+    name: "tip_distance_low",
+    title: "Distance between the tips (5 %)",
+    description: "The distance between the two tips below which they are in 5 % of the time in which both are seen.",
+    spaces: THREE_D,
+    windowed: false,
+    measures: &[Measure::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.05))],
+    ..TIP_DISTANCE
+};
+
+/// How far.
+pub const TIP_DISTANCE_HIGH: Feature = Feature {
+    name: "tip_distance_high",
+    title: "Distance between the tips (95 %)",
+    description: "The distance between the two tips above which they are in 5 % of the time in which both are seen.",
+    spaces: THREE_D,
+    windowed: false,
+    measures: &[Measure::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.95))],
+    ..TIP_DISTANCE
+};
+
+fn tip_distance(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    Ok(mean(&distances(a, b, settings)?))
+}
+
+fn tip_distance_spread(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
+    let distances = distances(a, b, settings)?;
+    let middle = mean(&distances);
+    let squares: Vec<f64> = distances.iter().map(|distance| (distance - middle).powi(2)).collect();
+    Ok(mean(&squares).sqrt())
+}
+
+fn tip_distance_quantile(a: &Motion, b: &Motion, settings: &FeatureSettings, share: f64) -> Result<f64, NotEnough> {
+    Ok(quantile(distances(a, b, settings)?, share))
+}
+
+fn distances(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<Vec<f64>, NotEnough> {
+    Ok(common(a, b, settings)?.iter().map(|(a, b)| (a.position - b.position).norm()).collect())
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}

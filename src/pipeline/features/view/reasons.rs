@@ -1,0 +1,130 @@
+//! Why a tool was not seen: what the tracker says of its frames, and whether the other tool was in the way.
+//!
+//! A stretch has one cause, that of most of its frames. What the tracker lost counts as hidden where, in the middle of the
+//! stretch, the line of sight to the place between its last and its next sight passes the other tool's tube before it gets
+//! there.
+
+use std::rc::Rc;
+
+use nalgebra::{Point3, Vector3};
+
+use crate::pipeline::features::NotEnough;
+use crate::pipeline::features::motion::{Interval, Motion};
+use crate::pipeline::tracker::{Absence, Gap, ToolQuality};
+use crate::pipeline::trajectory::Sample;
+
+/// Whose doing it is that a tool is not seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Cause {
+    /// The hand's: it left the picture.
+    LeftView,
+    /// The other tool's: it was in the way.
+    Hidden,
+    /// The tracker's.
+    Lost,
+}
+
+/// A stretch of time in which a tool was not seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Absent {
+    /// When.
+    pub interval: Interval,
+    /// Why.
+    pub cause: Cause,
+}
+
+/// Longest stretch in whose middle a tool is still about halfway, s.
+const HALFWAY_S: f64 = 2.0;
+
+/// A line of sight that passes a tube's axis by less does not see its target's tape whole, mm: the radii of both tubes.
+const IN_THE_WAY_MM: f64 = 7.0;
+
+/// How far a tool reaches before its tip and behind it, mm: jaw, and shaft up to the wall.
+const REACH_MM: (f64, f64) = (20.0, 300.0);
+
+/// Before and after all of a recording, in instants of the grid.
+const EVER: Interval = Interval { first: i64::MIN / 4, last: i64::MAX / 4 };
+
+/// Why each tool was not seen where it was not; `None` of a tool of which the tracker says nothing.
+pub fn why_absent(
+    samples: &[Vec<Sample>],
+    motions: &[Result<Motion, NotEnough>],
+    tools: &[ToolQuality],
+) -> Vec<Option<Rc<[Absent]>>> {
+    let of_tool = |tool: usize| {
+        let other = if samples.len() == 2 { samples[1 - tool].as_slice() } else { &[] };
+        Some(absent(&samples[tool], motions[tool].as_ref().ok(), &tools.get(tool)?.gaps, other))
+    };
+    (0..samples.len()).map(of_tool).collect()
+}
+
+fn absent(samples: &[Sample], motion: Option<&Motion>, gaps: &[Gap], other: &[Sample]) -> Rc<[Absent]> {
+    let spans = motion.map_or(&[][..], |motion| &motion.spans);
+    let step_s = motion.map_or(1.0, |motion| motion.step_s);
+    let ends = [EVER.first].into_iter().chain(spans.iter().map(|span| span.last()));
+    let starts = spans.iter().map(|span| span.first).chain([EVER.last]);
+    let cause = |interval: Interval| {
+        let until = samples.partition_point(|sample| sample.time_s <= interval.first as f64 * step_s);
+        let again = samples.partition_point(|sample| sample.time_s < interval.last as f64 * step_s);
+        let (before, after) = (until.checked_sub(1).and_then(|last| samples.get(last)), samples.get(again));
+        cause(before, after, gaps, other)
+    };
+    ends.zip(starts)
+        .map(|(first, last)| Interval { first, last })
+        .map(|i| Absent { interval: i, cause: cause(i) })
+        .collect()
+}
+
+fn cause(before: Option<&Sample>, after: Option<&Sample>, gaps: &[Gap], other: &[Sample]) -> Cause {
+    let (first, last) = (before.map_or(0, |sample| sample.frame), after.map_or(u64::MAX - 1, |sample| sample.frame));
+    let frames = |gap: &Gap| (gap.last.min(last) + 1).saturating_sub(gap.first.max(first));
+    let (left, lost): (Vec<&Gap>, Vec<&Gap>) = gaps.iter().partition(|gap| gap.absence == Absence::LeftView);
+    let [left, lost] = [left, lost].map(|gaps| gaps.into_iter().map(frames).sum::<u64>());
+    match before.zip(after) {
+        _ if left > lost => Cause::LeftView,
+        Some((before, after)) if is_hidden(before, after, other) => Cause::Hidden,
+        _ => Cause::Lost,
+    }
+}
+
+/// Was the other tool in the way, halfway between two sights?
+fn is_hidden(before: &Sample, after: &Sample, other: &[Sample]) -> bool {
+    let halfway_s = 0.5 * (before.time_s + after.time_s);
+    let next = other.partition_point(|sample| sample.time_s < halfway_s);
+    let near = other[next.saturating_sub(1)..].iter().take(2).find(|s| (s.time_s - halfway_s).abs() < 0.5 * HALFWAY_S);
+    let tube = near.and_then(|sample| Some((sample.tip_mm, sample.axis?)));
+    let halfway = nalgebra::center(&before.tip_mm, &after.tip_mm);
+    after.time_s - before.time_s < HALFWAY_S && tube.is_some_and(|(tip, axis)| is_in_the_way(tip, axis, halfway))
+}
+
+/// Does the line of sight to a place pass a tube first?
+fn is_in_the_way(tip: Point3<f64>, axis: Vector3<f64>, place: Point3<f64>) -> bool {
+    let (sight, distance) = (place.coords.normalize(), place.coords.norm());
+    // The nearest points of two lines: t along the line of sight, s back along the tube.
+    let across = sight.cross(&-axis);
+    let square = across.norm_squared();
+    if square < 1e-9 {
+        return false;
+    }
+    let t = tip.coords.cross(&-axis).dot(&across) / square;
+    let s = (tip.coords.cross(&sight).dot(&across) / square).clamp(-REACH_MM.0, REACH_MM.1);
+    let on_tube = tip - axis * s;
+    let passes_mm = sight.cross(&on_tube.coords).norm();
+    passes_mm < IN_THE_WAY_MM && (0.0..distance - IN_THE_WAY_MM).contains(&t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tube_between_camera_and_place_is_in_the_way_and_one_behind_or_beside_is_not() {
+        let (place, axis) = (Point3::new(10.0, 0.0, 200.0), Vector3::new(0.0, 1.0, 0.0));
+        let at = |x: f64, y: f64, z: f64| is_in_the_way(Point3::new(x, y, z), axis, place);
+        assert!(at(7.5, 50.0, 150.0), "its shaft crosses the line of sight");
+        assert!(at(7.5, -10.0, 150.0), "its jaw does");
+        assert!(!at(7.5, -40.0, 150.0), "it does not reach so far");
+        assert!(!at(12.5, 50.0, 250.0), "behind");
+        assert!(!at(20.0, 50.0, 150.0), "beside");
+    }
+}
