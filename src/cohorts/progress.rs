@@ -4,7 +4,7 @@
 //! that are refused, failed or of another version of the program count for nothing else. The version that counts is the newest
 //! result's, so that a program's update does not end what was learnt before the old sessions are tracked again.
 
-use super::answer::{Progress, SetAside, Step};
+use super::answer::{Course, SetAside, Step};
 use super::people::LAST_SESSIONS;
 use super::series::{Numbered, Whom, series};
 use super::verdicts::Verdicts;
@@ -52,7 +52,7 @@ pub struct Found {
     /// Among whom they are placed.
     pub cohort: Option<Cohort>,
     /// How they get on.
-    pub progress: Progress,
+    pub course: Course,
 }
 
 impl Cohorts {
@@ -64,7 +64,7 @@ impl Cohorts {
             None => None,
         };
         let Some(task) = self.task(scope, &trainee, asked.task.as_ref()).await? else {
-            return Ok(Found { trainee, task: None, standard: None, cohort, progress: Progress::default() });
+            return Ok(Found { trainee, task: None, standard: None, cohort, course: Course::default() });
         };
         let standard = self.store.standards().in_use(scope, task.id).await?;
         let shown = Shown::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
@@ -83,8 +83,8 @@ impl Cohorts {
             let monitor = definition.as_ref().and_then(|definition| monitors.of(definition.charts).ok());
             followed(&practice, &shown, definition.as_ref().zip(monitor.as_deref()), &whom, now_ms)
         };
-        let progress = self.calculate(calculation).await?;
-        Ok(Found { trainee, task: Some(task), standard, cohort, progress })
+        let course = self.calculate(calculation).await?;
+        Ok(Found { trainee, task: Some(task), standard, cohort, course })
     }
 
     async fn task(&self, scope: &Scope, of: &Trainee, asked: Option<&Key>) -> Result<Option<Task>, CohortsError> {
@@ -153,7 +153,7 @@ fn followed(
     standard: Option<(&Definition, &Monitor)>,
     whom: &Whom<'_>,
     now_ms: i64,
-) -> Progress {
+) -> Course {
     let newest = practice.sessions.iter().rev().find_map(|session| session.result.as_ref());
     let pipeline = newest.map(|outcome| outcome.pipeline.clone());
     let set_aside = |session: &Practised| set_aside(session, pipeline.as_deref());
@@ -174,7 +174,7 @@ fn followed(
         trial: told.as_ref().and_then(|told| told.trials.get(index)).map(|trial| (*trial).into()),
     };
     let of = |key: FeatureKey| find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, whom));
-    Progress {
+    Course {
         pipeline: pipeline.clone(),
         earlier: practice.earlier,
         sessions: sessions.iter().enumerate().map(step).collect(),

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::answer::{Progress, RuleStanding, SetAside, StandingName, TrialName};
+use super::answer::{Course, RuleStanding, SetAside, StandingName, TrialName};
 use super::{Asked, Cohorts};
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
@@ -21,9 +21,9 @@ async fn with_standard(rule: serde_json::Value) -> (Centre, Cohorts) {
     (centre, cohorts)
 }
 
-async fn progress(cohorts: &Cohorts) -> Progress {
+async fn progress(cohorts: &Cohorts) -> Course {
     let asked = Asked { task: Some(Key::from("peg-transfer")), ..Asked::default() };
-    cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().progress
+    cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().course
 }
 
 #[tokio::test]

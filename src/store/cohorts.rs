@@ -108,7 +108,7 @@ macro_rules! values_of_cohort {
     };
 }
 #[cfg(test)]
-pub(super) use values_of_cohort; // for the test of its plan
+pub(super) use {belongs, values_of_cohort}; // for the test of its plan
 
 type ValueRow = (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, f64);
 

@@ -46,7 +46,7 @@ pub struct Progress {
     /// Among whom the newest values are placed; `null` where none was named.
     cohort: Option<Cohort>,
     #[serde(flatten)]
-    progress: answer::Progress,
+    course: answer::Course,
 }
 
 /// Read how a trainee gets on at a task
@@ -60,12 +60,12 @@ pub async fn progress(
 ) -> Answer<Json<Progress>> {
     let Which { task, feature, tool, space, cohort } = which;
     let asked = Asked { task, feature, tool, space, cohort };
-    let Found { trainee, task, standard, cohort, progress } = app.cohorts.progress(&by.scope, &key, asked).await?;
+    let Found { trainee, task, standard, cohort, course } = app.cohorts.progress(&by.scope, &key, asked).await?;
     Ok(Json(Progress {
         trainee: trainee.into(),
         task: task.map(Task::from),
         standard: standard.map(|standard| Standard::new(standard, &by.scope)),
         cohort: cohort.map(Cohort::from),
-        progress,
+        course,
     }))
 }

@@ -54,7 +54,9 @@ async fn what_progress_costs_among_10000_sessions() {
     tell("/healthz, beside progress", health);
     tell("progress, beside /healthz", progress);
     let of_both_tools = format!("{PROGRESS}&feature=path_length");
-    tell("progress of a feature of two tools", ask(&client, &of_both_tools, ASKED / 4).await);
+    tell("two tools' feature: two curves", ask(&client, &of_both_tools, ASKED / 4).await);
+    let no_curve = format!("{PROGRESS}&feature=tip_distance"); // neither more nor less of it is better
+    tell("two tools' feature without curves", ask(&client, &no_curve, ASKED / 4).await);
 }
 
 /// How long each answer took, ms, and how long it was.
