@@ -45,8 +45,8 @@ impl Numbered<'_> {
         Some((self.session.result.as_ref()?, measurement))
     }
 
-    /// The same as it is judged.
-    pub fn to_judge(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ToJudge<'_>> {
+    /// The same, ready to be judged.
+    pub fn evidence(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ToJudge<'_>> {
         let (outcome, Measurement { value, bar, .. }) = self.measured(of)?;
         Some(ToJudge { value: *value, bar: *bar, pipeline: &outcome.pipeline, handedness })
     }
@@ -78,7 +78,7 @@ fn point(
     target: Option<&Target>,
     handedness: Option<Handedness>,
 ) -> Option<Point> {
-    let judged = session.to_judge(of, handedness)?;
+    let judged = session.evidence(of, handedness)?;
     let [low, high] = judged.bar.map_or([None; 2], |bar| bar.map(Some));
     let judgement = target.map(|target| target.judge(judged));
     Some(Point { session: session.number, value: judged.value, low, high, judgement })
@@ -94,7 +94,7 @@ fn place(
 ) -> Result<Place, Withheld> {
     let newest = sessions.iter().rev().filter(|session| session.counts).find_map(|session| {
         let (outcome, _) = session.measured(of)?;
-        let measured = session.to_judge(of, None)?.measured()?;
+        let measured = session.evidence(of, None)?.measured()?;
         Some((session.number, outcome, measured))
     });
     let (session, outcome, measured) =
@@ -124,7 +124,7 @@ fn place(
 
 fn learning(of: &FeatureKey, direction: Direction, sessions: &[Numbered<'_>], target: Option<&Target>) -> Learning {
     let value = |session: &Numbered<'_>| {
-        let Measured { value, .. } = session.to_judge(of, None)?.measured()?;
+        let Measured { value, .. } = session.evidence(of, None)?.measured()?;
         Some(Session { number: session.number as u32, value })
     };
     let counted: Vec<Session> = sessions.iter().filter(|session| session.counts).filter_map(value).collect();

@@ -76,7 +76,7 @@ fn trials(definition: &Definition, sessions: &[Numbered<'_>], handedness: Option
             return Trial::Unknown;
         }
         let judged = |target: &Target| {
-            let judged = session.to_judge(&target.of, handedness);
+            let judged = session.evidence(&target.of, handedness);
             judged.map_or(Judgement::NotMeasured, |judged| target.judge(judged).into())
         };
         Trial::of_all(&definition.targets.iter().map(judged).collect::<Vec<_>>())
