@@ -71,8 +71,9 @@ impl Cohorts {
         let names = shown.names();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let practice = self.store.sessions().practice(scope, trainee.id, task.id, &names, MOST_SESSIONS).await?;
+        let keys = shown.keys(&practice);
         let among = match &cohort {
-            Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &names).await?),
+            Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &keys).await?),
             None => None,
         };
         let (monitors, now_ms) = (self.monitors.clone(), self.clock.now_ms());
@@ -81,7 +82,7 @@ impl Cohorts {
         let calculation = move || {
             let whom = Whom { trainee: id, handedness, among: among.as_deref() };
             let monitor = definition.as_ref().and_then(|definition| monitors.of(definition.charts).ok());
-            followed(&practice, &shown, definition.as_ref().zip(monitor.as_deref()), &whom, now_ms)
+            followed(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &whom, now_ms)
         };
         let course = self.calculate(calculation).await?;
         Ok(Found { trainee, task: Some(task), standard, cohort, course })
@@ -149,7 +150,7 @@ impl Shown {
 /// Follows the sessions.
 fn followed(
     practice: &Practice,
-    shown: &Shown,
+    keys: Vec<FeatureKey>,
     standard: Option<(&Definition, &Monitor)>,
     whom: &Whom<'_>,
     now_ms: i64,
@@ -178,7 +179,7 @@ fn followed(
         pipeline: pipeline.clone(),
         earlier: practice.earlier,
         sessions: sessions.iter().enumerate().map(step).collect(),
-        features: shown.keys(practice).into_iter().filter_map(of).collect(),
+        features: keys.into_iter().filter_map(of).collect(),
         rule: told.as_ref().and_then(|told| told.rule.clone()),
         reminders: told.as_ref().map_or_else(Vec::new, |told| told.reminders(&sessions, now_ms)),
         charts: told.map(|told| told.charts),

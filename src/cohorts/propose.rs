@@ -132,7 +132,7 @@ impl Cohorts {
                        limit a feature of the whole session";
             return Err(Invalid::new(field, why).into());
         }
-        let values = self.store.cohorts().values(id, task, LAST_SESSIONS, &[&of.feature]).await?;
+        let values = self.store.cohorts().values(id, task, LAST_SESSIONS, std::slice::from_ref(of)).await?;
         Ok(Group { handedness, values })
     }
 }

@@ -88,12 +88,13 @@ macro_rules! select_cohorts {
 }
 
 /// What the people of cohort `$1` measured at task `$2`, in their last `$3` sessions of it, of the features `$4` (a JSON
-/// array of names): from each person to their sessions, and to each session's latest result, along indices alone.
+/// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row
+/// a person: rows cost more on their way out of SQLite than in it.
 macro_rules! values_of_cohort {
     () => {
         concat!(
             "SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
-                    feature.name, feature.tool, feature.space, feature.value
+                    feature.name, feature.tool, feature.space, json_group_array(feature.value)
              FROM cohort CROSS JOIN trainee AS member
              CROSS JOIN session ON session.id IN
                  (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $2
@@ -101,16 +102,20 @@ macro_rules! values_of_cohort {
              CROSS JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                   ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             CROSS JOIN feature ON feature.result_id = result.id AND feature.name IN (SELECT value FROM json_each($4))
+             CROSS JOIN feature INDEXED BY feature_once ON feature.result_id = result.id
+                 AND (feature.name, coalesce(feature.tool, ''), feature.space) IN
+                     (SELECT value ->> 'feature', coalesce(value ->> 'tool', ''), value ->> 'space' FROM json_each($4))
              WHERE cohort.id = $1 AND feature.value IS NOT NULL AND ",
-            belongs!()
+            belongs!(),
+            " GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"
         )
     };
 }
 #[cfg(test)]
 pub(super) use {belongs, values_of_cohort}; // for the test of its plan
 
-type ValueRow = (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, f64);
+type ValueRow =
+    (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, Json<Vec<f64>>);
 
 impl Cohorts<'_> {
     /// Makes a cohort.
@@ -203,14 +208,26 @@ impl Cohorts<'_> {
         id: CohortId,
         task: TaskId,
         sessions: u32,
-        features: &[&str],
+        features: &[FeatureKey],
     ) -> StoreResult<Vec<CohortValue>> {
         let rows = sqlx::query_as::<_, ValueRow>(values_of_cohort!());
         let rows = rows.bind(id).bind(task).bind(sessions).bind(Json(features));
-        let of_row = |(trainee, handedness, calibration, pipeline, feature, tool, space, value): ValueRow| {
-            CohortValue { trainee, handedness, calibration, pipeline, of: FeatureKey { feature, tool, space }, value }
-        };
-        Ok(rows.fetch_all(self.0.readers()).await?.into_iter().map(of_row).collect())
+        let mut found = Vec::new();
+        for (trainee, handedness, calibration, pipeline, feature, tool, space, Json(values)) in
+            rows.fetch_all(self.0.readers()).await?
+        {
+            let of = FeatureKey { feature, tool, space };
+            let row = |value| CohortValue {
+                trainee,
+                handedness,
+                calibration,
+                pipeline: pipeline.clone(),
+                of: of.clone(),
+                value,
+            };
+            found.extend(values.into_iter().map(row));
+        }
+        Ok(found)
     }
 }
 

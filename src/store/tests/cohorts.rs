@@ -2,8 +2,10 @@
 
 use serde_json::json;
 
+use crate::domain::feature::FeatureKey;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
+use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::ids::{GroupId, TraineeId};
 use crate::store::testing::{Centre, NOW_MS, duration};
@@ -92,6 +94,10 @@ async fn people_see_of_a_cohort_only_those_whom_they_see_anyway() {
     assert!(cohorts.list(&agent).await.unwrap().is_empty() && cohorts.get(&agent, &Key::from("listed")).await.is_err());
 }
 
+fn key(feature: &str) -> FeatureKey {
+    FeatureKey { feature: feature.to_owned(), tool: None, space: FeatureSpace::Space3d }
+}
+
 #[tokio::test]
 async fn the_last_sessions_of_each_person_count_and_an_erased_person_is_in_no_cohort() {
     let centre = Centre::ready().await;
@@ -103,7 +109,7 @@ async fn the_last_sessions_of_each_person_count_and_an_erased_person_is_in_no_co
     }
     let made = cohort(&centre, json!({"name": "Listed", "members": [ana.id, ben.id]})).await;
     let values = async |sessions| {
-        let rows = centre.store.cohorts().values(made.id, centre.task.id, sessions, &["duration"]).await.unwrap();
+        let rows = centre.store.cohorts().values(made.id, centre.task.id, sessions, &[key("duration")]).await.unwrap();
         let mut values: Vec<(TraineeId, f64)> = rows.iter().map(|row| (row.trainee, row.value)).collect();
         values.sort_by(|a, b| a.1.total_cmp(&b.1));
         values
@@ -113,6 +119,6 @@ async fn the_last_sessions_of_each_person_count_and_an_erased_person_is_in_no_co
     centre.store.trainees().erase(&Scope::service(), &Key::from(&ben.id)).await.unwrap();
     assert_eq!(values(1).await, [(ana.id, 70.0)]);
     assert_eq!(centre.store.cohorts().get(&Scope::service(), &Key::from(&made.id)).await.unwrap().people, 1);
-    let other = centre.store.cohorts().values(made.id, centre.task.id, 5, &["path_length"]).await.unwrap();
+    let other = centre.store.cohorts().values(made.id, centre.task.id, 5, &[key("path_length")]).await.unwrap();
     assert!(other.is_empty());
 }

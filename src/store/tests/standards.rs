@@ -59,7 +59,10 @@ async fn progress_reads_no_table_from_end_to_end() {
             concat!("EXPLAIN QUERY PLAN ", practised!()),
             "SEARCH session USING INDEX session_practised (trainee_id=? AND task_id=?)",
         ),
-        (concat!("EXPLAIN QUERY PLAN ", measured!()), "SEARCH feature USING PRIMARY KEY (result_id=?)"),
+        (
+            concat!("EXPLAIN QUERY PLAN ", measured!()),
+            "SEARCH feature USING INDEX feature_once (result_id=? AND name=?)",
+        ),
         (
             concat!("EXPLAIN QUERY PLAN ", select_standards!()),
             "SEARCH standard USING INDEX sqlite_autoindex_standard_2 (task_id=?)",

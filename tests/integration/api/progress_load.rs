@@ -48,15 +48,15 @@ async fn what_progress_costs_among_10000_sessions() {
     assert_eq!((&series["learning"]["state"], &shown["charts"]["standing"]), (&json!("curve"), &json!("proficient")));
     println!("| asked | answers | bytes | median, ms | 95 %, ms | 99 %, ms | most, ms |");
     println!("|---|---|---|---|---|---|---|");
-    tell("/healthz, alone", ask(&client, "/healthz", ASKED).await);
-    tell("progress, alone", ask(&client, PROGRESS, ASKED).await);
+    println!("{}", row("/healthz, alone", ask(&client, "/healthz", ASKED).await));
+    println!("{}", row("progress, alone", ask(&client, PROGRESS, ASKED).await));
     let (health, progress) = tokio::join!(ask(&client, "/healthz", ASKED), ask(&client, PROGRESS, ASKED));
-    tell("/healthz, beside progress", health);
-    tell("progress, beside /healthz", progress);
+    println!("{}", row("/healthz, beside progress", health));
+    println!("{}", row("progress, beside /healthz", progress));
     let of_both_tools = format!("{PROGRESS}&feature=path_length");
-    tell("two tools' feature: two curves", ask(&client, &of_both_tools, ASKED / 4).await);
+    println!("{}", row("two tools' feature: two curves", ask(&client, &of_both_tools, ASKED / 4).await));
     let no_curve = format!("{PROGRESS}&feature=tip_distance"); // neither more nor less of it is better
-    tell("two tools' feature without curves", ask(&client, &no_curve, ASKED / 4).await);
+    println!("{}", row("two tools' feature without curves", ask(&client, &no_curve, ASKED / 4).await));
 }
 
 /// How long each answer took, ms, and how long it was.
@@ -75,11 +75,11 @@ async fn ask(client: &Client, path: &str, times: usize) -> (Vec<f64>, usize) {
     (took, bytes)
 }
 
-fn tell(what: &str, (mut took, bytes): (Vec<f64>, usize)) {
+fn row(what: &str, (mut took, bytes): (Vec<f64>, usize)) -> String {
     took.sort_by(f64::total_cmp);
     let at = |share: f64| took[((took.len() - 1) as f64 * share).round() as usize];
     let count = took.len();
-    println!("| {what} | {count} | {bytes} | {:.1} | {:.1} | {:.1} | {:.1} |", at(0.5), at(0.95), at(0.99), at(1.0));
+    format!("| {what} | {count} | {bytes} | {:.1} | {:.1} | {:.1} | {:.1} |", at(0.5), at(0.95), at(0.99), at(1.0))
 }
 
 /// A centre with so many sessions, a standard and a cohort of everybody.
