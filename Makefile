@@ -90,6 +90,11 @@ feed-faults: test-packages ## 500 recordings sent frame by frame, each through t
 live-load: release test-packages ## boxes that this machine sustains live, against bare decoding, and the latency of positions
 	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture
 
+.PHONY: progress-load
+progress-load: release test-packages ## a trainee's progress over 500 sessions among 10,000, beside /healthz; the queries behind it
+	cargo test --locked --lib progress_reads_no_table -- --nocapture
+	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration what_progress_costs -- --ignored --nocapture
+
 .PHONY: power-cuts
 power-cuts: test-packages ## 20 power cuts during uploads and jobs, on a file system of its own; needs root
 	@$(call install,e2fsprogs mount)

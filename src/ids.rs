@@ -69,6 +69,10 @@ ids! {
     TraineeId;
     /// An exercise.
     TaskId;
+    /// One version of a task's standard.
+    StandardId;
+    /// A reference group.
+    CohortId;
     /// One recording of one trainee doing one task in one box.
     SessionId;
     /// What one version of the program made of a session.

@@ -93,10 +93,14 @@ export const api = {
   groups: { ...noun('groups'), setMembers: (id, json) => call('PUT', ['groups', id, 'members'], { json }) },
   tokens: noun('tokens'),
   tasks: noun('tasks'),
+  cohorts: noun('cohorts'),
+  /** What can be measured. */
+  features: signal => call('GET', ['features'], { signal }).then(page => page.items),
   jobs: noun('jobs'),
   trainees: {
     ...noun('trainees'),
-    progress: (id, task, signal) => call('GET', ['trainees', id, 'progress'], { query: { task }, signal }),
+    /** `query`: task, feature, tool, space, cohort. */
+    progress: (id, query, signal) => call('GET', ['trainees', id, 'progress'], { query, signal }),
   },
   boxes: {
     ...noun('boxes'),

@@ -15,11 +15,11 @@ use crate::domain::files::quality::QualityDocument;
 use crate::domain::job::{SelfTestInput, TrackInput};
 use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
-use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, Versions, VideoFacts};
+use crate::domain::session::{FeatureError, FeatureRow, Versions, VideoFacts};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{AssessmentSettings, assess};
+use crate::pipeline::features::FeatureValue;
 use crate::pipeline::features::errors::ErrorBar;
-use crate::pipeline::features::{FeatureValue, Space};
 use crate::pipeline::quality::{self, Evidence};
 use crate::pipeline::tracker::{MotionSettings, ToolQuality};
 use crate::pipeline::trajectory::{Kind, Trajectory};
@@ -125,10 +125,7 @@ fn feature_row(value: &FeatureValue, tools: &[String]) -> FeatureRow {
         title: value.feature.title.to_owned(),
         unit: value.feature.unit.to_owned(),
         tool: value.tool.and_then(|tool| tools.get(tool).cloned()),
-        space: match value.space {
-            Space::ThreeD => FeatureSpace::Space3d,
-            Space::Image => FeatureSpace::Image,
-        },
+        space: value.space.into(),
         value: value.value.map_err(|reason| reason.to_string()),
         error: value.value.ok().map(|_| value.error.map(feature_error).map_err(|reason| reason.to_string())),
     }

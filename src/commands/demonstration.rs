@@ -11,6 +11,7 @@ use anyhow::{Context, bail};
 use tokio_util::io::ReaderStream;
 
 use super::simulate::{SceneOrder, write_scene};
+use crate::cohorts::Cohorts;
 use crate::domain::boxes::NewBox;
 use crate::domain::calibration::BoardSize;
 use crate::domain::files::annotations::{AnnotationsFile, View as FileView};
@@ -49,6 +50,10 @@ const TASKS: [(Scenario, &str, &str); 2] = [
     (Scenario::Wire, "Tracing the wire", "Follow the m-shaped wire with the tip, from end to end."),
 ];
 
+/// What the first task asks for: the published time, twice in a row and ten times more.
+const STANDARD: &str = r#"{"targets": [{"feature": "duration", "by": {"method": "fls", "preset": "peg_transfer"}}],
+    "rule": {"in_a_row": 2, "then_more": 10, "at_most": 80}}"#;
+
 const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
     ("Ada Novak", Level::Novice, Skill::NOVICE, Handedness::Right),
     ("Chiara Rossi", Level::Intermediate, Skill::INTERMEDIATE, Handedness::Right),
@@ -65,6 +70,7 @@ pub struct Builder {
     queue: Queue,
     events: Events,
     intake: Intake,
+    cohorts: Cohorts,
     clock: SharedClock,
     /// Where scenes are made before they are taken in; removed afterwards.
     scratch: PathBuf,
@@ -79,6 +85,7 @@ impl Builder {
             queue: app.queue.clone(),
             events: app.events.clone(),
             intake: app.intake.clone(),
+            cohorts: app.cohorts.clone(),
             clock: app.clock.clone(),
             scratch,
         }
@@ -125,6 +132,7 @@ impl Builder {
             let (code, description) = (Some(scenario.name().parse()?), Some(description.parse()?));
             self.store.tasks().create(&service, NewTask { name: name.parse()?, code, description }).await?;
         }
+        self.set_standard().await?;
         let notes = "Drawn by `trocar simulate`; its true camera and paths are known.".parse()?;
         let simulated = NewBox {
             name: "Simulated box".parse()?,
@@ -134,6 +142,17 @@ impl Builder {
         };
         self.store.boxes().create(&service, simulated).await?; // last: it is what says that all of this is there
         Ok(Some(password))
+    }
+
+    /// A standard for the first task, and somebody to be compared with.
+    async fn set_standard(&self) -> anyhow::Result<()> {
+        let service = Scope::service();
+        let task = self.store.tasks().get(&service, &Key::from(TASKS[0].0.name())).await?;
+        let proposal = self.cohorts.propose(&service, task.id, serde_json::from_str(STANDARD)?).await?;
+        self.store.standards().add(&service, task.id, proposal.definition()?).await?;
+        let everybody = serde_json::from_str(r#"{"name": "Everybody"}"#)?;
+        self.store.cohorts().create(&service, everybody).await?;
+        Ok(())
     }
 
     /// Sets the box up and sends every recording that is not there yet, until done or the service ends.

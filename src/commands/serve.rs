@@ -20,6 +20,7 @@ use tracing_subscriber::EnvFilter;
 use super::demonstration::{self, Builder};
 use super::{Failure, keep_to_ourselves};
 use crate::analysis::{AnalysisSettings, Workshop};
+use crate::cohorts::Cohorts;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
@@ -213,6 +214,7 @@ pub async fn start(
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
         shutdown: shutdown.clone(),
+        cohorts: Cohorts::new(store.clone(), clock.clone()),
         store,
         vault,
         intake,

@@ -9,6 +9,9 @@
 //! | [`boxes`] | a box trainer: from where its camera looks |
 //! | [`trainee`] | level and handedness |
 //! | [`task`] | an exercise's description |
+//! | [`feature`] | which features there are, and which one of them is meant |
+//! | [`standard`] | what a task asks for: targets, pass rule, charts |
+//! | [`cohort`] | who is in a reference group |
 //! | [`calibration`] | a version of a box's camera |
 //! | [`palette`] | a version of a box's colour samples |
 //! | [`self_test`] | a box's traffic light |
@@ -22,6 +25,8 @@
 pub mod blob;
 pub mod boxes;
 pub mod calibration;
+pub mod cohort;
+pub mod feature;
 pub mod feed;
 pub mod files;
 pub mod job;
@@ -32,6 +37,7 @@ pub mod scope;
 pub mod secret;
 pub mod self_test;
 pub mod session;
+pub mod standard;
 pub mod task;
 pub mod text;
 pub mod trainee;

@@ -12,6 +12,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
+use crate::cohorts::CohortsError;
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::intake::IntakeError;
 use crate::live::{Broken, PushError};
@@ -259,6 +260,18 @@ impl From<IntakeError> for Problem {
                 .member("session", format!("/api/v1/sessions/{session}")),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),
+        }
+    }
+}
+
+/// The one table from why something was not calculated to refusals.
+impl From<CohortsError> for Problem {
+    fn from(error: CohortsError) -> Self {
+        match error {
+            CohortsError::Invalid(invalid) => invalid.into(),
+            CohortsError::Unknown { field, what } => unknown(field, what),
+            CohortsError::Store(error) => error.into(),
+            CohortsError::Broken => Problem::internal("calculating", error),
         }
     }
 }

@@ -16,10 +16,12 @@
 
 pub mod auth;
 pub mod boxes;
+pub mod cohorts;
 pub mod dashboard;
 pub mod docs;
 pub mod error;
 pub mod events;
+pub mod features;
 mod feed;
 pub mod file;
 pub mod groups;

@@ -12,7 +12,8 @@ use super::auth::{origin, sign_in};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{
-    boxes, dashboard, docs, events, feed, groups, health, jobs, observe, people, protect, push, sessions, tasks, tokens,
+    boxes, cohorts, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect, push,
+    sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -44,6 +45,12 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(trainees::progress))
         .routes(routes!(tasks::list, tasks::create))
         .routes(routes!(tasks::get, tasks::change, tasks::delete))
+        .routes(routes!(tasks::standards, tasks::set_standard))
+        .routes(routes!(tasks::propose_standard))
+        .routes(routes!(tasks::presets))
+        .routes(routes!(features::list))
+        .routes(routes!(cohorts::list, cohorts::create))
+        .routes(routes!(cohorts::get, cohorts::replace, cohorts::delete))
         .routes(routes!(sessions::list, sessions::send))
         .routes(routes!(sessions::get, sessions::erase))
         .routes(routes!(sessions::retry))

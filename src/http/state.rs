@@ -8,6 +8,7 @@ use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
 use super::settings::HttpSettings;
+use crate::cohorts::Cohorts;
 use crate::events::Events;
 use crate::intake::Intake;
 use crate::live::Feeds;
@@ -41,6 +42,8 @@ pub struct Parts {
     pub settings: HttpSettings,
     /// Attempts to sign in.
     pub throttle: Throttle,
+    /// Standards, reference groups, progress.
+    pub cohorts: Cohorts,
     /// Recordings arriving frame by frame.
     pub feeds: Feeds,
     /// Places for their connections.

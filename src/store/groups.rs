@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::audit::note;
-use super::error::{StoreResult, missing, not_found, taken};
+use super::error::{StoreResult, in_use, missing, not_found, taken};
 use super::visibility::{AskedBy, require_administrator, require_staff};
 use super::{Scope, Store};
 use crate::domain::text::Name;
@@ -111,14 +111,14 @@ impl Groups<'_> {
         self.get(scope, id).await
     }
 
-    /// Dissolves a group; its people stay.
+    /// Dissolves a group that no cohort is made of; its people stay.
     pub async fn delete(&self, scope: &Scope, id: GroupId) -> StoreResult<()> {
         require_administrator(scope, "deleting groups")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let deleted =
-                    sqlx::query("DELETE FROM training_group WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                let delete = sqlx::query("DELETE FROM training_group WHERE id = $1").bind(id).execute(&mut *tx);
+                let deleted = delete.await.map_err(in_use("group", "cohorts"))?;
                 if deleted.rows_affected() == 0 {
                     return Err(not_found("group"));
                 }

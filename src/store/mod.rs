@@ -12,13 +12,15 @@
 //! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
 //! | [`Store::trainees`] | `create` `list` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
+//! | [`Store::standards`] | `add` `in_use` `list` |
+//! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` |
 //! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
-//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `progress` |
+//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `practice` `last_task` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |
 //! | [`Store::audit`] | `list` |
@@ -29,6 +31,7 @@ mod blobs;
 mod boxes;
 mod calibrations;
 mod codes;
+mod cohorts;
 mod columns;
 mod cookies;
 mod error;
@@ -41,6 +44,7 @@ mod palettes;
 mod people;
 mod self_tests;
 mod sessions;
+mod standards;
 mod tasks;
 mod tokens;
 mod trainees;
@@ -60,6 +64,7 @@ pub use audit::{Audit, AuditEntry};
 pub use blobs::Blobs;
 pub use boxes::{Boxes, TrainingBox};
 pub use calibrations::{Calibration, Calibrations};
+pub use cohorts::{Cohort, CohortValue, Cohorts};
 pub use cookies::{Cookie, Cookies};
 pub use error::{StoreError, StoreResult};
 pub use feeds::{Feed, Feeds, NewFeed};
@@ -69,7 +74,10 @@ pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
-pub use sessions::{Session, SessionFilter, SessionPlace, SessionResult, Sessions};
+pub use sessions::{
+    Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,
+};
+pub use standards::{Standard, Standards};
 pub use tasks::{Task, Tasks};
 pub use tokens::{ActsAs, NewToken, Token, Tokens};
 pub use trainees::{Trainee, Trainees};
@@ -237,6 +245,10 @@ rooms! {
     trainees: Trainees;
     /// What they do.
     tasks: Tasks;
+    /// What that asks for.
+    standards: Standards;
+    /// Who is compared with whom.
+    cohorts: Cohorts;
     /// Where they do it.
     boxes: Boxes;
     /// Versions of boxes' cameras.

@@ -64,6 +64,9 @@ pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path)
     Ok(())
 }
 
+/// Rows that a query may be ahead of whoever reads them: one after the other, each would wake both threads.
+const ROWS_AT_ONCE: usize = 1024;
+
 fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {
     SqliteConnectOptions::new()
         .filename(path)
@@ -73,6 +76,7 @@ fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {
         .pragma("secure_delete", "ON")
         .pragma("trusted_schema", "OFF")
         .pragma("temp_store", "MEMORY") // no copy of people's data in a temporary file
+        .row_buffer_size(ROWS_AT_ONCE)
         .disable_statement_logging()
 }
 

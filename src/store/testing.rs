@@ -119,6 +119,17 @@ impl Centre {
         self.store.sessions().create(&Scope::service(), self.new_session(trainee, content)).await.unwrap()
     }
 
+    /// A session that was recorded then, tracked, and measured so.
+    pub async fn practised(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) -> Session {
+        let new = self.new_session(trainee, &format!("{trainee} {recorded_at_ms}"));
+        let new = NewSession { recorded_at_ms: Some(recorded_at_ms), ..new };
+        let session = self.store.sessions().create(&Scope::service(), new).await.unwrap();
+        let lease = self.claim().await.unwrap();
+        let result = NewResult { features, ..self.result(session.id).await };
+        self.store.jobs().finish_track(&lease, result).await.unwrap();
+        session
+    }
+
     pub async fn claim(&self) -> Option<Lease> {
         self.store.jobs().claim("worker 1", LEASE).await.unwrap()
     }
@@ -150,6 +161,13 @@ pub async fn open(folder: &TempDir, clock: &Arc<Manual>) -> Store {
 
 pub fn camera() -> CameraFile {
     CameraFile::parse(r#"{"width":640,"height":480,"fx":500.1,"fy":500.2,"cx":320,"cy":240,"rms_px":0.31}"#).unwrap()
+}
+
+/// The session's duration, s, with its error bar.
+pub fn duration(seconds: f64, half: f64) -> FeatureRow {
+    let bar = FeatureError { as_measured: seconds, sigma: half / 2.0, low: seconds - half, high: seconds + half };
+    let (tool, unit) = (None, "s".to_owned());
+    FeatureRow { tool, unit, error: Some(Ok(bar)), ..feature("duration", Ok(seconds)) }
 }
 
 fn feature(name: &str, value: Result<f64, &str>) -> FeatureRow {

@@ -1,4 +1,4 @@
-// One trainee: each feature over the sessions of a task, and the sessions.
+// One trainee: a feature over the sessions of a task, what the task's standard makes of them, and the sessions.
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
@@ -6,14 +6,14 @@ import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
-import { families, featureRows } from '../parts/features.js';
 import { Field } from '../parts/form.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
-import { Spark } from '../parts/spark.js';
+import { ProgressPlot } from '../parts/progress_plot.js';
+import { ProgressWords } from '../parts/progress_words.js';
 import { StatusPill } from '../parts/status.js';
 
 const words = t.trainee;
-const SHARED = '*'; // Features of both tools together, in the address.
+const NOBODY = '-'; // No cohort, in the address.
 
 export default function Trainee({ route }) {
   const id = route.path[1];
@@ -24,91 +24,81 @@ export default function Trainee({ route }) {
   } = useData(
     async signal => {
       const newest = api.sessions.page({ trainee: id, limit: 1 }, signal);
-      const [trainee, tasks, last] = await Promise.all([api.trainees.get(id, signal), api.tasks.all(), newest]);
-      return { trainee, tasks, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
+      const [trainee, tasks, last, features, cohorts] = await Promise.all([
+        api.trainees.get(id, signal), api.tasks.all(), newest, api.features(signal), api.cohorts.all()]);
+      return { trainee, tasks, features, cohorts, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
     },
     [id],
   );
   if (!base)
     return html`<${PageHead} title=${t.nav.trainees} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
-  const { trainee, tasks, usual } = base;
+  const { trainee, tasks } = base;
   const level = t.trainees.levels[trainee.level];
   return html`
     <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')} />
-    ${tasks.length ? html`<${Progress} id=${id} tasks=${tasks} usual=${usual} route=${route} />`
+    ${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
       : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
 }
 
-function Progress({ id, tasks, usual, route }) {
-  const task = tasks.find(one => one.id === route.query.get('task') || one.code === route.query.get('task')) ?? usual;
-  const { data, problem, reload } = useData(signal => api.trainees.progress(id, task.id, signal), [id, task.id]);
+function Progress({ id, base, route }) {
+  const { tasks, features, cohorts, usual } = base;
+  const named = key => route.query.get(key) ?? undefined;
+  const task = tasks.find(one => one.id === named('task') || one.code === named('task')) ?? usual;
+  const asked = { task: task.id, feature: named('feature'), cohort: named('cohort') ?? cohorts[0]?.code };
+  if (asked.cohort === NOBODY) delete asked.cohort;
+  const { data, problem, reload } = useData(
+    signal => api.trainees.progress(id, asked, signal),
+    [id, asked.task, asked.feature, asked.cohort],
+  );
   const soon = useThrottled(reload, 2000);
   useLive('session', event => event.status === 'done' && soon());
 
-  const done = (data?.sessions ?? [])
-    .filter(session => session.status === 'done' && session.features?.length)
-    .sort((a, b) => Date.parse(a.recorded_at) - Date.parse(b.recorded_at));
-  const tools = [...new Set(done.flatMap(session => session.features.map(feature => feature.tool ?? SHARED)))]
-    .sort()
-    .reverse(); // `*` sorts last.
-  const wanted = route.query.get('tool');
-  const tool = tools.includes(wanted) ? wanted : tools[0];
-  const set = (key, value) => replace(['trainees', id], { task: task.id, tool: wanted, [key]: value });
+  const all = data?.features ?? [];
+  const series = all.find(one => keyOf(one) === named('series')) ?? all[0];
+  const set = (key, value) => {
+    const now = { task: task.id, feature: named('feature'), cohort: named('cohort'), series: named('series') };
+    replace(['trainees', id], { ...now, [key]: value || undefined });
+  };
+  const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value}
+    options=${options} onInput=${event => set(key, event.target.value)} />`;
+  const none = data && !data.sessions.some(session => !session.set_aside);
   return html`
     <section class="card">
       <header><h2>${words.progress}</h2></header>
       <div class="filters">
-        <${Field} type="select" label=${words.task} value=${task.id} options=${tasks.map(one => [one.id, one.name])}
-          onInput=${event => set('task', event.target.value)} />
-        ${tools.length > 0 && html`<${Field} type="select" label=${words.tool} value=${tool}
-          options=${tools.map(name => [name, name === SHARED ? t.session.both
-          : name])} onInput=${event => set('tool', event.target.value)} />`}
+        ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
+        ${choose(words.feature, 'feature', named('feature'), [['', words.asked], ...features.map(one => [one.name, one.title])])}
+        ${all.length > 1 && choose(words.series, 'series', keyOf(series), all.map(one => [keyOf(one), nameOf(one)]))}
+        ${cohorts.length > 0 && choose(words.cohort, 'cohort', asked.cohort ?? NOBODY,
+          [...cohorts.map(one => [one.code, one.name]), [NOBODY, words.nobody]])}
       </div>
       <div class="body">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${!data && !problem && html`<${Loading} />`}
-        ${data && done.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>
+        ${none && html`<${Empty} title=${words.none} body=${words.noneBody}>
           <a class="button main" href=${href(['upload'], { trainee: id, task: task.id })}>${t.today.upload}</a><//>`}
-        ${done.length > 0 && families(sparks(done, tool === SHARED ? null : tool)).map(([family, members]) => html`
-          <section key=${family} class="family">
-            ${t.session.families[family] && html`<h3>${t.session.families[family]}</h3>`}
-            <div class="sparks">${members.map(spark => html`<${Spark} key=${spark.name} ...${spark} />`)}</div>
-          </section>`)}
+        ${!none && series && html`
+          <h3>${nameOf(series)}</h3>
+          <${ProgressPlot} series=${series} sessions=${data.sessions} />
+          ${series.target && html`<p class="small muted">${words.legend}</p>`}
+          <${ProgressWords} progress=${data} series=${series} />`}
       </div>
     </section>
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
 }
 
-/** One small plot per feature of that tool, with a point per session. */
-function sparks(sessions, tool) {
-  const rows = sessions.map(session => new Map(spatialRows(session.features).map(row => [row.name, row])));
-  const names = new Map();
-  for (const row of rows.flatMap(ofSession => [...ofSession.values()]))
-    if (row.byTool.has(tool)) names.set(row.name, row);
-  return [...names.values()].map(({ name, title, family, unit }) => ({
-    name,
-    title,
-    family,
-    unit,
-    points: sessions.map(({ id, recorded_at }, index) => {
-      return { id, recorded_at, value: rows[index].get(name)?.byTool.get(tool)?.value ?? null };
-    }),
-  }));
-}
-
-/** Features in space; those that are measured in the image alone, there. */
-function spatialRows(features) {
-  const [inSpace, inImage] = ['3d', 'image'].map(space => featureRows(features, space));
-  return [...inSpace, ...inImage.filter(row => !inSpace.some(({ name }) => name === row.name))];
-}
+/** Which series, in the address. */
+const keyOf = one => [one.feature, one.tool ?? '', one.space].join('|');
+const nameOf = one => [one.title, one.tool].filter(Boolean).join(', ');
 
 const Sessions = ({ sessions }) => html`
   <section class="card list">
     <header><h2>${words.table}</h2></header>
     <ul class="queue">
       ${[...sessions].reverse().map(session => html`<li key=${session.id}><div>
-        <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a></div>
+        <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a>
+        ${words.setAside[session.set_aside] && html`<span class="small muted">${words.setAside[session.set_aside]}</span>`}</div>
         <${StatusPill} state=${session.status} /></li>`)}
     </ul>
   </section>`;

@@ -274,6 +274,40 @@ test('when it is whole its page becomes the usual one by itself, live features b
   await picture('05-arrived');
 });
 
+test('a trainee’s page holds the sessions against the task’s standard, and says what is not enough', async () => {
+  const { trainee, task } = await ask(`sessions/${session}`);
+  const make = (path, body) =>
+    page.evaluate(
+      async ([at, json]) => {
+        const headers = { 'Content-Type': 'application/json' };
+        return (await fetch(at, { method: 'POST', headers, body: JSON.stringify(json) })).status;
+      },
+      [`/api/v1/${path}`, body],
+    );
+  const target = { feature: 'duration', by: { method: 'fixed', limit: 60, unit: 's' } };
+  assert.equal(await make(`tasks/${task.id}/standards`, { targets: [target], rule: { in_a_row: 3, then_more: 2 } }), 201);
+  assert.equal(await make('cohorts', { name: 'Everybody' }), 201);
+  await page.goto(`${url}/trainees/${trainee.id}`);
+  const plot = page.locator('svg.progress-plot');
+  await plot.waitFor();
+  const told = await ask(`trainees/${trainee.id}/progress?task=${task.id}&cohort=everybody`);
+  const points = told.features[0].points.filter(point => point.value !== null);
+  assert.ok(points.length >= 2, JSON.stringify(told));
+  assert.equal(await plot.locator('.dot').count(), points.length);
+  assert.equal(await plot.locator('.dot.pass').count(), points.filter(point => point.judgement === 'pass').length);
+  await plot.getByText('limit 60 s').waitFor();
+  const said = await page.locator('dl.facts').innerText();
+  assert.match(said, /Among others\s+Not enough: 10 more/);
+  assert.match(said, new RegExp(`Learning\\s+Not enough: ${6 - points.length} more`));
+  assert.match(said, new RegExp(`So far ${told.rule.have_in_a_row} of 3 in a row, 0 of 2 more`));
+  assert.match(said, /Not shown yet by \d+ judged sessions?\./);
+  await page.getByLabel('Feature').selectOption('path_length');
+  await page.waitForURL('**feature=path_length**');
+  await page.getByLabel('Shown').waitFor();
+  await plot.locator('a').first().click();
+  await page.waitForURL('**/sessions/*');
+});
+
 test('every page is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
   const { trainee, box } = await ask(`sessions/${session}`);
   const pages = {

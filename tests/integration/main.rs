@@ -11,6 +11,7 @@ mod faults;
 mod feed;
 mod memory;
 mod palette;
+mod planted;
 mod process;
 mod quality;
 mod readme;

@@ -20,6 +20,7 @@ use utoipa::IntoParams;
 use crate::analysis::protocol::{Followed, FollowedFrame, FollowedTool, PathRow, PlacementShape, live_features};
 use crate::domain::scope::Scope;
 use crate::domain::session::{LiveFeature, SessionStatus};
+use crate::domain::standard::Target;
 use crate::http::auth::origin;
 use crate::http::auth::signed_in::{Member, SignedIn};
 use crate::http::error::{Answer, Refusal, busy};
@@ -41,6 +42,8 @@ const PICTURE_HEAD: usize = 8;
 #[derive(Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 enum Word {
+    /// What the session's task asks for; nothing is judged before the recording is whole.
+    Targets { standard: i64, targets: Vec<Target> },
     /// Nobody sends the recording at the moment.
     Waiting,
     /// It arrives.
@@ -235,6 +238,7 @@ impl Watcher {
 
     /// Tells all there is until the recording has ended.
     async fn tell(&self, socket: &mut WebSocket) -> Result<(), Gone> {
+        self.tell_targets(socket).await?;
         let mut is_waiting = false;
         loop {
             let session = self.app.store.sessions().get(&self.scope, self.session).await.map_err(|_| Gone)?;
@@ -254,6 +258,14 @@ impl Watcher {
             }
             self.rest(socket).await?;
         }
+    }
+
+    /// Tells the limits to come, if the task has a standard.
+    async fn tell_targets(&self, socket: &mut WebSocket) -> Result<(), Gone> {
+        let store = &self.app.store;
+        let task = store.sessions().get(&self.scope, self.session).await.map_err(|_| Gone)?.task_id;
+        let Ok(Some(standard)) = store.standards().in_use(&self.scope, task).await else { return Ok(()) };
+        say(socket, &Word::Targets { standard: standard.version, targets: standard.definition.targets }).await
     }
 
     /// Waits a moment, and hears whether the watcher is still there.

@@ -1,11 +1,15 @@
 //! Sessions are listed, read, tried again, erased.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::show::Session;
+use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::events::Event;
@@ -47,10 +51,15 @@ pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Whic
     let page = Paging::new(limit, cursor).request(app.settings.page_items)?;
     let filter = SessionFilter { trainee, task, in_box, status };
     let store::Page { items, next } = app.store.sessions().list(&by.scope, &filter, &page).await?;
-    let mut shown = Vec::with_capacity(items.len());
+    let (mut shown, mut standards) = (Vec::with_capacity(items.len()), HashMap::new());
     for session in items {
-        let result = app.store.sessions().result(&by.scope, session.id).await?;
-        shown.push(Session::of(session, result));
+        let (result, handedness) =
+            (app.store.sessions().result(&by.scope, session.id).await?, session.trainee_handedness);
+        let standard = match standards.entry(session.task_id) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(app.store.standards().in_use(&by.scope, session.task_id).await?),
+        };
+        shown.push(Session::of(session, result).judged_by(standard.as_ref(), handedness));
     }
     Ok(Json(Page { items: shown, next }))
 }
@@ -60,9 +69,8 @@ pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Whic
     responses((status = OK, body = Session)))]
 pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Session>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
-    let result = app.store.sessions().result(&by.scope, session.id).await?;
     let live = app.store.feeds().live_features(&by.scope, session.id).await?;
-    Ok(Json(Session::of(session, result).with_live(live)))
+    Ok(Json(app.judged(&by.scope, session).await?.with_live(live)))
 }
 
 /// Track a session again: after a failure, or with a newer camera, newer colours or a newer program
@@ -71,8 +79,7 @@ pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Sess
 pub async fn retry(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Session>> {
     let session = app.store.sessions().retry(&by.scope, at.id()?).await?;
     app.tell_session(&session);
-    let result = app.store.sessions().result(&by.scope, session.id).await?;
-    Ok(Json(Session::of(session, result)))
+    Ok(Json(app.judged(&by.scope, session).await?))
 }
 
 /// Erase a session with its recording and results
@@ -85,6 +92,14 @@ pub async fn erase(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCo
 }
 
 impl App {
+    /// A session with its latest result, judged by its task's standard.
+    async fn judged(&self, scope: &Scope, session: store::Session) -> Answer<Session> {
+        let handedness = session.trainee_handedness;
+        let result = self.store.sessions().result(scope, session.id).await?;
+        let standard = self.store.standards().in_use(scope, session.task_id).await?;
+        Ok(Session::of(session, result).judged_by(standard.as_ref(), handedness))
+    }
+
     /// Tells workers and those who watch that a session stands differently.
     pub fn tell_session(&self, session: &store::Session) {
         let (id, trainee, status) = (session.id, session.trainee_id, session.status());

@@ -4,9 +4,12 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use crate::domain::feature::FeatureKey;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
+use crate::domain::standard::{Better, Judgement, ToJudge};
+use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
 use crate::http::show::{Named, Time};
 use crate::ids::SessionId;
@@ -87,6 +90,21 @@ pub struct Feature {
     /// How far the value may be off; `null` where that is not known, and then `no_error` says why.
     error: Option<FeatureError>,
     no_error: Option<String>,
+    /// The limit that the task's standard sets it; `null` without one.
+    target: Option<Limit>,
+    /// What the value is worth against it.
+    judgement: Option<Judgement>,
+}
+
+/// A limit, and the standard that sets it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Limit {
+    /// The limit, in the feature's unit; keeping it exactly is enough.
+    limit: f64,
+    /// Which side of it is better.
+    better: Better,
+    /// Version of the task's standard.
+    standard: i64,
 }
 
 impl Session {
@@ -134,6 +152,14 @@ impl Session {
         Self { live_features, ..self }
     }
 
+    /// The same, judged by its task's standard.
+    pub fn judged_by(mut self, standard: Option<&store::Standard>, handedness: Option<Handedness>) -> Self {
+        if let (Some(standard), Some(versions)) = (standard, &self.versions) {
+            self.features.iter_mut().for_each(|feature| feature.judge(standard, &versions.pipeline, handedness));
+        }
+        self
+    }
+
     fn add(&mut self, result: store::SessionResult) {
         self.tools = result.tools;
         self.features = result.features.into_iter().map(Feature::from).collect();
@@ -171,7 +197,19 @@ impl From<FeatureRow> for Feature {
             not_enough,
             error,
             no_error,
+            target: None,
+            judgement: None,
         }
+    }
+}
+
+impl Feature {
+    fn judge(&mut self, standard: &store::Standard, pipeline: &str, handedness: Option<Handedness>) {
+        let key = FeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space };
+        let Some(target) = standard.definition.target(&key) else { return };
+        let bar = self.error.map(|error| [error.low, error.high]);
+        self.judgement = Some(target.judge(ToJudge { value: self.value, bar, pipeline, handedness }));
+        self.target = Some(Limit { limit: target.limit, better: target.better, standard: standard.version });
     }
 }
 

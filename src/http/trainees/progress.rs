@@ -1,53 +1,55 @@
-//! A trainee's sessions over time.
+//! How a trainee gets on at a task.
 
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::Trainee;
-use crate::domain::session::SessionStatus;
+use crate::cohorts::{Asked, Found, answer};
+use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::http::auth::signed_in::Member;
+use crate::http::cohorts::Cohort;
 use crate::http::error::Answer;
-use crate::http::read::{At, Json, Params, named};
-use crate::http::sessions::Feature;
-use crate::http::show::Time;
+use crate::http::read::{At, Json, Params};
 use crate::http::state::App;
-use crate::http::tasks::Task;
-use crate::ids::SessionId;
-use crate::store;
+use crate::http::tasks::{Standard, Task};
 
-/// Sessions of one trainee that are shown at most, the latest ones.
-const MOST: u32 = 200;
-
-/// Of which task.
+/// What one wants to know.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Which {
-    /// Only of this task, by id or code; without it, of all.
+    /// Of which task, by id or code; without it, that of the newest session.
     #[param(value_type = Option<String>)]
     task: Option<Key>,
+    /// Which feature, such as `path_length`; without it, those that the task's standard limits, or the duration.
+    feature: Option<String>,
+    /// Of this tool alone; without it, of all that have the feature.
+    tool: Option<String>,
+    /// Where it is measured; without it, in three dimensions, if it is measured there.
+    space: Option<FeatureSpace>,
+    /// Among whom the newest value is placed: a cohort's id or code.
+    #[param(value_type = Option<String>)]
+    cohort: Option<Key>,
 }
 
-/// A trainee's sessions, oldest first, at most the last 200.
+/// A trainee's sessions of a task over time: their features, places, learning curves, and what the task's standard makes of
+/// them.
 #[derive(Serialize, ToSchema)]
 pub struct Progress {
     trainee: Trainee,
+    /// `null` where none was named and there is no session.
     task: Option<Task>,
-    sessions: Vec<Step>,
+    /// What the task asks for; `null` where nobody has set that.
+    standard: Option<Standard>,
+    /// Among whom the newest values are placed; `null` where none was named.
+    cohort: Option<Cohort>,
+    #[serde(flatten)]
+    course: answer::Course,
 }
 
-/// One session on the way.
-#[derive(Serialize, ToSchema)]
-pub struct Step {
-    id: SessionId,
-    recorded_at: Time,
-    status: SessionStatus,
-    features: Vec<Feature>,
-}
-
-/// Read how a trainee gets on
+/// Read how a trainee gets on at a task
 #[utoipa::path(get, path = "/trainees/{id}/progress", tag = "trainees",
     params(("id" = String, Path, description = "id or code"), Which), responses((status = OK, body = Progress)))]
 pub async fn progress(
@@ -56,24 +58,14 @@ pub async fn progress(
     At(key): At,
     Params(which): Params<Which>,
 ) -> Answer<Json<Progress>> {
-    let trainee = app.store.trainees().get(&by.scope, &key).await?;
-    let task = match &which.task {
-        Some(task) => Some(app.store.tasks().get(&by.scope, task).await.map_err(named("task"))?),
-        None => None,
-    };
-    let steps = app.store.sessions().progress(&by.scope, &key, which.task.as_ref(), MOST).await?;
-    let sessions = steps.into_iter().map(Step::from).collect();
-    Ok(Json(Progress { trainee: trainee.into(), task: task.map(Task::from), sessions }))
-}
-
-impl From<(store::Session, Option<store::SessionResult>)> for Step {
-    fn from((session, result): (store::Session, Option<store::SessionResult>)) -> Self {
-        let features = result.map(|result| result.features).unwrap_or_default();
-        Self {
-            id: session.id,
-            recorded_at: Time(session.recorded_at_ms),
-            status: session.status(),
-            features: features.into_iter().map(Feature::from).collect(),
-        }
-    }
+    let Which { task, feature, tool, space, cohort } = which;
+    let asked = Asked { task, feature, tool, space, cohort };
+    let Found { trainee, task, standard, cohort, course } = app.cohorts.progress(&by.scope, &key, asked).await?;
+    Ok(Json(Progress {
+        trainee: trainee.into(),
+        task: task.map(Task::from),
+        standard: standard.map(|standard| Standard::new(standard, &by.scope)),
+        cohort: cohort.map(Cohort::from),
+        course,
+    }))
 }

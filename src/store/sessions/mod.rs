@@ -5,12 +5,15 @@
 //! | `mod.rs` | the session, its status, lists |
 //! | `places.rs` | places in the queue |
 //! | `write.rs` | made, tried again, erased |
-//! | `result.rs` | results and features; a trainee's progress |
+//! | `result.rs` | results and features |
+//! | `practice.rs` | a trainee's sessions of one task over time |
 
 pub(super) mod places;
+pub(super) mod practice;
 pub(super) mod result;
 mod write;
 
+pub use practice::{Measurement, Outcome, Practice, Practised};
 pub use result::{SessionPlace, SessionResult};
 pub(super) use write::insert;
 
@@ -23,6 +26,7 @@ use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::{Code, FileName, Key, Name};
+use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 
 /// The sessions.
@@ -39,6 +43,8 @@ pub struct Session {
     pub trainee_name: Name,
     /// Their code.
     pub trainee_code: Code,
+    /// The hand that they prefer, if said.
+    pub trainee_handedness: Option<Handedness>,
     /// What they did.
     pub task_id: TaskId,
     /// What it is called.
@@ -132,6 +138,7 @@ impl Session {
 macro_rules! select_sessions {
     () => {
         "SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+                trainee.handedness AS trainee_handedness,
                 session.task_id, task.name AS task_name, task.code AS task_code,
                 session.box_id, training_box.name AS box_name, training_box.code AS box_code,
                 session.filename, session.media_type, session.video, blob.bytes AS video_bytes,
@@ -148,7 +155,6 @@ macro_rules! select_sessions {
                                     ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)"
     };
 }
-use select_sessions;
 
 impl Sessions<'_> {
     /// The sessions that the scope sees, newest first.

@@ -5,13 +5,12 @@ use sqlx::FromRow;
 use sqlx::sqlite::SqliteRow;
 use sqlx::types::Json;
 
-use super::super::error::{StoreResult, not_found};
+use super::super::error::StoreResult;
 use super::super::visibility::{AskedBy, sees_trainee};
-use super::{Session, Sessions, select_sessions};
+use super::Sessions;
 use crate::domain::blob::BlobHash;
 use crate::domain::files::quality::fulcrums_of;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, Versions, VideoFacts};
-use crate::domain::text::Key;
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::store::Scope;
@@ -133,35 +132,6 @@ impl Sessions<'_> {
         let SessionPlace(created_at_ms, session) = before;
         let found = sqlx::query_scalar(sql).bind(of).bind(created_at_ms).bind(session);
         Ok(found.fetch_one(self.0.readers()).await?)
-    }
-
-    /// A trainee's sessions over time, oldest first, with their latest results; of one task if named; the last `most`.
-    pub async fn progress(
-        &self,
-        scope: &Scope,
-        trainee: &Key,
-        task: Option<&Key>,
-        most: u32,
-    ) -> StoreResult<Vec<(Session, Option<SessionResult>)>> {
-        let rows = sqlx::query_as::<_, Session>(concat!(
-            select_sessions!(),
-            " WHERE ",
-            sees_trainee!("session.trainee_id"),
-            " AND $3 IN (trainee.id, trainee.code) AND ($4 IS NULL OR $4 IN (task.id, task.code))
-              ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5"
-        ));
-        let mut sessions = rows.asked_by(scope).bind(trainee).bind(task).bind(most).fetch_all(self.0.readers()).await?;
-        if sessions.is_empty() && self.0.trainees().get(scope, trainee).await.is_err() {
-            return Err(not_found("trainee"));
-        }
-        self.find_places(&mut sessions).await?;
-        sessions.reverse();
-        let mut progress = Vec::with_capacity(sessions.len());
-        for session in sessions {
-            let result = self.result(scope, session.id).await?;
-            progress.push((session, result));
-        }
-        Ok(progress)
     }
 
     async fn features(&self, result: ResultId) -> StoreResult<Vec<FeatureRow>> {

@@ -3,7 +3,6 @@
 use crate::domain::blob::Blob;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
-use crate::domain::text::Key;
 use crate::ids::UploadId;
 use crate::store::testing::{Centre, LEASE, NOW_MS};
 use crate::store::{Finished, NewUpload, StoreError};
@@ -48,8 +47,16 @@ async fn an_upload_becomes_a_session_that_is_tracked_and_scored() {
     let stored = store.sessions().result(&service, id).await.unwrap().unwrap();
     assert_eq!((&stored.features, &stored.versions), (&result.features, &result.versions));
     assert_eq!((stored.video, &stored.quality), (result.video, &result.quality));
-    let progress = store.sessions().progress(&service, &Key::from("ana"), None, 10).await.unwrap();
-    assert_eq!(progress, [(session, Some(stored))]);
+    let practice = store.sessions().practice(&service, trainee.id, centre.task.id, &["path_length"], 10).await.unwrap();
+    let [practised] = &practice.sessions[..] else { panic!("{practice:?}") };
+    assert_eq!((practised.id, practised.status, practice.earlier), (session.id, SessionStatus::Done, 0));
+    let [measured] = &practised.measured[..] else { panic!("only what was asked for: {practised:?}") };
+    assert_eq!(
+        (measured.value, measured.bar),
+        (Some(123.456_789_012_345), Some([121.456_789_012_345, 125.456_789_012_345]))
+    );
+    assert_eq!(practised.result.as_ref().map(|outcome| outcome.refused), Some(false));
+    assert_eq!(store.sessions().last_task(&service, trainee.id).await.unwrap(), Some(centre.task.id));
 }
 
 #[tokio::test]

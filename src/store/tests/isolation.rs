@@ -7,20 +7,21 @@ use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::domain::trainee::TraineeChange;
-use crate::ids::{JobId, SessionId, TraineeId, UploadId};
+use crate::ids::{JobId, SessionId, TaskId, TraineeId, UploadId};
 use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{NewUpload, PageRequest, SessionFilter, Store, StoreError, StoreResult};
 
 /// One trainee's things.
 struct Things {
     trainee: TraineeId,
+    task: TaskId,
     session: SessionId,
     job: JobId,
     upload: UploadId,
 }
 
-const NOUNS: [&str; 9] =
-    ["trainee", "change", "session", "result", "retry", "progress", "job", "upload", "erase session"];
+const NOUNS: [&str; 10] =
+    ["trainee", "change", "session", "result", "retry", "practice", "last task", "job", "upload", "erase session"];
 
 /// Asks for one of somebody's things; the answer's content does not matter, only whether there is one.
 async fn ask(store: &Store, scope: &Scope, noun: &str, of: &Things) -> StoreResult<()> {
@@ -31,7 +32,10 @@ async fn ask(store: &Store, scope: &Scope, noun: &str, of: &Things) -> StoreResu
         "session" => store.sessions().get(scope, of.session).await.map(drop),
         "result" => store.sessions().result(scope, of.session).await.map(drop),
         "retry" => store.sessions().retry(scope, of.session).await.map(drop),
-        "progress" => store.sessions().progress(scope, &trainee, None, 10).await.map(drop),
+        "practice" => store.sessions().practice(scope, of.trainee, of.task, &["duration"], 10).await.map(drop),
+        "last task" => {
+            store.sessions().last_task(scope, of.trainee).await?.map(drop).ok_or(StoreError::NotFound { what: "task" })
+        }
         "job" => store.jobs().get(scope, of.job).await.map(drop),
         "upload" => store.uploads().get(scope, of.upload).await.map(drop),
         "erase session" => store.sessions().erase(scope, of.session).await,
@@ -62,11 +66,12 @@ async fn things_of(centre: &Centre, name: &str) -> Things {
         expires_at_ms: NOW_MS + 1_000,
     };
     let upload = centre.store.uploads().create(&Scope::service(), new).await.unwrap().id;
-    Things { trainee, session: session.id, job: session.job_id.unwrap(), upload }
+    Things { trainee, task: centre.task.id, session: session.id, job: session.job_id.unwrap(), upload }
 }
 
 fn missing() -> Things {
-    Things { trainee: TraineeId::at(1), session: SessionId::at(1), job: JobId::at(1), upload: UploadId::at(1) }
+    let (trainee, task) = (TraineeId::at(1), TaskId::at(1));
+    Things { trainee, task, session: SessionId::at(1), job: JobId::at(1), upload: UploadId::at(1) }
 }
 
 #[tokio::test]

@@ -1,5 +1,6 @@
 //! Claims about the store, each on a database of its own.
 
+mod cohorts;
 mod flow;
 mod full_disk;
 mod isolation;
@@ -7,4 +8,5 @@ mod queue;
 mod schema;
 mod self_tests;
 mod sign_in;
+mod standards;
 mod writes;

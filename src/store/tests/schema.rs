@@ -9,11 +9,12 @@ use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
-const FILES: [&str; 4] = [
+const FILES: [&str; 5] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
     include_str!("../../../migrations/0007_self_tests.sql"),
+    include_str!("../../../migrations/0011_standards.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -42,7 +43,7 @@ fn every_table_is_strict_and_every_table_and_column_is_commented() {
             above = text;
         }
     }
-    assert!(tables >= 17, "{tables} tables");
+    assert!(tables >= 20, "{tables} tables");
 }
 
 #[tokio::test]
@@ -80,6 +81,10 @@ async fn nonsense_is_refused_whoever_writes_it() {
         "INSERT INTO result SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', session_id, pipeline, calibration_id, palette_id,
          model, width, height, frames, duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms
          FROM result",
+        "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 0, '{}', NULL, 1 FROM task",
+        "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1 FROM task",
+        "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
+        "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
         "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",
         "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'trainee', '$argon2id$x', NULL, 1)",
         "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'agent', '$argon2id$x', NULL, 1)",

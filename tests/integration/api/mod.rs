@@ -8,6 +8,8 @@ mod hostile;
 mod nouns;
 mod playback;
 mod process;
+mod progress;
+mod progress_load;
 mod roles;
 mod self_tests;
 mod sign_in;

@@ -177,6 +177,24 @@ async fn what_is_told_live_is_what_the_causal_tracker_says_and_the_score_is_that
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_watcher_is_told_first_what_the_task_asks_for() {
+    let centre = Centre::open().await;
+    let by = json!({"method": "fixed", "limit": 48, "unit": "s"});
+    let standard = json!({"targets": [{"feature": "duration", "by": by}]});
+    centre.instructor.make("/api/v1/tasks/peg/standards", standard).await;
+    let (_sender, welcome) = super::begin(&centre.service, &centre.agent, RECORDING).await;
+    let session = welcome["session"].as_str().unwrap();
+    let mut watcher = Watcher::open(&centre, &centre.trainee, session).await.unwrap();
+    let Told::Word(first) = watcher.next().await else { panic!("a picture before the targets") };
+    assert_eq!((&first["type"], &first["standard"]), (&json!("targets"), &json!(1)));
+    let target = &first["targets"][0];
+    assert_eq!(
+        (&target["feature"], &target["limit"], &target["unit"]),
+        (&json!("duration"), &json!(48.0), &json!("s"))
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_box_that_is_not_ready_is_not_tracked_live_and_says_why() {
     let centre = Centre::open().await;
     let (mut sender, welcome) = super::begin(&centre.service, &centre.agent, RECORDING).await;

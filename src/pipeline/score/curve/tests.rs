@@ -118,6 +118,35 @@ fn intervals_of_noisy_curves_hold_the_truth() {
 }
 
 #[test]
+fn a_band_holds_the_curve_and_narrows_with_the_sessions() {
+    let mut chance = Chance::of([11.0]);
+    let at = exact(50.0, 120.0, 4.0);
+    let mut of = |count: u32| curve(&sessions(count, |number| at(number) + 6.0 * gauss(&mut chance)), Direction::Lower);
+    let (few, many) = (of(12), of(120));
+    for number in 1..=12 {
+        let (rough, tight) = (few.band(number), many.band(number));
+        assert!(rough.holds(few.at(number)) && tight.holds(many.at(number)), "{number}");
+        assert!(tight.holds(at(number)) || number == 1, "{number}: {tight:?}, not {}", at(number));
+    }
+    let width = |band: Interval| band.high - band.low;
+    assert!(width(many.band(12)) < 0.5 * width(few.band(12)));
+}
+
+/// Not a claim about time: prints what a fit costs here, for the figure in this module's text.
+#[test]
+#[ignore = "measures: run it optimised and alone"]
+fn what_a_fit_costs() {
+    let mut chance = Chance::of([1.0]);
+    let at = exact(50.0, 120.0, 30.0);
+    for count in [20, 100, 500] {
+        let rows = sessions(count, |number| at(number) + 12.0 * gauss(&mut chance));
+        let started = std::time::Instant::now();
+        (0..20).for_each(|_| drop(curve(&rows, Direction::Lower)));
+        println!("{count} sessions: {:.1} ms", started.elapsed().as_secs_f64() * 1e3 / 20.0);
+    }
+}
+
+#[test]
 fn bad_input_gives_a_reason() {
     let of = |numbers: &[u32], value: f64| {
         let rows: Vec<Session> = numbers.iter().map(|number| Session { number: *number, value }).collect();

@@ -1,17 +1,20 @@
 //! What trainees do. Everybody reads tasks, staff change them.
 
+mod standards;
+
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::Serialize;
+pub use standards::*;
 use utoipa::ToSchema;
 
-use super::auth::signed_in::{Member, Staff};
-use super::error::Answer;
-use super::read::{At, Json, Params};
-use super::show::{Created, Page, Paging, Time};
-use super::state::App;
 use crate::domain::task::{NewTask, TaskChange};
 use crate::domain::text::{Code, Name, Paragraphs};
+use crate::http::auth::signed_in::{Member, Staff};
+use crate::http::error::Answer;
+use crate::http::read::{At, Json, Params};
+use crate::http::show::{Created, Page, Paging, Time};
+use crate::http::state::App;
 use crate::ids::TaskId;
 use crate::store;
 

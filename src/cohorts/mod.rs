@@ -1,0 +1,94 @@
+//! Standards, cohorts and progress: turns what the store knows into places, judgements, curves and alarms of
+//! [`crate::pipeline::score`].
+//!
+//! | file | holds |
+//! |---|---|
+//! | `mod.rs` | who is asked what; the calculations' place beside the async threads |
+//! | `people.rs` | a cohort's people, one value each, and who of them may be compared with whom |
+//! | `propose.rs` | a standard's limits, made from people or chosen |
+//! | `progress.rs` | a trainee's sessions of a task over time |
+//! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
+//! | `series.rs` | one feature of them: points, place, curve |
+//! | `monitors.rs` | charts, computed once per design |
+//! | `answer.rs` | what is answered, as it is told |
+//!
+//! What cannot be said is a reason ([`answer::Withheld`]), never a number. A person counts once. Nobody's own value leaves
+//! this room but to who may see that person.
+
+pub mod answer;
+mod monitors;
+mod people;
+mod progress;
+mod propose;
+mod series;
+mod verdicts;
+
+use std::sync::Arc;
+
+use tokio::sync::Semaphore;
+
+use crate::domain::text::Invalid;
+use crate::store::{Store, StoreError};
+use crate::time::SharedClock;
+
+use monitors::Monitors;
+pub use progress::{Asked, Found};
+pub use propose::{Proposal, Proposed};
+
+/// Calculations at the same time; further ones wait, so that what answers quickly goes on answering.
+const CALCULATIONS: usize = 2;
+
+/// Why something was not calculated.
+#[derive(Debug, thiserror::Error)]
+pub enum CohortsError {
+    /// A value of the request cannot be used.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// The request names something that is not there.
+    #[error("`{field}` names no {what}")]
+    Unknown {
+        /// The request's field.
+        field: &'static str,
+        /// What it should name.
+        what: &'static str,
+    },
+    /// The store did not answer.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The service ends, or a calculation broke down.
+    #[error("the calculation did not end")]
+    Broken,
+}
+
+/// The room. Clones are the same room.
+#[derive(Clone)]
+pub struct Cohorts {
+    store: Store,
+    clock: SharedClock,
+    monitors: Arc<Monitors>,
+    places: Arc<Semaphore>,
+}
+
+impl Cohorts {
+    /// Asks this store, by this clock.
+    pub fn new(store: Store, clock: SharedClock) -> Self {
+        Self { store, clock, monitors: Arc::default(), places: Arc::new(Semaphore::new(CALCULATIONS)) }
+    }
+
+    /// Calculates beside the async threads.
+    async fn calculate<T: Send + 'static>(&self, of: impl FnOnce() -> T + Send + 'static) -> Result<T, CohortsError> {
+        let _place = self.places.acquire().await.map_err(|_| CohortsError::Broken)?;
+        tokio::task::spawn_blocking(of).await.map_err(|_| CohortsError::Broken)
+    }
+}
+
+/// For what a request names: missing there is the request's mistake.
+fn named(field: &'static str) -> impl FnOnce(StoreError) -> CohortsError {
+    move |error| match error {
+        StoreError::NotFound { what } => CohortsError::Unknown { field, what },
+        other => other.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! A cohort's people with one value each, as far as they may be compared.
+//!
+//! Fair to left-handers: a tool is in one hand, and the same marker is the good hand's tool for some and the other's for
+//! others. So a tool's feature is compared among people who prefer the same hand, and a feature of the whole session among
+//! all. What lies along a camera's own axes is compared only within one calibration. Versions of the program are not mixed.
+
+use sha2::{Digest, Sha256};
+
+use crate::domain::feature::{FeatureKey, is_of_one_camera};
+use crate::domain::trainee::Handedness;
+use crate::ids::{CalibrationId, TraineeId};
+use crate::pipeline::score::{NoAnswer, People};
+use crate::store::CohortValue;
+
+/// Of each person their last sessions count, so many at most, and of these the median: how they do now, not how they began.
+pub const LAST_SESSIONS: u32 = 5;
+
+/// With what a value of a cohort must agree to be comparable.
+#[derive(Clone, Copy, Debug)]
+pub struct Like<'l> {
+    /// Of which feature.
+    pub of: &'l FeatureKey,
+    /// Measured by this version of the program.
+    pub pipeline: &'l str,
+    /// With this camera, where the feature depends on it; `None` only for features that do not.
+    pub calibration: Option<CalibrationId>,
+    /// By people who prefer this hand, where the feature is a tool's.
+    pub handedness: Option<Handedness>,
+    /// Not this person, who is held against the others.
+    pub without: Option<TraineeId>,
+}
+
+impl Like<'_> {
+    /// The rows that are comparable.
+    pub fn rows(&self, values: &[CohortValue]) -> Vec<(TraineeId, f64)> {
+        let comparable = |row: &&CohortValue| {
+            row.of == *self.of
+                && row.pipeline == self.pipeline
+                && (!is_of_one_camera(self.of) || self.calibration == Some(row.calibration))
+                && (self.of.tool.is_none() || (self.handedness.is_some() && row.handedness == self.handedness))
+                && self.without != Some(row.trainee)
+        };
+        values.iter().filter(comparable).map(|row| (row.trainee, row.value)).collect()
+    }
+
+    /// The people with the median of their rows.
+    pub fn people(&self, values: &[CohortValue]) -> Result<People, NoAnswer> {
+        People::of_sessions(&self.rows(values))
+    }
+}
+
+/// SHA-256 of some groups' values, in rising order: the same people with the same values have the same.
+pub fn fingerprint(groups: &[&People]) -> String {
+    let mut hash = Sha256::new();
+    for group in groups {
+        hash.update((group.count() as u64).to_le_bytes());
+        group.values().iter().for_each(|value| hash.update(value.to_bits().to_le_bytes()));
+    }
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::session::FeatureSpace;
+
+    fn key(feature: &str, tool: Option<&str>, space: FeatureSpace) -> FeatureKey {
+        FeatureKey { feature: feature.to_owned(), tool: tool.map(str::to_owned), space }
+    }
+
+    fn value(of: &FeatureKey, at: i64, handedness: Option<Handedness>, value: f64) -> CohortValue {
+        let (trainee, calibration) = (TraineeId::at(at), CalibrationId::at(1));
+        CohortValue { trainee, handedness, calibration, pipeline: "7".to_owned(), of: of.clone(), value }
+    }
+
+    #[test]
+    fn a_tools_feature_is_compared_among_those_who_prefer_the_same_hand_and_a_sessions_among_all() {
+        let (left, right) = (Some(Handedness::Left), Some(Handedness::Right));
+        let (tool, whole) =
+            (key("path_length", Some("orange"), FeatureSpace::Space3d), key("duration", None, FeatureSpace::Space3d));
+        let of = |key: &FeatureKey| vec![value(key, 1, left, 1.0), value(key, 2, right, 2.0), value(key, 3, None, 3.0)];
+        let among = |of: &FeatureKey, handedness, values: &[CohortValue]| {
+            let like = Like { of, pipeline: "7", calibration: None, handedness, without: None };
+            like.people(values).unwrap().values().to_vec()
+        };
+        assert_eq!(among(&tool, left, &of(&tool)), [1.0]);
+        assert_eq!(among(&tool, right, &of(&tool)), [2.0]);
+        assert!(among(&tool, None, &of(&tool)).is_empty(), "whose hand nobody said is compared with nobody");
+        assert_eq!(among(&whole, left, &of(&whole)), [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn oneself_other_versions_and_other_cameras_are_left_out() {
+        let (space, image) =
+            (key("path_length", None, FeatureSpace::Space3d), key("path_length", None, FeatureSpace::Image));
+        let one = value(&space, 1, None, 1.0);
+        let rows = [one.clone(), value(&space, 2, None, 2.0), CohortValue { pipeline: "6".to_owned(), ..one }];
+        let like =
+            Like { of: &space, pipeline: "7", calibration: None, handedness: None, without: Some(rows[0].trainee) };
+        assert_eq!(like.people(&rows).unwrap().values(), [2.0]);
+        let rows = [value(&image, 1, None, 1.0)];
+        let in_picture = |calibration| Like { of: &image, calibration, without: None, ..like }.rows(&rows).len();
+        assert_eq!([Some(CalibrationId::at(1)), None].map(in_picture), [0, 0], "another id, and none");
+        assert_eq!(in_picture(Some(rows[0].calibration)), 1);
+    }
+
+    #[test]
+    fn a_fingerprint_tells_values_and_groups_apart_and_not_who_they_are() {
+        let people = |values: &[f64]| People::of(&values.iter().copied().enumerate().collect::<Vec<_>>()).unwrap();
+        let print = |groups: &[&[f64]]| {
+            let groups: Vec<People> = groups.iter().map(|values| people(values)).collect();
+            fingerprint(&groups.iter().collect::<Vec<_>>())
+        };
+        assert_eq!(print(&[&[1.0, 2.0]]), print(&[&[2.0, 1.0]]));
+        assert_ne!(print(&[&[1.0, 2.0]]), print(&[&[1.0, 2.5]]));
+        assert_ne!(print(&[&[1.0], &[2.0]]), print(&[&[1.0, 2.0]]));
+        assert_eq!(print(&[&[1.0]]).len(), 64);
+    }
+}

@@ -1,0 +1,197 @@
+//! A trainee's sessions of a task over time.
+//!
+//! Sessions are numbered in the order in which they were recorded, whatever became of them: practice is practice. Those
+//! that are refused, failed or of another version of the program count for nothing else. The version that counts is the newest
+//! result's, so that a program's update does not end what was learnt before the old sessions are tracked again.
+
+use super::answer::{Course, SetAside, Step};
+use super::people::LAST_SESSIONS;
+use super::series::{Numbered, Whom, series};
+use super::verdicts::Verdicts;
+use super::{Cohorts, CohortsError, named};
+use crate::domain::feature::{self, FeatureKey};
+use crate::domain::scope::Scope;
+use crate::domain::session::{FeatureSpace, SessionStatus};
+use crate::domain::standard::Definition;
+use crate::domain::text::Key;
+use crate::pipeline::features::find;
+use crate::pipeline::score::lc_cusum::Monitor;
+use crate::store::{Cohort, Practice, Practised, Standard, Task, Trainee};
+use crate::time::to_rfc3339;
+
+/// Sessions that are followed at most, the newest ones.
+pub const MOST_SESSIONS: u32 = 1000;
+
+/// The feature that is shown where nobody asks for another and no standard names one.
+const USUAL: &str = "duration";
+
+/// What somebody wants to know.
+#[derive(Clone, Debug, Default)]
+pub struct Asked {
+    /// Of which task; without it, that of the trainee's newest session.
+    pub task: Option<Key>,
+    /// Which feature; without it, those that the standard limits.
+    pub feature: Option<String>,
+    /// Of which tool alone.
+    pub tool: Option<String>,
+    /// In which space; without it, in three dimensions if it is measured there.
+    pub space: Option<FeatureSpace>,
+    /// Among whom.
+    pub cohort: Option<Key>,
+}
+
+/// What was found.
+#[derive(Debug)]
+pub struct Found {
+    /// Who.
+    pub trainee: Trainee,
+    /// At which task; `None` if none was named and they have no session.
+    pub task: Option<Task>,
+    /// What it asks for.
+    pub standard: Option<Standard>,
+    /// Among whom they are placed.
+    pub cohort: Option<Cohort>,
+    /// How they get on.
+    pub course: Course,
+}
+
+impl Cohorts {
+    /// How a trainee gets on at a task.
+    pub async fn progress(&self, scope: &Scope, trainee: &Key, asked: Asked) -> Result<Found, CohortsError> {
+        let trainee = self.store.trainees().get(scope, trainee).await?;
+        let cohort = match &asked.cohort {
+            Some(key) => Some(self.store.cohorts().get(scope, key).await.map_err(named("cohort"))?),
+            None => None,
+        };
+        let Some(task) = self.task(scope, &trainee, asked.task.as_ref()).await? else {
+            return Ok(Found { trainee, task: None, standard: None, cohort, course: Course::default() });
+        };
+        let standard = self.store.standards().in_use(scope, task.id).await?;
+        let shown = Shown::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
+        let names = shown.names();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let practice = self.store.sessions().practice(scope, trainee.id, task.id, &names, MOST_SESSIONS).await?;
+        let keys = shown.keys(&practice);
+        let among = match &cohort {
+            Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &keys).await?),
+            None => None,
+        };
+        let (monitors, now_ms) = (self.monitors.clone(), self.clock.now_ms());
+        let (id, handedness) = (trainee.id, trainee.handedness);
+        let definition = standard.as_ref().map(|standard| standard.definition.clone());
+        let calculation = move || {
+            let whom = Whom { trainee: id, handedness, among: among.as_deref() };
+            let monitor = definition.as_ref().and_then(|definition| monitors.of(definition.charts).ok());
+            followed(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &whom, now_ms)
+        };
+        let course = self.calculate(calculation).await?;
+        Ok(Found { trainee, task: Some(task), standard, cohort, course })
+    }
+
+    async fn task(&self, scope: &Scope, of: &Trainee, asked: Option<&Key>) -> Result<Option<Task>, CohortsError> {
+        if let Some(key) = asked {
+            return Ok(Some(self.store.tasks().get(scope, key).await.map_err(named("task"))?));
+        }
+        match self.store.sessions().last_task(scope, of.id).await? {
+            Some(id) => Ok(Some(self.store.tasks().get(scope, &Key::from(&id)).await?)),
+            None => Ok(None),
+        }
+    }
+}
+
+/// Which features are shown, and which are needed besides to judge sessions.
+struct Shown {
+    keys: Vec<FeatureKey>,
+    /// A feature of every tool that has it.
+    of_all_tools: Option<(String, FeatureSpace)>,
+    judged: Vec<FeatureKey>,
+}
+
+impl Shown {
+    fn of(asked: &Asked, standard: Option<&Definition>) -> Result<Self, CohortsError> {
+        let judged: Vec<FeatureKey> = standard
+            .map_or_else(Vec::new, |standard| standard.targets.iter().map(|target| target.of.clone()).collect());
+        let name = match &asked.feature {
+            Some(name) => name,
+            None if !judged.is_empty() => return Ok(Self { keys: judged.clone(), of_all_tools: None, judged }),
+            None => USUAL,
+        };
+        let feature = feature::named(name)?;
+        let space = feature::space_of(feature, asked.space)?;
+        let key = |tool| FeatureKey { feature: feature.name.to_owned(), tool, space };
+        let (keys, of_all_tools) = match (&asked.tool, &asked.feature) {
+            (Some(tool), _) => (vec![key(Some(tool.clone()))], None),
+            (None, Some(_)) => (Vec::new(), Some((feature.name.to_owned(), space))),
+            (None, None) => (vec![key(None)], None),
+        };
+        Ok(Self { keys, of_all_tools, judged })
+    }
+
+    fn names(&self) -> Vec<String> {
+        let keys = self.keys.iter().chain(&self.judged).map(|key| &key.feature);
+        let mut names: Vec<String> = keys.chain(self.of_all_tools.iter().map(|(name, _)| name)).cloned().collect();
+        names.sort();
+        names.dedup();
+        names
+    }
+
+    /// The features themselves; of all tools: those of the sessions that have any, in the order of the names.
+    fn keys(&self, practice: &Practice) -> Vec<FeatureKey> {
+        let Some((name, space)) = &self.of_all_tools else { return self.keys.clone() };
+        let measured = practice.sessions.iter().flat_map(|session| &session.measured).map(|measured| &measured.of);
+        let mut tools: Vec<Option<String>> =
+            measured.filter(|of| of.feature == *name && of.space == *space).map(|of| of.tool.clone()).collect();
+        tools.sort();
+        tools.dedup();
+        tools.into_iter().map(|tool| FeatureKey { feature: name.clone(), tool, space: *space }).collect()
+    }
+}
+
+/// Follows the sessions.
+fn followed(
+    practice: &Practice,
+    keys: Vec<FeatureKey>,
+    standard: Option<(&Definition, &Monitor)>,
+    whom: &Whom<'_>,
+    now_ms: i64,
+) -> Course {
+    let newest = practice.sessions.iter().rev().find_map(|session| session.result.as_ref());
+    let pipeline = newest.map(|outcome| outcome.pipeline.clone());
+    let set_aside = |session: &Practised| set_aside(session, pipeline.as_deref());
+    let number = |(index, session)| Numbered {
+        number: practice.earlier + index + 1,
+        counts: set_aside(session).is_none(),
+        session,
+    };
+    let sessions: Vec<Numbered<'_>> = practice.sessions.iter().enumerate().map(number).collect();
+    let definition = standard.map(|(definition, _)| definition);
+    let told = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &sessions, whom.handedness));
+    let step = |(index, at): (usize, &Numbered<'_>)| Step {
+        number: at.number,
+        id: at.session.id,
+        recorded_at: to_rfc3339(at.session.recorded_at_ms),
+        status: at.session.status,
+        set_aside: set_aside(at.session),
+        trial: told.as_ref().and_then(|told| told.trials.get(index)).map(|trial| (*trial).into()),
+    };
+    let of = |key: FeatureKey| find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, whom));
+    Course {
+        pipeline: pipeline.clone(),
+        earlier: practice.earlier,
+        sessions: sessions.iter().enumerate().map(step).collect(),
+        features: keys.into_iter().filter_map(of).collect(),
+        rule: told.as_ref().and_then(|told| told.rule.clone()),
+        reminders: told.as_ref().map_or_else(Vec::new, |told| told.reminders(&sessions, now_ms)),
+        charts: told.map(|told| told.charts),
+    }
+}
+
+fn set_aside(session: &Practised, pipeline: Option<&str>) -> Option<SetAside> {
+    match (&session.result, session.status) {
+        (None, SessionStatus::Failed) => Some(SetAside::Failed),
+        (None, _) => Some(SetAside::Pending),
+        (Some(outcome), _) if outcome.refused => Some(SetAside::Refused),
+        (Some(outcome), _) if Some(outcome.pipeline.as_str()) != pipeline => Some(SetAside::OtherVersion),
+        (Some(_), _) => None,
+    }
+}

@@ -1,0 +1,224 @@
+//! A standard's limits, made from people or chosen. The limit is always worked out here, so that what a standard says it was made
+//! from is so.
+
+use super::answer::Withheld;
+use super::people::{LAST_SESSIONS, Like, fingerprint};
+use super::{Cohorts, CohortsError, named};
+use crate::domain::feature::{self, FeatureKey, is_of_one_camera};
+use crate::domain::scope::Scope;
+use crate::domain::standard::{ChartDesign, Definition, MadeFrom, NewStandard, NewTarget, Rule, Target, Way};
+use crate::domain::text::{Invalid, Key};
+use crate::domain::trainee::Handedness;
+use crate::ids::{TaskId, TraineeId};
+use crate::pipeline::PIPELINE_VERSION;
+use crate::pipeline::features::{Direction, Feature, time};
+use crate::pipeline::score::standard::{self, best_share, contrasting_groups, fls, trimmed_experts};
+use crate::pipeline::score::{NoAnswer, People};
+use crate::store::{Cohort, CohortValue};
+
+/// A standard as it would be kept.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, utoipa::ToSchema)]
+pub struct Proposal {
+    /// Its targets, in the order in which they were asked for.
+    pub targets: Vec<Proposed>,
+    /// Its pass rule.
+    pub rule: Option<Rule>,
+    /// Its charts.
+    pub charts: ChartDesign,
+}
+
+/// A target, or why there is none.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, utoipa::ToSchema)]
+pub struct Proposed {
+    /// The target; `null` where the people do not give one.
+    pub target: Option<Target>,
+    /// Why not.
+    pub withheld: Option<Withheld>,
+}
+
+/// A way to a limit with the values that it goes by.
+enum Ready {
+    Chosen(standard::Target),
+    Experts(Group),
+    Groups(Group, Group),
+    Best(Group, f64),
+}
+
+/// A cohort's values.
+struct Group {
+    handedness: Option<Handedness>,
+    values: Vec<CohortValue>,
+}
+
+impl Proposal {
+    /// What is kept, if every target has a limit; else the place of the first without one, and why.
+    pub fn definition(self) -> Result<Definition, Invalid> {
+        let target = |proposed: Proposed| {
+            let why = proposed.withheld.map_or_else(String::new, |why| why.detail);
+            proposed.target.ok_or_else(|| Invalid::new("targets", format!("one has no limit: {why}")))
+        };
+        let targets = self.targets.into_iter().map(target).collect::<Result<_, _>>()?;
+        Ok(Definition { targets, rule: self.rule, charts: self.charts })
+    }
+}
+
+impl Cohorts {
+    /// Works a standard of a task out, without keeping it.
+    pub async fn propose(&self, scope: &Scope, of: TaskId, new: NewStandard) -> Result<Proposal, CohortsError> {
+        let NewStandard { targets, rule, charts } = new.checked()?;
+        let mut ready = Vec::with_capacity(targets.len());
+        for target in targets {
+            let (feature, key) = limited(&target)?;
+            if ready.iter().any(|(_, known, _)| *known == key) {
+                return Err(Invalid::new("targets", format!("limit {} twice", key.feature)).into());
+            }
+            let way = self.ready(scope, of, feature, &key, target.by).await?;
+            ready.push((feature, key, way));
+        }
+        let charts = charts.unwrap_or_default();
+        let monitors = self.monitors.clone();
+        let calculation = move || {
+            monitors.of(charts).map_err(|why| Invalid::new("charts", why.to_string()))?;
+            let targets = ready.into_iter().map(|(feature, key, way)| proposed(feature, key, &way)).collect();
+            Ok::<_, Invalid>(Proposal { targets, rule, charts })
+        };
+        Ok(self.calculate(calculation).await??)
+    }
+
+    /// Looks up what a way goes by.
+    async fn ready(
+        &self,
+        scope: &Scope,
+        of: TaskId,
+        feature: &'static Feature,
+        key: &FeatureKey,
+        way: Way,
+    ) -> Result<Ready, CohortsError> {
+        Ok(match way {
+            Way::Fixed { limit, unit } => Ready::Chosen(fixed(feature, limit, &unit)?),
+            Way::Fls { preset } => Ready::Chosen(published(key, &preset)?),
+            Way::TrimmedExperts { experts } => Ready::Experts(self.group(scope, of, key, "experts", &experts).await?),
+            Way::ContrastingGroups { novices, experts } => {
+                let novices = self.group(scope, of, key, "novices", &novices).await?;
+                Ready::Groups(novices, self.group(scope, of, key, "experts", &experts).await?)
+            }
+            Way::BestShare { cohort, share } => {
+                if !(share > 0.0 && share < 1.0) {
+                    return Err(
+                        Invalid::new("share", format!("is {share}; expected between 0 and 1, both excluded")).into()
+                    );
+                }
+                Ready::Best(self.group(scope, of, key, "cohort", &cohort).await?, share)
+            }
+        })
+    }
+
+    async fn group(
+        &self,
+        scope: &Scope,
+        task: TaskId,
+        of: &FeatureKey,
+        field: &'static str,
+        cohort: &Key,
+    ) -> Result<Group, CohortsError> {
+        let Cohort { id, handedness, .. } = self.store.cohorts().get(scope, cohort).await.map_err(named(field))?;
+        if is_of_one_camera(of) {
+            let why = "lies along the camera's own axes, which differ between boxes: choose a fixed limit, or a feature \
+                       that is the same from everywhere, such as path_length in 3d";
+            return Err(Invalid::new("feature", why).into());
+        }
+        if of.tool.is_some() && handedness.is_none() {
+            let why = "is of people who prefer either hand, and a tool is in one: make it of those who prefer one hand, or \
+                       limit a feature of the whole session";
+            return Err(Invalid::new(field, why).into());
+        }
+        let values = self.store.cohorts().values(id, task, LAST_SESSIONS, std::slice::from_ref(of)).await?;
+        Ok(Group { handedness, values })
+    }
+}
+
+/// The feature that a target limits.
+fn limited(target: &NewTarget) -> Result<(&'static Feature, FeatureKey), Invalid> {
+    let feature = feature::named(&target.feature)?;
+    let space = feature::space_of(feature, target.space)?;
+    if feature.direction == Direction::Neither {
+        let why = format!("neither more nor less {} is better, so that it has no limit to keep", feature.name);
+        return Err(Invalid::new("feature", why));
+    }
+    Ok((feature, FeatureKey { feature: feature.name.to_owned(), tool: target.tool.clone(), space }))
+}
+
+fn fixed(feature: &Feature, limit: f64, unit: &str) -> Result<standard::Target, Invalid> {
+    if unit != feature.unit {
+        return Err(Invalid::new("unit", format!("is `{unit}`; {} is measured in `{}`", feature.name, feature.unit)));
+    }
+    let (least, most) = feature.range;
+    if !(least..=most).contains(&limit) {
+        return Err(Invalid::new("limit", format!("is {limit}; {} lies between {least} and {most}", feature.name)));
+    }
+    standard::Target::fixed(limit, feature.direction).map_err(|why| Invalid::new("limit", why.to_string()))
+}
+
+fn published(key: &FeatureKey, preset: &str) -> Result<standard::Target, Invalid> {
+    if key.feature != time::DURATION.name || key.tool.is_some() {
+        return Err(Invalid::new("method", "fls gives times: limit the duration of the whole session by it"));
+    }
+    let known = fls::FLS.iter().find(|known| known.task == preset);
+    known.map(|known| known.duration).ok_or_else(|| {
+        let names: Vec<&str> = fls::FLS.iter().map(|known| known.task).collect();
+        Invalid::new("preset", format!("`{preset}` is none of {}", names.join(", ")))
+    })
+}
+
+fn proposed(feature: &'static Feature, key: FeatureKey, way: &Ready) -> Proposed {
+    match target(feature, &key, way) {
+        Ok((target, from)) => Proposed { target: Some(Target::of(key, feature, target, from)), withheld: None },
+        Err(why) => Proposed { target: None, withheld: Some(why.into()) },
+    }
+}
+
+fn target(feature: &Feature, key: &FeatureKey, way: &Ready) -> Result<(standard::Target, Option<MadeFrom>), NoAnswer> {
+    let from = |groups: &[&People], handedness| {
+        let handedness = key.tool.as_ref().and(handedness);
+        Some(MadeFrom { pipeline: PIPELINE_VERSION.to_owned(), fingerprint: fingerprint(groups), handedness })
+    };
+    Ok(match way {
+        Ready::Chosen(target) => (*target, None),
+        Ready::Experts(experts) => {
+            let people = experts.people(key)?;
+            (trimmed_experts(&people, feature.direction)?, from(&[&people], experts.handedness))
+        }
+        Ready::Groups(novices, experts) => {
+            let [novice_people, expert_people] = apart(novices, experts, key)?;
+            let target = contrasting_groups(&novice_people, &expert_people, feature.direction)?;
+            let handedness = experts.handedness.filter(|_| experts.handedness == novices.handedness);
+            (target, from(&[&novice_people, &expert_people], handedness))
+        }
+        Ready::Best(group, share) => {
+            let people = group.people(key)?;
+            (best_share(&people, *share, feature.direction)?, from(&[&people], group.handedness))
+        }
+    })
+}
+
+/// Two groups, of which nobody is in both.
+fn apart(novices: &Group, experts: &Group, key: &FeatureKey) -> Result<[People; 2], NoAnswer> {
+    let who = |group: &Group| -> Vec<TraineeId> {
+        group.like(key).rows(&group.values).into_iter().map(|(trainee, _)| trainee).collect()
+    };
+    let experts_are = who(experts);
+    if who(novices).iter().any(|novice| experts_are.contains(novice)) {
+        return Err(NoAnswer::PersonTwice);
+    }
+    Ok([novices.people(key)?, experts.people(key)?])
+}
+
+impl Group {
+    fn like<'l>(&self, of: &'l FeatureKey) -> Like<'l> {
+        Like { of, pipeline: PIPELINE_VERSION, calibration: None, handedness: self.handedness, without: None }
+    }
+
+    fn people(&self, of: &FeatureKey) -> Result<People, NoAnswer> {
+        self.like(of).people(&self.values)
+    }
+}

@@ -1,0 +1,70 @@
+//! Progress on a small centre's own database.
+
+use serde_json::json;
+
+use super::answer::{Course, RuleStanding, SetAside, StandingName, TrialName};
+use super::{Asked, Cohorts};
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::store::testing::{Centre, NOW_MS, duration};
+
+const DAY_MS: i64 = 86_400_000;
+
+async fn with_standard(rule: serde_json::Value) -> (Centre, Cohorts) {
+    let centre = Centre::ready().await;
+    let cohorts = Cohorts::new(centre.store.clone(), centre.clock.clone());
+    let target = json!({"feature": "duration", "by": {"method": "fixed", "limit": 50, "unit": "s"}});
+    let new = serde_json::from_value(json!({"targets": [target], "rule": rule})).unwrap();
+    let proposal = cohorts.propose(&Scope::service(), centre.task.id, new).await.unwrap();
+    let definition = proposal.definition().unwrap();
+    centre.store.standards().add(&Scope::service(), centre.task.id, definition).await.unwrap();
+    (centre, cohorts)
+}
+
+async fn progress(cohorts: &Cohorts) -> Course {
+    let asked = Asked { task: Some(Key::from("peg-transfer")), ..Asked::default() };
+    cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().course
+}
+
+#[tokio::test]
+async fn what_waits_between_two_passes_breaks_a_row_and_what_waits_at_the_end_is_still_to_be_seen() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 2})).await;
+    let ana = centre.trainee("Ana").await.id;
+    let nothing = progress(&cohorts).await;
+    assert_eq!((nothing.sessions.len(), nothing.charts.unwrap().standing), (0, StandingName::NotYet));
+    centre.practised(ana, NOW_MS, vec![duration(40.0, 1.0)]).await;
+    centre.practised(ana, NOW_MS + 2 * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    assert_eq!(progress(&cohorts).await.rule.unwrap().met_at, Some(2));
+    let wait = async |day: i64| {
+        let new = centre.new_session(ana, &format!("waits since day {day}"));
+        let new = crate::domain::session::NewSession { recorded_at_ms: Some(NOW_MS + day * DAY_MS), ..new };
+        centre.store.sessions().create(&Scope::service(), new).await.unwrap()
+    };
+    wait(3).await;
+    assert_eq!(progress(&cohorts).await.rule.unwrap().met_at, Some(2), "it changes nothing before it is seen");
+    wait(1).await;
+    let now = progress(&cohorts).await;
+    let rule = now.rule.unwrap();
+    assert_eq!((rule.state, rule.have_in_a_row, rule.unknown), (RuleStanding::Open, Some(1), Some(1)), "may be a miss");
+    let trials: Vec<_> = now.sessions.iter().map(|step| (step.trial, step.set_aside)).collect();
+    let (passed, pending) = ((Some(TrialName::Passed), None), Some(SetAside::Pending));
+    assert_eq!(trials, [passed, (Some(TrialName::Unknown), pending), passed, (None, pending)]);
+}
+
+#[tokio::test]
+async fn who_relapsed_has_no_refreshers() {
+    let (centre, cohorts) = with_standard(serde_json::Value::Null).await;
+    let ana = centre.trainee("Ana").await.id;
+    for day in 0..17 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    }
+    let proficient = progress(&cohorts).await;
+    assert_eq!(proficient.charts.unwrap().standing, StandingName::Proficient);
+    let due: Vec<String> = proficient.reminders.into_iter().map(|reminder| reminder.due_at).collect();
+    assert_eq!(due, [16 + 30, 16 + 91].map(|day| crate::time::to_rfc3339(NOW_MS + day * DAY_MS)));
+    for day in 17..22 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(60.0, 1.0)]).await;
+    }
+    let relapsed = progress(&cohorts).await;
+    assert_eq!((relapsed.charts.unwrap().standing, relapsed.reminders), (StandingName::Relapsed, Vec::new()));
+}

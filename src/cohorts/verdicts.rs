@@ -1,0 +1,143 @@
+//! What a standard makes of a trainee's sessions: passes and misses, pass rule, charts, reminders.
+
+use super::answer::{
+    ChartEvent, ChartPoint, Charts, EventName, Reminder, ReminderState, RuleStanding, RuleState, StandingName,
+};
+use super::series::Numbered;
+use crate::domain::session::SessionStatus;
+use crate::domain::standard::{ChartDesign, Definition, Rule, Target};
+use crate::domain::trainee::Handedness;
+use crate::pipeline::score::Trial;
+use crate::pipeline::score::lc_cusum::{Career, Event, Monitor, Point, Standing};
+use crate::pipeline::score::pass_rule::{self, PassRule};
+use crate::pipeline::score::reminder::{self, State, reminders};
+use crate::pipeline::score::standard::Judgement;
+use crate::time::to_rfc3339;
+
+/// What the standard makes of the sessions.
+pub struct Verdicts {
+    /// One per session, up to the last that has ended.
+    pub trials: Vec<Trial>,
+    /// How far by the pass rule, if there is one.
+    pub rule: Option<RuleState>,
+    /// The charts.
+    pub charts: Charts,
+    /// Index of the session by which they were proficient, if they are and have not relapsed.
+    proficient: Option<usize>,
+}
+
+impl Verdicts {
+    /// Judges the sessions, in their order.
+    pub fn of(
+        definition: &Definition,
+        monitor: &Monitor,
+        sessions: &[Numbered<'_>],
+        handedness: Option<Handedness>,
+    ) -> Self {
+        let trials = trials(definition, sessions, handedness);
+        let numbers: Vec<usize> = sessions.iter().map(|session| session.number).collect();
+        let followed = definition.rule.map(|rule| (rule, PassRule::from(rule).follow(&trials)));
+        let career = monitor.follow(&trials);
+        let proficient = match (&followed, career.now) {
+            (_, Standing::Relapsed) => None,
+            (Some((_, Ok(pass_rule::Progress::Met { at }))), _) => Some(at - 1),
+            (None, Standing::Proficient) => career.events.last().map(|event| number_of(*event) - 1),
+            _ => None,
+        };
+        let rule = followed.and_then(|(rule, followed)| Some(rule_state(rule, followed.ok()?, &numbers)));
+        Self { charts: charts(definition.charts, monitor, &career, &numbers), trials, rule, proficient }
+    }
+
+    /// Refreshers, as they stand now.
+    pub fn reminders(&self, sessions: &[Numbered<'_>], now_ms: i64) -> Vec<Reminder> {
+        let Some(since) = self.proficient.and_then(|index| sessions.get(index)) else { return Vec::new() };
+        let counted = sessions.iter().filter(|session| session.counts).map(|session| session.session.recorded_at_ms);
+        let practised: Vec<i64> = counted.collect();
+        let told = |reminder: reminder::Reminder| {
+            let (state, done_at) = match reminder.state {
+                State::Ahead => (ReminderState::Ahead, None),
+                State::Due => (ReminderState::Due, None),
+                State::Done(at) => (ReminderState::Done, Some(to_rfc3339(at))),
+            };
+            Reminder { due_at: to_rfc3339(reminder.due_ms), state, done_at }
+        };
+        reminders(since.session.recorded_at_ms, &practised, now_ms).map(told).into()
+    }
+}
+
+/// What each session was worth, up to the last that has ended: what is not tracked yet before it may have been a miss, and
+/// what comes after it is still to be seen.
+fn trials(definition: &Definition, sessions: &[Numbered<'_>], handedness: Option<Handedness>) -> Vec<Trial> {
+    let pending =
+        |session: &Numbered<'_>| session.session.result.is_none() && session.session.status != SessionStatus::Failed;
+    let ended = sessions.iter().rposition(|session| !pending(session)).map_or(0, |last| last + 1);
+    let trial = |session: &Numbered<'_>| {
+        if !session.counts {
+            return Trial::Unknown;
+        }
+        let judged = |target: &Target| {
+            let judged = session.evidence(&target.of, handedness);
+            judged.map_or(Judgement::NotMeasured, |judged| target.judge(judged).into())
+        };
+        Trial::of_all(&definition.targets.iter().map(judged).collect::<Vec<_>>())
+    };
+    sessions[..ended].iter().map(trial).collect()
+}
+
+fn rule_state(rule: Rule, followed: pass_rule::Progress, numbers: &[usize]) -> RuleState {
+    let told = |state| RuleState { rule, state, met_at: None, have_in_a_row: None, have_more: None, unknown: None };
+    match followed {
+        pass_rule::Progress::Met { at } => {
+            RuleState { met_at: numbers.get(at - 1).copied(), ..told(RuleStanding::Met) }
+        }
+        pass_rule::Progress::OutOfReach => told(RuleStanding::OutOfReach),
+        pass_rule::Progress::Open { in_a_row, more, unknown } => RuleState {
+            have_in_a_row: Some(in_a_row),
+            have_more: Some(more),
+            unknown: Some(unknown),
+            ..told(RuleStanding::Open)
+        },
+    }
+}
+
+fn number_of(event: Event) -> usize {
+    match event {
+        Event::Declared { at, .. } | Event::Relapsed { at, .. } => at,
+    }
+}
+
+fn charts(design: ChartDesign, monitor: &Monitor, career: &Career, numbers: &[usize]) -> Charts {
+    let by_then = |shares: &[f64]| shares.get(design.declare_within.saturating_sub(1)).copied();
+    let (declares_at, alarms_at) = monitor.limits();
+    let event = |event: &Event| {
+        let session = numbers.get(number_of(*event) - 1).copied().unwrap_or_default();
+        match *event {
+            Event::Declared { judged, wrong_by_then, .. } => {
+                ChartEvent { event: EventName::Declared, session, judged, wrong_by_then }
+            }
+            Event::Relapsed { judged, .. } => {
+                ChartEvent { event: EventName::Relapsed, session, judged, wrong_by_then: None }
+            }
+        }
+    };
+    let point = |(number, point): (&usize, &Option<Point>)| {
+        point.map(|point| ChartPoint { session: *number, learning: point.learning, score: point.score })
+    };
+    Charts {
+        design,
+        declared_wrongly: by_then(&monitor.declared_wrongly),
+        declared_rightly: by_then(&monitor.declared_rightly),
+        relapse_found_median: monitor.relapse_found_median,
+        relapse_found_90: monitor.relapse_found_90,
+        declares_at,
+        alarms_at,
+        standing: match career.now {
+            Standing::NotYet => StandingName::NotYet,
+            Standing::Proficient => StandingName::Proficient,
+            Standing::Relapsed => StandingName::Relapsed,
+        },
+        judged: career.judged,
+        events: career.events.iter().map(event).collect(),
+        path: numbers.iter().zip(&career.path).map(point).collect(),
+    }
+}

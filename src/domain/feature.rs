@@ -1,0 +1,112 @@
+//! Which features there are, and which one of them is meant.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::session::{FeatureRow, FeatureSpace};
+use super::text::Invalid;
+use crate::pipeline::features::{self, Feature, Space};
+
+/// One feature of a session: of one tool, or of the session as a whole, in one space.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+pub struct FeatureKey {
+    /// Stable name, such as `path_length`.
+    pub feature: String,
+    /// The tool's marker; `null` for a feature of the whole session.
+    pub tool: Option<String>,
+    /// Where it was measured.
+    pub space: FeatureSpace,
+}
+
+impl From<&FeatureRow> for FeatureKey {
+    fn from(row: &FeatureRow) -> Self {
+        Self { feature: row.name.clone(), tool: row.tool.clone(), space: row.space }
+    }
+}
+
+/// What can be measured.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct FeatureInfo {
+    /// Stable name, such as `path_length`.
+    pub name: &'static str,
+    /// Title for people.
+    pub title: &'static str,
+    /// Unit; `1` for shares, counts and ratios.
+    pub unit: &'static str,
+    /// What is better: `lower`, `higher` or `neither`.
+    pub better: &'static str,
+    /// Definition, in one or two sentences.
+    pub description: &'static str,
+    /// Where the definition comes from.
+    pub source: &'static str,
+    /// Where it is measured.
+    pub spaces: Vec<FeatureSpace>,
+}
+
+impl From<&'static Feature> for FeatureInfo {
+    fn from(feature: &'static Feature) -> Self {
+        let Feature { name, title, unit, description, source, .. } = feature;
+        let spaces = feature.spaces.iter().map(|space| FeatureSpace::from(*space)).collect();
+        Self { name, title, unit, better: feature.direction.name(), description, source, spaces }
+    }
+}
+
+impl FeatureInfo {
+    /// All features, in the order in which people read them.
+    pub fn all() -> Vec<Self> {
+        features::FEATURES.iter().map(Self::from).collect()
+    }
+}
+
+impl From<Space> for FeatureSpace {
+    fn from(space: Space) -> Self {
+        match space {
+            Space::ThreeD => FeatureSpace::Space3d,
+            Space::Image => FeatureSpace::Image,
+        }
+    }
+}
+
+/// The feature of a name.
+pub fn named(name: &str) -> Result<&'static Feature, Invalid> {
+    features::find(name)
+        .ok_or_else(|| Invalid::new("feature", format!("`{name}` is none; GET /api/v1/features lists all of them")))
+}
+
+/// The space in which a feature is meant: the one that is named, or the first in which it is measured.
+pub fn space_of(feature: &Feature, named: Option<FeatureSpace>) -> Result<FeatureSpace, Invalid> {
+    let measured: Vec<FeatureSpace> = feature.spaces.iter().map(|space| (*space).into()).collect();
+    match (named, measured.first()) {
+        (Some(space), _) if measured.contains(&space) => Ok(space),
+        (None, Some(first)) => Ok(*first),
+        _ => Err(Invalid::new("space", format!("{} is not measured there", feature.name))),
+    }
+}
+
+/// Is a value along or across the camera's own axes, so that another camera would give another one? Lengths, times and
+/// volumes of hulls in three dimensions are the same from everywhere.
+pub fn is_of_one_camera(key: &FeatureKey) -> bool {
+    key.space == FeatureSpace::Image || ["depth_travelled", "economy_of_volume"].contains(&key.feature.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_feature_is_listed_and_found_and_has_a_space() {
+        for info in FeatureInfo::all() {
+            let feature = named(info.name).unwrap();
+            assert_eq!(space_of(feature, None).unwrap(), info.spaces[0], "{}", info.name);
+        }
+        assert!(named("wizardry").is_err());
+        assert!(space_of(named("duration").unwrap(), Some(FeatureSpace::Image)).is_err());
+    }
+
+    #[test]
+    fn features_along_the_cameras_axes_exist() {
+        for name in ["depth_travelled", "economy_of_volume"] {
+            assert!(features::find(name).is_some(), "{name}");
+        }
+    }
+}

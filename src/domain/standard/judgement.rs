@@ -1,0 +1,116 @@
+//! What a value is worth against a target.
+
+use super::Target;
+use crate::domain::named;
+use crate::domain::trainee::Handedness;
+use crate::pipeline::score::interval::{Interval, Measured};
+use crate::pipeline::score::standard;
+
+named! {
+    /// What a value is worth against a target. Only `pass` and `fail` count.
+    Judgement: "judgement" {
+        /// The whole error bar keeps the limit.
+        Pass = "pass",
+        /// The whole error bar breaks it.
+        Fail = "fail",
+        /// The error bar covers the limit.
+        Undecided = "undecided",
+        /// Nothing states the value's error.
+        ErrorUnknown = "error_unknown",
+        /// There is no usable value.
+        NotMeasured = "not_measured",
+        /// The limit was made from values of another version of the program.
+        OtherVersion = "other_version",
+        /// The limit of this tool was made from people who prefer the other hand.
+        OtherHand = "other_hand",
+    }
+}
+
+/// A value, what it was measured with, and whose it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToJudge<'v> {
+    /// The value; `None` where there is none.
+    pub value: Option<f64>,
+    /// Where the true value lies with 95 %; `None` where that is not known.
+    pub bar: Option<[f64; 2]>,
+    /// Version of the program that measured it.
+    pub pipeline: &'v str,
+    /// The hand that the person prefers, if said.
+    pub handedness: Option<Handedness>,
+}
+
+impl Target {
+    /// Judges a value, unless it is of another kind than those that the limit was made from.
+    pub fn judge(&self, of: ToJudge<'_>) -> Judgement {
+        if let Some(from) = &self.made_from {
+            if from.pipeline != of.pipeline {
+                return Judgement::OtherVersion;
+            }
+            if from.handedness.is_some() && from.handedness != of.handedness {
+                return Judgement::OtherHand;
+            }
+        }
+        self.limit().judge(of.measured()).into()
+    }
+}
+
+impl ToJudge<'_> {
+    /// The value with its bar.
+    pub fn measured(&self) -> Option<Measured> {
+        let bar = self.bar.map(|[low, high]| Interval { low, high });
+        self.value.map(|value| Measured { value, bar })
+    }
+}
+
+impl From<standard::Judgement> for Judgement {
+    fn from(judgement: standard::Judgement) -> Self {
+        match judgement {
+            standard::Judgement::Pass => Judgement::Pass,
+            standard::Judgement::Fail => Judgement::Fail,
+            standard::Judgement::Undecided => Judgement::Undecided,
+            standard::Judgement::ErrorUnknown => Judgement::ErrorUnknown,
+            standard::Judgement::NotMeasured => Judgement::NotMeasured,
+        }
+    }
+}
+
+impl From<Judgement> for standard::Judgement {
+    /// What is not judged is worth as much as what is not measured.
+    fn from(judgement: Judgement) -> Self {
+        match judgement {
+            Judgement::Pass => standard::Judgement::Pass,
+            Judgement::Fail => standard::Judgement::Fail,
+            Judgement::Undecided => standard::Judgement::Undecided,
+            Judgement::ErrorUnknown => standard::Judgement::ErrorUnknown,
+            Judgement::NotMeasured | Judgement::OtherVersion | Judgement::OtherHand => standard::Judgement::NotMeasured,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::feature::FeatureKey;
+    use crate::domain::session::FeatureSpace;
+    use crate::domain::standard::MadeFrom;
+    use crate::pipeline::features::{self, Direction};
+
+    #[test]
+    fn a_limit_judges_only_values_of_the_kind_that_it_was_made_from() {
+        let key = FeatureKey {
+            feature: "path_length".to_owned(),
+            tool: Some("orange".to_owned()),
+            space: FeatureSpace::Space3d,
+        };
+        let limit = standard::Target::fixed(100.0, Direction::Lower).unwrap();
+        let handedness = Some(Handedness::Right);
+        let from = MadeFrom { pipeline: "7".to_owned(), fingerprint: String::new(), handedness };
+        let target = Target::of(key, &features::path::PATH_LENGTH, limit, Some(from));
+        let right = ToJudge { value: Some(90.0), bar: Some([85.0, 95.0]), pipeline: "7", handedness };
+        assert_eq!(target.judge(right), Judgement::Pass);
+        assert_eq!(target.judge(ToJudge { bar: Some([85.0, 101.0]), ..right }), Judgement::Undecided);
+        assert_eq!(target.judge(ToJudge { pipeline: "8", ..right }), Judgement::OtherVersion);
+        assert_eq!(target.judge(ToJudge { handedness: Some(Handedness::Left), ..right }), Judgement::OtherHand);
+        assert_eq!(target.judge(ToJudge { handedness: None, ..right }), Judgement::OtherHand);
+    }
+}

@@ -1,0 +1,118 @@
+//! Reference groups. Administrators make them; people see that they are there and how large, and of who is in one, those whom
+//! they see anyway.
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::auth::signed_in::{Administrator, Member};
+use super::error::{Answer, Problem, unknown};
+use super::read::{At, Json};
+use super::show::{Created, Page, Time};
+use super::state::App;
+use crate::domain::cohort::NewCohort;
+use crate::domain::scope::Scope;
+use crate::domain::text::{Code, Name};
+use crate::domain::trainee::{Handedness, Level};
+use crate::ids::{CohortId, GroupId, TraineeId};
+use crate::store::{self, StoreError};
+
+/// A reference group: a list of people, or everybody of a level, hand or training group.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Cohort {
+    id: CohortId,
+    code: Code,
+    name: Name,
+    /// Is who is in it listed? Otherwise it is everybody whom `level`, `handedness` and `group` describe.
+    listed: bool,
+    level: Option<Level>,
+    handedness: Option<Handedness>,
+    group: Option<GroupId>,
+    /// How many people are in it, whether they have done a task or not.
+    people: i64,
+    created_at: Time,
+}
+
+impl From<store::Cohort> for Cohort {
+    fn from(cohort: store::Cohort) -> Self {
+        let store::Cohort { id, code, name, is_list, level, handedness, group_id, people, created_at_ms } = cohort;
+        let created_at = Time(created_at_ms);
+        Self { id, code, name, listed: is_list, level, handedness, group: group_id, people, created_at }
+    }
+}
+
+/// A cohort, and who of those whom one sees is in it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct CohortWithMembers {
+    #[serde(flatten)]
+    cohort: Cohort,
+    /// Only those whom one sees: `people` counts all.
+    members: Vec<TraineeId>,
+}
+
+/// List the cohorts, by name
+#[utoipa::path(get, path = "/cohorts", tag = "cohorts", responses((status = OK, body = Page<Cohort>)))]
+pub async fn list(State(app): State<App>, by: Member) -> Answer<Json<Page<Cohort>>> {
+    let cohorts = app.store.cohorts().list(&by.scope).await?;
+    Ok(Json(Page::whole(cohorts.into_iter().map(Cohort::from))))
+}
+
+/// Make a cohort
+#[utoipa::path(post, path = "/cohorts", tag = "cohorts", request_body = NewCohort,
+    responses((status = CREATED, body = CohortWithMembers)))]
+pub async fn create(
+    State(app): State<App>,
+    by: Administrator,
+    Json(new): Json<NewCohort>,
+) -> Answer<Created<CohortWithMembers>> {
+    let cohort = app.store.cohorts().create(&by.scope, new.checked()?).await.map_err(mistaken)?;
+    let made = app.with_members(&by.scope, cohort).await?;
+    Ok(Created { location: format!("/api/v1/cohorts/{}", made.cohort.id), made })
+}
+
+/// Read one cohort
+#[utoipa::path(get, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
+    responses((status = OK, body = CohortWithMembers)))]
+pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<CohortWithMembers>> {
+    let cohort = app.store.cohorts().get(&by.scope, &key).await?;
+    Ok(Json(app.with_members(&by.scope, cohort).await?))
+}
+
+/// Say anew what a cohort is called and who is in it
+#[utoipa::path(put, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
+    request_body = NewCohort, responses((status = OK, body = CohortWithMembers)))]
+pub async fn replace(
+    State(app): State<App>,
+    by: Administrator,
+    At(key): At,
+    Json(new): Json<NewCohort>,
+) -> Answer<Json<CohortWithMembers>> {
+    let id = app.store.cohorts().get(&by.scope, &key).await?.id;
+    let replaced = app.store.cohorts().replace(&by.scope, id, new.checked()?).await;
+    let cohort = replaced.map_err(mistaken)?;
+    Ok(Json(app.with_members(&by.scope, cohort).await?))
+}
+
+/// Delete a cohort; its people stay, and so do the standards that were made from it
+#[utoipa::path(delete, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
+    responses((status = NO_CONTENT)))]
+pub async fn delete(State(app): State<App>, by: Administrator, At(key): At) -> Answer<StatusCode> {
+    app.store.cohorts().delete(&by.scope, &key).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// A group or trainee that is not there is the request's mistake, not its address's.
+fn mistaken(error: StoreError) -> Problem {
+    match error {
+        StoreError::NotFound { what } => unknown(what, what),
+        other => other.into(),
+    }
+}
+
+impl App {
+    async fn with_members(&self, scope: &Scope, cohort: store::Cohort) -> Answer<CohortWithMembers> {
+        let members = self.store.cohorts().members(scope, cohort.id).await?;
+        Ok(CohortWithMembers { cohort: cohort.into(), members })
+    }
+}

@@ -1,0 +1,12 @@
+//! Which features there are.
+
+use super::auth::signed_in::Member;
+use super::read::Json;
+use super::show::Page;
+use crate::domain::feature::FeatureInfo;
+
+/// List all features, in the order in which people read them
+#[utoipa::path(get, path = "/features", tag = "sessions", responses((status = OK, body = Page<FeatureInfo>)))]
+pub async fn list(_by: Member) -> Json<Page<FeatureInfo>> {
+    Json(Page::whole(FeatureInfo::all()))
+}

@@ -1,0 +1,89 @@
+//! What tasks ask for. Everybody reads standards, staff set them; a version is never changed.
+
+use axum::extract::State;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::domain::scope::Scope;
+use crate::domain::standard::{Definition, NewStandard, Preset};
+use crate::http::auth::signed_in::{Member, Staff};
+use crate::http::error::Answer;
+use crate::http::read::{At, Json};
+use crate::http::show::{Created, Page, Time};
+use crate::http::state::App;
+use crate::ids::StandardId;
+use crate::store;
+
+pub use crate::cohorts::Proposal;
+
+/// A version of a task's standard.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Standard {
+    id: StandardId,
+    /// 1, 2, … within the task; the highest is the one in use.
+    version: i64,
+    #[serde(flatten)]
+    definition: Definition,
+    /// Name of the person who set it; `null` to trainees, and where nobody is there any more.
+    who: Option<String>,
+    created_at: Time,
+}
+
+impl Standard {
+    /// As it is shown to this scope.
+    pub fn new(standard: store::Standard, scope: &Scope) -> Self {
+        let store::Standard { id, version, definition, who, created_at_ms, .. } = standard;
+        let who = who.filter(|_| scope.is_staff());
+        Self { id, version, definition, who, created_at: Time(created_at_ms) }
+    }
+}
+
+/// List a task's standards, newest first: the first is the one in use
+#[utoipa::path(get, path = "/tasks/{id}/standards", tag = "tasks",
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Standard>)))]
+pub async fn standards(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Standard>>> {
+    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    let standards = app.store.standards().list(&by.scope, of).await?;
+    Ok(Json(Page::whole(standards.into_iter().map(|standard| Standard::new(standard, &by.scope)))))
+}
+
+/// Set a task's standard: the next version, unless the one in use says the same
+///
+/// Each limit is worked out from what its cohorts measured by now, in the last five sessions of each person. Ask for a
+/// proposal first.
+#[utoipa::path(post, path = "/tasks/{id}/standards", tag = "tasks",
+    params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
+    responses((status = CREATED, body = Standard)))]
+pub async fn set_standard(
+    State(app): State<App>,
+    by: Staff,
+    At(key): At,
+    Json(new): Json<NewStandard>,
+) -> Answer<Created<Standard>> {
+    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    let definition = app.cohorts.propose(&by.scope, of, new).await?.definition()?;
+    let standard = app.store.standards().add(&by.scope, of, definition).await?;
+    Ok(Created { location: format!("/api/v1/tasks/{of}/standards"), made: Standard::new(standard, &by.scope) })
+}
+
+/// Work a standard out without setting it
+#[utoipa::path(post, path = "/tasks/{id}/standards/proposals", tag = "tasks",
+    params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
+    responses((status = OK, body = Proposal)))]
+pub async fn propose_standard(
+    State(app): State<App>,
+    by: Staff,
+    At(key): At,
+    Json(new): Json<NewStandard>,
+) -> Answer<Json<Proposal>> {
+    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    Ok(Json(app.cohorts.propose(&by.scope, of, new).await?))
+}
+
+/// List published limits to choose from: the times of the Fundamentals of Laparoscopic Surgery
+#[utoipa::path(get, path = "/tasks/{id}/standards/presets", tag = "tasks",
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Preset>)))]
+pub async fn presets(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Preset>>> {
+    app.store.tasks().get(&by.scope, &key).await?;
+    Ok(Json(Page::whole(Preset::all())))
+}

@@ -1,0 +1,249 @@
+//! Reference groups, and what their people measured. Administrators make them, since a cohort may hold anybody of the
+//! centre; people see that they are there, and of a list those members whom they see anyway.
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::error::{StoreResult, missing, not_found, taken};
+use super::visibility::{AskedBy, require_administrator, sees_trainee};
+use super::{Scope, Store, codes};
+use crate::domain::cohort::NewCohort;
+use crate::domain::feature::FeatureKey;
+use crate::domain::session::FeatureSpace;
+use crate::domain::text::{Code, Key, Name};
+use crate::domain::trainee::{Handedness, Level};
+use crate::ids::{CalibrationId, CohortId, GroupId, TaskId, TraineeId};
+
+/// The cohorts.
+pub struct Cohorts<'s>(pub(super) &'s Store);
+
+/// Most cohorts in a list.
+const MOST: i64 = 200;
+
+/// A reference group.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Cohort {
+    /// Its id.
+    pub id: CohortId,
+    /// Its short unique name.
+    pub code: Code,
+    /// What people call it.
+    pub name: Name,
+    /// Is who is in it listed? Otherwise it is everybody whom the next three describe.
+    pub is_list: bool,
+    /// Only people of this level.
+    pub level: Option<Level>,
+    /// Only people who prefer this hand.
+    pub handedness: Option<Handedness>,
+    /// Only people of this training group.
+    pub group_id: Option<GroupId>,
+    /// How many people are in it.
+    pub people: i64,
+    /// When it was made, epoch ms.
+    pub created_at_ms: i64,
+}
+
+/// One value of one person of a cohort, from one of their last sessions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CohortValue {
+    /// Whose.
+    pub trainee: TraineeId,
+    /// The hand that they prefer, if said.
+    pub handedness: Option<Handedness>,
+    /// The camera that it was measured with.
+    pub calibration: CalibrationId,
+    /// Version of the program that measured it.
+    pub pipeline: String,
+    /// Of which feature.
+    pub of: FeatureKey,
+    /// The value, in the feature's unit.
+    pub value: f64,
+}
+
+/// The trainee `member` is in the cohort `cohort`.
+macro_rules! belongs {
+    () => {
+        "CASE WHEN cohort.is_list
+              THEN EXISTS (SELECT 1 FROM cohort_member
+                           WHERE cohort_member.cohort_id = cohort.id AND cohort_member.trainee_id = member.id)
+              ELSE (cohort.level IS NULL OR cohort.level = member.level)
+                   AND (cohort.handedness IS NULL OR cohort.handedness = member.handedness)
+                   AND (cohort.group_id IS NULL
+                        OR EXISTS (SELECT 1 FROM group_trainee WHERE group_trainee.group_id = cohort.group_id
+                                   AND group_trainee.trainee_id = member.id)) END"
+    };
+}
+
+/// Cohorts with all that a [`Cohort`] says; conditions follow.
+macro_rules! select_cohorts {
+    () => {
+        concat!(
+            "SELECT id, code, name, is_list, level, handedness, group_id, created_at_ms,
+                    (SELECT count(*) FROM trainee AS member WHERE ",
+            belongs!(),
+            ") AS people FROM cohort WHERE $1 <> 'agent' AND "
+        )
+    };
+}
+
+/// What the people of cohort `$1` measured at task `$2`, in their last `$3` sessions of it, of the features `$4` (a JSON
+/// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row
+/// a person: rows cost more on their way out of SQLite than in it.
+macro_rules! values_of_cohort {
+    () => {
+        concat!(
+            "SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
+                    feature.name, feature.tool, feature.space, json_group_array(feature.value)
+             FROM cohort CROSS JOIN trainee AS member
+             CROSS JOIN session ON session.id IN
+                 (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $2
+                  ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $3)
+             CROSS JOIN result ON result.id =
+                 (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+             CROSS JOIN feature INDEXED BY feature_once ON feature.result_id = result.id
+                 AND (feature.name, coalesce(feature.tool, ''), feature.space) IN
+                     (SELECT value ->> 'feature', coalesce(value ->> 'tool', ''), value ->> 'space' FROM json_each($4))
+             WHERE cohort.id = $1 AND feature.value IS NOT NULL AND ",
+            belongs!(),
+            " GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"
+        )
+    };
+}
+#[cfg(test)]
+pub(super) use {belongs, values_of_cohort}; // for the test of its plan
+
+type ValueRow =
+    (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, Json<Vec<f64>>);
+
+impl Cohorts<'_> {
+    /// Makes a cohort.
+    pub async fn create(&self, scope: &Scope, new: NewCohort) -> StoreResult<Cohort> {
+        require_administrator(scope, "making cohorts")?;
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CohortId::at(self.0.now_ms()));
+        self.0
+            .write(async move |tx| {
+                let taken_sql = "SELECT 1 FROM cohort WHERE code = $1";
+                let code = codes::choose(tx, taken_sql, new.code.clone(), &new.name, "cohort").await?;
+                let insert = sqlx::query(
+                    "INSERT INTO cohort (id, code, name, is_list, level, handedness, group_id, created_at_ms)
+                     VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
+                );
+                let insert = insert.bind(id).bind(code).bind(&new.name).bind(new.members.is_some()).bind(new.level);
+                let insert = insert.bind(new.handedness).bind(new.group).bind(now_ms).execute(&mut *tx).await;
+                insert.map_err(|error| taken_or_missing(error, "group"))?;
+                list_members(tx, id, new.members.unwrap_or_default()).await?;
+                note(tx, &by, now_ms, ("create", "cohort"), id).await
+            })
+            .await?;
+        self.get(scope, &Key::from(&id)).await
+    }
+
+    /// All cohorts, by name.
+    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Cohort>> {
+        let rows = sqlx::query_as(concat!(select_cohorts!(), "TRUE ORDER BY name LIMIT $3"));
+        Ok(rows.asked_by(scope).bind(MOST).fetch_all(self.0.readers()).await?)
+    }
+
+    /// One cohort, by id or code.
+    pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<Cohort> {
+        let row = sqlx::query_as(concat!(select_cohorts!(), "$3 IN (id, code)"));
+        let row = row.asked_by(scope).bind(key).fetch_optional(self.0.readers()).await?;
+        row.ok_or(not_found("cohort"))
+    }
+
+    /// Who is in it, of those whom the scope sees.
+    pub async fn members(&self, scope: &Scope, id: CohortId) -> StoreResult<Vec<TraineeId>> {
+        let rows = sqlx::query_scalar(concat!(
+            "SELECT member.id FROM cohort CROSS JOIN trainee AS member WHERE cohort.id = $3 AND ",
+            sees_trainee!("member.id"),
+            " AND ",
+            belongs!(),
+            " ORDER BY member.id"
+        ));
+        Ok(rows.asked_by(scope).bind(id).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Says anew what it is called and who is in it.
+    pub async fn replace(&self, scope: &Scope, id: CohortId, new: NewCohort) -> StoreResult<Cohort> {
+        require_administrator(scope, "changing cohorts")?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let update = sqlx::query(
+                    "UPDATE cohort SET code = coalesce($2, code), name = $3, is_list = $4, level = $5, handedness = $6,
+                            group_id = $7 WHERE id = $1",
+                );
+                let update = update.bind(id).bind(&new.code).bind(&new.name).bind(new.members.is_some());
+                let update = update.bind(new.level).bind(new.handedness).bind(new.group).execute(&mut *tx).await;
+                if update.map_err(|error| taken_or_missing(error, "group"))?.rows_affected() == 0 {
+                    return Err(not_found("cohort"));
+                }
+                sqlx::query("DELETE FROM cohort_member WHERE cohort_id = $1").bind(id).execute(&mut *tx).await?;
+                list_members(tx, id, new.members.unwrap_or_default()).await?;
+                note(tx, &by, now_ms, ("change", "cohort"), id).await
+            })
+            .await?;
+        self.get(scope, &Key::from(&id)).await
+    }
+
+    /// Deletes a cohort; its people stay, and so do standards that were made from it.
+    pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
+        let id = self.get(scope, key).await?.id;
+        require_administrator(scope, "deleting cohorts")?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                sqlx::query("DELETE FROM cohort WHERE id = $1").bind(id).execute(&mut *tx).await?;
+                note(tx, &by, now_ms, ("delete", "cohort"), id).await
+            })
+            .await
+    }
+
+    /// What its people measured at a task in their last sessions of it, so many each, of these features. For aggregates
+    /// alone: it is asked with nobody's scope, and names people only so that each can count once.
+    pub async fn values(
+        &self,
+        id: CohortId,
+        task: TaskId,
+        sessions: u32,
+        features: &[FeatureKey],
+    ) -> StoreResult<Vec<CohortValue>> {
+        let rows = sqlx::query_as::<_, ValueRow>(values_of_cohort!());
+        let rows = rows.bind(id).bind(task).bind(sessions).bind(Json(features));
+        let mut found = Vec::new();
+        for (trainee, handedness, calibration, pipeline, feature, tool, space, Json(values)) in
+            rows.fetch_all(self.0.readers()).await?
+        {
+            let of = FeatureKey { feature, tool, space };
+            let row = |value| CohortValue {
+                trainee,
+                handedness,
+                calibration,
+                pipeline: pipeline.clone(),
+                of: of.clone(),
+                value,
+            };
+            found.extend(values.into_iter().map(row));
+        }
+        Ok(found)
+    }
+}
+
+async fn list_members(tx: &mut SqliteConnection, id: CohortId, members: Vec<TraineeId>) -> StoreResult<()> {
+    for member in members {
+        let sql = "INSERT INTO cohort_member (cohort_id, trainee_id) VALUES ($1, $2)";
+        let insert = sqlx::query(sql).bind(id).bind(member);
+        insert.execute(&mut *tx).await.map_err(missing("trainee"))?;
+    }
+    Ok(())
+}
+
+/// The code may be somebody else's, and the group nobody's.
+fn taken_or_missing(error: sqlx::Error, what: &'static str) -> super::StoreError {
+    match error.as_database_error() {
+        Some(e) if e.is_foreign_key_violation() => missing(what)(error),
+        _ => taken("code")(error),
+    }
+}

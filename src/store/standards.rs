@@ -1,0 +1,78 @@
+//! Versions of tasks' standards: added, never changed. The latest is the one in use.
+
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::error::{StoreResult, missing};
+use super::visibility::{AskedBy, require_staff};
+use super::{Scope, Store};
+use crate::domain::standard::Definition;
+use crate::ids::{StandardId, TaskId};
+
+/// The tasks' standards.
+pub struct Standards<'s>(pub(super) &'s Store);
+
+/// A version of a task's standard.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Standard {
+    /// Its id.
+    pub id: StandardId,
+    /// Of which task.
+    pub task_id: TaskId,
+    /// 1, 2, … within the task.
+    pub version: i64,
+    /// What it asks for.
+    #[sqlx(json)]
+    pub definition: Definition,
+    /// Name of the person who set it, if it was one who is still there.
+    pub who: Option<String>,
+    /// When it was set, epoch ms.
+    pub created_at_ms: i64,
+}
+
+/// Standards with all that a [`Standard`] says; conditions follow.
+macro_rules! select_standards {
+    () => {
+        "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
+         FROM standard LEFT JOIN person ON person.id = standard.person_id WHERE task_id = $3 AND $1 <> 'agent'
+         ORDER BY version DESC LIMIT $4"
+    };
+}
+#[cfg(test)]
+pub(super) use select_standards; // for the test of its plan
+
+impl Standards<'_> {
+    /// Adds a task's next version. What the version in use says already is that version.
+    pub async fn add(&self, scope: &Scope, of: TaskId, definition: Definition) -> StoreResult<Standard> {
+        require_staff(scope, "setting standards")?;
+        if let Some(same) = self.in_use(scope, of).await?.filter(|last| last.definition == definition) {
+            return Ok(same);
+        }
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), StandardId::at(self.0.now_ms()));
+        self.0
+            .write(async move |tx| {
+                let insert = sqlx::query(
+                    "INSERT INTO standard (id, task_id, version, definition, person_id, created_at_ms)
+                     SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5 FROM standard WHERE task_id = $2",
+                );
+                let insert = insert.bind(id).bind(of).bind(Json(definition)).bind(by.person()).bind(now_ms);
+                insert.execute(&mut *tx).await.map_err(missing("task"))?;
+                note(tx, &by, now_ms, ("create", "standard"), id).await
+            })
+            .await?;
+        let last = self.in_use(scope, of).await?;
+        last.ok_or(super::error::not_found("standard"))
+    }
+
+    /// The version in use, if the task has one.
+    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<Standard>> {
+        let row = sqlx::query_as(select_standards!()).asked_by(scope).bind(of).bind(1);
+        Ok(row.fetch_optional(self.0.readers()).await?)
+    }
+
+    /// The last hundred versions, newest first.
+    pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<Standard>> {
+        let rows = sqlx::query_as(select_standards!()).asked_by(scope).bind(of).bind(100);
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+}

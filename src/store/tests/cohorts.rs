@@ -1,0 +1,124 @@
+//! Reference groups: who is in them, who sees whom of them, and what their people measured.
+
+use serde_json::json;
+
+use crate::domain::feature::FeatureKey;
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::session::FeatureSpace;
+use crate::domain::text::Key;
+use crate::ids::{GroupId, TraineeId};
+use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::store::{Cohort, StoreError, Trainee};
+
+async fn cohort(centre: &Centre, body: serde_json::Value) -> Cohort {
+    let new = serde_json::from_value(body).unwrap();
+    centre.store.cohorts().create(&Scope::service(), new).await.unwrap()
+}
+
+async fn trainee(centre: &Centre, body: serde_json::Value) -> Trainee {
+    let new = serde_json::from_value(body).unwrap();
+    centre.store.trainees().create(&Scope::service(), new).await.unwrap()
+}
+
+#[tokio::test]
+async fn a_cohort_is_a_list_or_everybody_whom_it_describes() {
+    let centre = Centre::new().await;
+    let ana = trainee(&centre, json!({"name": "Ana", "level": "expert", "handedness": "left"})).await;
+    let ben = trainee(&centre, json!({"name": "Ben", "level": "expert", "handedness": "right"})).await;
+    let eve = trainee(&centre, json!({"name": "Eve"})).await;
+    centre.group("A", &[], &[&ben, &eve]).await;
+    let group = centre.store.groups().list(&Scope::service()).await.unwrap()[0].id;
+    for (body, expected) in [
+        (json!({"name": "All"}), vec![ana.id, ben.id, eve.id]),
+        (json!({"name": "Experts", "level": "expert"}), vec![ana.id, ben.id]),
+        (json!({"name": "Left", "handedness": "left"}), vec![ana.id]),
+        (json!({"name": "A", "group": group}), vec![ben.id, eve.id]),
+        (json!({"name": "Experts of A", "group": group, "level": "expert"}), vec![ben.id]),
+        (json!({"name": "Listed", "members": [eve.id, ana.id]}), vec![ana.id, eve.id]),
+        (json!({"name": "Nobody", "level": "novice"}), vec![]),
+    ] {
+        let (made, mut expected) = (cohort(&centre, body.clone()).await, expected);
+        expected.sort(); // ids of one instant come in any order
+        assert_eq!(centre.store.cohorts().members(&Scope::service(), made.id).await.unwrap(), expected, "{body}");
+        assert_eq!(made.people, expected.len() as i64, "{body}");
+    }
+    let gone = centre.store.groups().delete(&Scope::service(), group).await;
+    assert!(matches!(gone, Err(StoreError::InUse { by: "cohorts", .. })), "{gone:?}");
+}
+
+#[tokio::test]
+async fn a_cohort_changes_whole_and_names_only_what_is_there() {
+    let centre = Centre::new().await;
+    let (store, service) = (&centre.store, Scope::service());
+    let ana = centre.trainee("Ana").await.id;
+    let made = cohort(&centre, json!({"name": "Listed", "members": [ana]})).await;
+    let new = |body| serde_json::from_value(body).unwrap();
+    for (body, what) in [
+        (json!({"name": "x", "members": [TraineeId::at(1)]}), "trainee"),
+        (json!({"name": "x", "group": GroupId::at(1)}), "group"),
+    ] {
+        for answer in [
+            store.cohorts().create(&service, new(body.clone())).await,
+            store.cohorts().replace(&service, made.id, new(body.clone())).await,
+        ] {
+            assert!(matches!(&answer, Err(StoreError::NotFound { what: found }) if *found == what), "{answer:?}");
+        }
+    }
+    assert_eq!(store.cohorts().members(&service, made.id).await.unwrap(), [ana], "a refused change changes nothing");
+    let changed = store.cohorts().replace(&service, made.id, new(json!({"name": "Left", "handedness": "left"}))).await;
+    let changed = changed.unwrap();
+    assert_eq!((changed.code.as_str(), changed.is_list, changed.people), ("listed", false, 0));
+    let taken = store.cohorts().create(&service, new(json!({"name": "x", "code": "listed"}))).await;
+    assert!(matches!(taken, Err(StoreError::Taken { what: "code", .. })), "{taken:?}");
+    store.cohorts().delete(&service, &Key::from("listed")).await.unwrap();
+    assert!(store.cohorts().list(&service).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn people_see_of_a_cohort_only_those_whom_they_see_anyway() {
+    let centre = Centre::new().await;
+    let (ana, ben) = (centre.trainee("Ana").await, centre.trainee("Ben").await);
+    let teacher = centre.person("ina", Role::Instructor, None).await;
+    let account = centre.person("ben", Role::Trainee, Some(ben.id)).await;
+    centre.group("A", &[&teacher], &[&ana]).await;
+    let made = cohort(&centre, json!({"name": "Listed", "members": [ana.id, ben.id]})).await;
+    let (cohorts, agent) = (centre.store.cohorts(), Scope::agent(centre.the_box.id));
+    for (scope, sees) in [(teacher.scope(), vec![ana.id]), (account.scope(), vec![ben.id])] {
+        assert_eq!(cohorts.get(&scope, &Key::from("listed")).await.unwrap().people, 2);
+        assert_eq!(cohorts.members(&scope, made.id).await.unwrap(), sees);
+        let new = serde_json::from_value(json!({"name": "Mine"})).unwrap();
+        assert!(matches!(cohorts.create(&scope, new).await, Err(StoreError::Forbidden { .. })));
+        assert!(matches!(cohorts.delete(&scope, &Key::from("listed")).await, Err(StoreError::Forbidden { .. })));
+    }
+    assert!(cohorts.list(&agent).await.unwrap().is_empty() && cohorts.get(&agent, &Key::from("listed")).await.is_err());
+}
+
+fn key(feature: &str) -> FeatureKey {
+    FeatureKey { feature: feature.to_owned(), tool: None, space: FeatureSpace::Space3d }
+}
+
+#[tokio::test]
+async fn the_last_sessions_of_each_person_count_and_an_erased_person_is_in_no_cohort() {
+    let centre = Centre::ready().await;
+    let (ana, ben) = (centre.trainee("Ana").await, centre.trainee("Ben").await);
+    for (whom, seconds) in [(&ana, [90.0, 80.0, 70.0]), (&ben, [50.0, 40.0, 30.0])] {
+        for (day, seconds) in seconds.into_iter().enumerate() {
+            centre.practised(whom.id, NOW_MS + day as i64, vec![duration(seconds, 1.0)]).await;
+        }
+    }
+    let made = cohort(&centre, json!({"name": "Listed", "members": [ana.id, ben.id]})).await;
+    let values = async |sessions| {
+        let rows = centre.store.cohorts().values(made.id, centre.task.id, sessions, &[key("duration")]).await.unwrap();
+        let mut values: Vec<(TraineeId, f64)> = rows.iter().map(|row| (row.trainee, row.value)).collect();
+        values.sort_by(|a, b| a.1.total_cmp(&b.1));
+        values
+    };
+    assert_eq!(values(2).await, [(ben.id, 30.0), (ben.id, 40.0), (ana.id, 70.0), (ana.id, 80.0)]);
+    assert_eq!(values(9).await.len(), 6);
+    centre.store.trainees().erase(&Scope::service(), &Key::from(&ben.id)).await.unwrap();
+    assert_eq!(values(1).await, [(ana.id, 70.0)]);
+    assert_eq!(centre.store.cohorts().get(&Scope::service(), &Key::from(&made.id)).await.unwrap().people, 1);
+    let other = centre.store.cohorts().values(made.id, centre.task.id, 5, &[key("path_length")]).await.unwrap();
+    assert!(other.is_empty());
+}

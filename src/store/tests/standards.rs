@@ -1,0 +1,82 @@
+//! Versions of standards, and what progress asks the database.
+
+use sqlx::Row;
+
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::standard::{ChartDesign, Definition, Rule};
+use crate::domain::text::Key;
+use crate::store::StoreError;
+use crate::store::cohorts::{belongs, values_of_cohort};
+use crate::store::sessions::practice::{measured, practised};
+use crate::store::standards::select_standards;
+use crate::store::testing::Centre;
+use crate::store::visibility::sees_trainee;
+
+fn definition(in_a_row: usize) -> Definition {
+    let rule = Some(Rule { in_a_row, then_more: 0, at_most: None });
+    Definition { targets: Vec::new(), rule, charts: ChartDesign::default() }
+}
+
+#[tokio::test]
+async fn a_standard_is_a_new_version_unless_it_says_the_same() {
+    let centre = Centre::new().await;
+    let (store, task) = (&centre.store, centre.task.id);
+    let teacher = centre.person("ina", Role::Instructor, None).await;
+    centre.person("ada", Role::Administrator, None).await; // one stays, whoever goes
+    assert_eq!(store.standards().in_use(&teacher.scope(), task).await.unwrap(), None);
+    let first = store.standards().add(&teacher.scope(), task, definition(2)).await.unwrap();
+    assert_eq!((first.version, first.who.as_deref(), &first.definition), (1, Some("ina"), &definition(2)));
+    assert_eq!(store.standards().add(&teacher.scope(), task, definition(2)).await.unwrap(), first);
+    let second = store.standards().add(&Scope::service(), task, definition(3)).await.unwrap();
+    assert_eq!((second.version, second.who.as_deref()), (2, None));
+    assert_eq!(store.standards().list(&teacher.scope(), task).await.unwrap(), [second.clone(), first]);
+    store.people().delete(&Scope::service(), teacher.id).await.unwrap();
+    let left = store.standards().list(&Scope::service(), task).await.unwrap();
+    assert_eq!((left[0].clone(), left[1].who.as_deref()), (second, None), "a standard outlives who set it");
+    store.tasks().delete(&Scope::service(), &Key::from(&task)).await.unwrap();
+    assert!(store.standards().list(&Scope::service(), task).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn trainees_read_standards_and_agents_do_not() {
+    let centre = Centre::new().await;
+    let (store, task) = (&centre.store, centre.task.id);
+    store.standards().add(&Scope::service(), task, definition(2)).await.unwrap();
+    let ana = centre.person("ana", Role::Trainee, Some(centre.trainee("Ana").await.id)).await;
+    assert!(store.standards().in_use(&ana.scope(), task).await.unwrap().is_some());
+    let set = store.standards().add(&ana.scope(), task, definition(3)).await;
+    assert!(matches!(set, Err(StoreError::Forbidden { .. })), "{set:?}");
+    assert!(store.standards().in_use(&Scope::agent(centre.the_box.id), task).await.unwrap().is_none());
+}
+
+/// Every table of progress is reached along an index, from one person or one result.
+#[tokio::test]
+async fn progress_reads_no_table_from_end_to_end() {
+    let centre = Centre::new().await;
+    for (sql, wanted) in [
+        (
+            concat!("EXPLAIN QUERY PLAN ", practised!()),
+            "SEARCH session USING INDEX session_practised (trainee_id=? AND task_id=?)",
+        ),
+        (
+            concat!("EXPLAIN QUERY PLAN ", measured!()),
+            "SEARCH feature USING INDEX feature_once (result_id=? AND name=?)",
+        ),
+        (
+            concat!("EXPLAIN QUERY PLAN ", select_standards!()),
+            "SEARCH standard USING INDEX sqlite_autoindex_standard_2 (task_id=?)",
+        ),
+        (
+            concat!("EXPLAIN QUERY PLAN ", values_of_cohort!()),
+            "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
+        ),
+    ] {
+        let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
+        let plan: Vec<String> = rows.iter().map(|row| row.get("detail")).collect();
+        println!("\n{}\n  {}", sql.trim_start_matches("EXPLAIN QUERY PLAN "), plan.join("\n  ")); // `make progress-load`
+        assert!(plan.iter().any(|line| line == wanted), "{plan:#?}");
+        let whole = ["SCAN session", "SCAN result", "SCAN feature", "SCAN job", "SCAN standard"];
+        assert!(!plan.iter().any(|line| whole.iter().any(|scan| line.starts_with(scan))), "{plan:#?}");
+    }
+}

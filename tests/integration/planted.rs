@@ -1,0 +1,153 @@
+//! Sessions with results for which nothing was tracked: put through the store, beside the running service.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::future::join_all;
+use trocar::domain::blob::Blob;
+use trocar::domain::calibration::{CalibrationSource, NewCalibration};
+use trocar::domain::files::annotations::AnnotationsFile;
+use trocar::domain::files::camera::CameraFile;
+use trocar::domain::job::{JobInput, PaletteInput};
+use trocar::domain::palette::{NewPalette, PaletteReport};
+use trocar::domain::scope::Scope;
+use trocar::domain::session::{FeatureError, FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
+use trocar::domain::text::Key;
+use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
+use trocar::pipeline::PIPELINE_VERSION;
+use trocar::store::{Lease, Store, StoreSettings};
+use trocar::time::System;
+
+/// 2026-01-01.
+pub const NEW_YEAR_MS: i64 = 1_767_225_600_000;
+pub const DAY_MS: i64 = 86_400_000;
+
+/// Puts sessions into a centre's database.
+#[derive(Clone)]
+pub struct Planter {
+    store: Store,
+    in_box: BoxId,
+    calibration: CalibrationId,
+    palette: PaletteId,
+    /// The task `peg`.
+    pub task: TaskId,
+}
+
+impl Planter {
+    /// Beside a service that has a box `box-1` and a task `peg`; gives the box a camera and colours.
+    pub async fn beside(database: &std::path::Path) -> Self {
+        let settings = StoreSettings::default();
+        let store = Store::open(database, &settings, Arc::new(System)).await.unwrap();
+        let service = Scope::service();
+        let in_box = store.boxes().get(&service, &Key::from("box-1")).await.unwrap().id;
+        let task = store.tasks().get(&service, &Key::from("peg")).await.unwrap().id;
+        let camera = r#"{"width":640,"height":480,"fx":500.1,"fy":500.2,"cx":320,"cy":240,"rms_px":0.31}"#;
+        let new = NewCalibration { camera: CameraFile::parse(camera).unwrap(), source: CalibrationSource::File };
+        store.calibrations().add(&service, in_box, new).await.unwrap();
+        let marks = r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"orange","x":1,"y":1,"w":2,"h":2}]}"#;
+        let annotations = AnnotationsFile::parse(marks).unwrap();
+        let tools = annotations.marked_tools().unwrap().into_iter().map(Into::into).collect();
+        let input = PaletteInput {
+            of: in_box,
+            annotations: annotations.clone(),
+            files: vec![],
+            is_video: true,
+            frames: vec![],
+        };
+        store.jobs().enqueue(&service, JobInput::Palette(input)).await.unwrap();
+        let lease = store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap().unwrap();
+        let palette =
+            NewPalette { annotations, tools, counts: vec![], samples: vec![1], report: PaletteReport::default() };
+        store.jobs().finish_palette(&lease, palette).await.unwrap();
+        let calibration = store.calibrations().latest(&service, in_box).await.unwrap().unwrap().id;
+        let palette = store.palettes().latest(&service, in_box).await.unwrap().unwrap().id;
+        Self { store, in_box, calibration, palette, task }
+    }
+
+    pub async fn trainee(&self, code: &str) -> TraineeId {
+        self.store.trainees().get(&Scope::service(), &Key::from(code)).await.unwrap().id
+    }
+
+    /// A session that was recorded then and measured so.
+    pub async fn session(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) {
+        self.result(trainee, recorded_at_ms, features, (PIPELINE_VERSION, "valid")).await;
+    }
+
+    /// The same with the version of the program and the verdict of the gate.
+    pub async fn result(&self, whose: TraineeId, at_ms: i64, features: Vec<FeatureRow>, made: (&str, &str)) {
+        self.create(whose, at_ms).await;
+        let lease = self.claim().await;
+        self.finish(&lease, features, made).await;
+    }
+
+    /// Several at the same time: they share commits.
+    pub async fn sessions(&self, mut rows: Vec<(TraineeId, i64, Vec<FeatureRow>)>) {
+        let created = join_all(rows.iter().map(|(trainee, at_ms, _)| self.create(*trainee, *at_ms))).await;
+        let of =
+            |session| rows.iter_mut().zip(&created).find(|(_, id)| **id == session).map(|(row, _)| row.2.split_off(0));
+        let leases = join_all(created.iter().map(|_| self.claim())).await;
+        let features: Vec<Vec<FeatureRow>> = leases.iter().map(session_of).map(of).map(Option::unwrap).collect();
+        let finish = leases
+            .iter()
+            .zip(features)
+            .map(|(lease, features)| self.finish(lease, features, (PIPELINE_VERSION, "valid")));
+        join_all(finish).await;
+    }
+
+    async fn create(&self, trainee: TraineeId, recorded_at_ms: i64) -> SessionId {
+        let new = NewSession {
+            trainee,
+            task: self.task,
+            in_box: self.in_box,
+            filename: "clip.mp4".parse().unwrap(),
+            recorded_at_ms: Some(recorded_at_ms),
+            video: Blob::of(format!("{trainee} {recorded_at_ms}").as_bytes()),
+            media_type: "video/mp4".to_owned(),
+        };
+        self.store.sessions().create(&Scope::service(), new).await.unwrap().id
+    }
+
+    async fn claim(&self) -> Lease {
+        self.store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap().unwrap()
+    }
+
+    async fn finish(&self, lease: &Lease, features: Vec<FeatureRow>, (pipeline, verdict): (&str, &str)) {
+        let id = session_of(lease);
+        let (pipeline, calibration, palette) = (pipeline.to_owned(), self.calibration, self.palette);
+        let result = NewResult {
+            versions: Versions { pipeline, calibration, palette, model: None },
+            video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
+            tools: vec!["orange".to_owned()],
+            features,
+            quality: serde_json::json!({ "frames": 300, "verdict": verdict, "reasons": [], "tools": [] }),
+            score: None,
+            trajectory: Blob::of(format!("trajectory {id}").as_bytes()),
+            diagnostics: Blob::of(format!("diagnostics {id}").as_bytes()),
+            preview: None,
+        };
+        self.store.jobs().finish_track(lease, result).await.unwrap();
+    }
+}
+
+fn session_of(lease: &Lease) -> SessionId {
+    lease.job.session_id.expect("only sessions are planted")
+}
+
+/// A value with its error bar.
+pub fn measured(name: &str, unit: &str, tool: Option<&str>, space: FeatureSpace, value: f64, half: f64) -> FeatureRow {
+    let error = FeatureError { as_measured: value, sigma: half / 2.0, low: value - half, high: value + half };
+    FeatureRow {
+        name: name.to_owned(),
+        title: name.replace('_', " "),
+        unit: unit.to_owned(),
+        tool: tool.map(str::to_owned),
+        space,
+        value: Ok(value),
+        error: Some(Ok(error)),
+    }
+}
+
+/// The duration of a session, s.
+pub fn duration(seconds: f64, half: f64) -> FeatureRow {
+    measured("duration", "s", None, FeatureSpace::Space3d, seconds, half)
+}
