@@ -102,9 +102,10 @@ macro_rules! values_of_cohort {
              CROSS JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                   ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             CROSS JOIN feature INDEXED BY feature_once ON feature.result_id = result.id
-                 AND (feature.name, coalesce(feature.tool, ''), feature.space) IN
-                     (SELECT value ->> 'feature', coalesce(value ->> 'tool', ''), value ->> 'space' FROM json_each($4))
+             CROSS JOIN json_each($4) AS wanted
+             CROSS JOIN feature INDEXED BY feature_named
+                 ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
+                 AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
              WHERE cohort.id = $1 AND feature.value IS NOT NULL AND ",
             belongs!(),
             " GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"

@@ -99,7 +99,7 @@ macro_rules! practised {
 /// The features named in `$2` of the results `$1`, both JSON arrays. Left alone, SQLite would read all features of each.
 macro_rules! measured {
     () => {
-        "SELECT result_id, name, tool, space, value, low, high FROM feature INDEXED BY feature_once
+        "SELECT result_id, name, tool, space, value, low, high FROM feature INDEXED BY feature_named
          WHERE result_id IN (SELECT value FROM json_each($1)) AND name IN (SELECT value FROM json_each($2))"
     };
 }

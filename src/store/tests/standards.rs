@@ -61,7 +61,7 @@ async fn progress_reads_no_table_from_end_to_end() {
         ),
         (
             concat!("EXPLAIN QUERY PLAN ", measured!()),
-            "SEARCH feature USING INDEX feature_once (result_id=? AND name=?)",
+            "SEARCH feature USING COVERING INDEX feature_named (name=? AND result_id=?)",
         ),
         (
             concat!("EXPLAIN QUERY PLAN ", select_standards!()),
