@@ -77,8 +77,12 @@ impl Cohorts {
 
     /// Calculates beside the async threads.
     async fn calculate<T: Send + 'static>(&self, of: impl FnOnce() -> T + Send + 'static) -> Result<T, CohortsError> {
-        let _place = self.places.acquire().await.map_err(|_| CohortsError::Broken)?;
-        tokio::task::spawn_blocking(of).await.map_err(|_| CohortsError::Broken)
+        let place = self.places.clone().acquire_owned().await.map_err(|_| CohortsError::Broken)?;
+        let calculation = move || {
+            let _place = place; // kept to the end, also where nobody waits for it any more
+            of()
+        };
+        tokio::task::spawn_blocking(calculation).await.map_err(|_| CohortsError::Broken)
     }
 }
 

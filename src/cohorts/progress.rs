@@ -2,7 +2,7 @@
 //!
 //! Sessions are numbered in the order in which they were recorded, whatever became of them: practice is practice. Those
 //! that are refused, failed or of another version of the program count for nothing else. The version that counts is the newest
-//! result's, so that a program's update does not end what was learnt before the old sessions are tracked again.
+//! believed result's, so that a program's update does not end what was learnt before the old sessions are tracked again.
 
 use super::answer::{Course, SetAside, Step};
 use super::people::LAST_SESSIONS;
@@ -155,7 +155,8 @@ fn followed(
     whom: &Whom<'_>,
     now_ms: i64,
 ) -> Course {
-    let newest = practice.sessions.iter().rev().find_map(|session| session.result.as_ref());
+    let believed = |session: &'_ Practised| session.result.clone().filter(|outcome| !outcome.refused);
+    let newest = practice.sessions.iter().rev().find_map(believed);
     let pipeline = newest.map(|outcome| outcome.pipeline.clone());
     let set_aside = |session: &Practised| set_aside(session, pipeline.as_deref());
     let number = |(index, session)| Numbered {

@@ -14,7 +14,7 @@ use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::features::{Direction, Feature, time};
 use crate::pipeline::score::standard::{self, best_share, contrasting_groups, fls, trimmed_experts};
 use crate::pipeline::score::{NoAnswer, People};
-use crate::store::{Cohort, CohortValue};
+use crate::store::{Cohort, CohortValue, StoreError};
 
 /// A standard as it would be kept.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, utoipa::ToSchema)]
@@ -100,7 +100,13 @@ impl Cohorts {
             Way::TrimmedExperts { experts } => Ready::Experts(self.group(scope, of, key, "experts", &experts).await?),
             Way::ContrastingGroups { novices, experts } => {
                 let novices = self.group(scope, of, key, "novices", &novices).await?;
-                Ready::Groups(novices, self.group(scope, of, key, "experts", &experts).await?)
+                let experts = self.group(scope, of, key, "experts", &experts).await?;
+                if key.tool.is_some() && novices.handedness != experts.handedness {
+                    let why =
+                        "prefer the other hand than the novices, and a tool is in one: compare people of one hand";
+                    return Err(Invalid::new("experts", why).into());
+                }
+                Ready::Groups(novices, experts)
             }
             Way::BestShare { cohort, share } => {
                 if !(share > 0.0 && share < 1.0) {
@@ -121,6 +127,10 @@ impl Cohorts {
         field: &'static str,
         cohort: &Key,
     ) -> Result<Group, CohortsError> {
+        if !scope.is_administrator() {
+            // Who may choose whom a limit is made of, and sees some of them, can work out the others.
+            return Err(StoreError::Forbidden { what: "a limit made from people", whom: "administrators" }.into());
+        }
         let Cohort { id, handedness, .. } = self.store.cohorts().get(scope, cohort).await.map_err(named(field))?;
         if is_of_one_camera(of) {
             let why = "lies along the camera's own axes, which differ between boxes: choose a fixed limit, or a feature \
@@ -137,6 +147,9 @@ impl Cohorts {
     }
 }
 
+/// Characters of a tool's name at most.
+const LONGEST_TOOL: usize = 64;
+
 /// The feature that a target limits.
 fn limited(target: &NewTarget) -> Result<(&'static Feature, FeatureKey), Invalid> {
     let feature = feature::named(&target.feature)?;
@@ -145,7 +158,19 @@ fn limited(target: &NewTarget) -> Result<(&'static Feature, FeatureKey), Invalid
         let why = format!("neither more nor less {} is better, so that it has no limit to keep", feature.name);
         return Err(Invalid::new("feature", why));
     }
-    Ok((feature, FeatureKey { feature: feature.name.to_owned(), tool: target.tool.clone(), space }))
+    let name = feature.name;
+    match &target.tool {
+        None if !feature.is_of_session() => {
+            return Err(Invalid::new("tool", format!("name one: {name} is each tool's own")));
+        }
+        Some(_) if !feature.is_of_tools() => {
+            return Err(Invalid::new("tool", format!("leave it out: {name} is the whole session's")));
+        }
+        Some(tool) if tool.is_empty() || tool.chars().count() > LONGEST_TOOL => {
+            return Err(Invalid::new("tool", format!("is no tool's name: expected 1 to {LONGEST_TOOL} characters")));
+        }
+        _ => Ok((feature, FeatureKey { feature: name.to_owned(), tool: target.tool.clone(), space })),
+    }
 }
 
 fn fixed(feature: &Feature, limit: f64, unit: &str) -> Result<standard::Target, Invalid> {
@@ -180,7 +205,7 @@ fn proposed(feature: &'static Feature, key: FeatureKey, way: &Ready) -> Proposed
 fn target(feature: &Feature, key: &FeatureKey, way: &Ready) -> Result<(standard::Target, Option<MadeFrom>), NoAnswer> {
     let from = |groups: &[&People], handedness| {
         let handedness = key.tool.as_ref().and(handedness);
-        Some(MadeFrom { pipeline: PIPELINE_VERSION.to_owned(), fingerprint: fingerprint(groups), handedness })
+        Some(MadeFrom { pipeline: PIPELINE_VERSION.to_owned(), fingerprint: Some(fingerprint(groups)), handedness })
     };
     Ok(match way {
         Ready::Chosen(target) => (*target, None),
@@ -191,8 +216,7 @@ fn target(feature: &Feature, key: &FeatureKey, way: &Ready) -> Result<(standard:
         Ready::Groups(novices, experts) => {
             let [novice_people, expert_people] = apart(novices, experts, key)?;
             let target = contrasting_groups(&novice_people, &expert_people, feature.direction)?;
-            let handedness = experts.handedness.filter(|_| experts.handedness == novices.handedness);
-            (target, from(&[&novice_people, &expert_people], handedness))
+            (target, from(&[&novice_people, &expert_people], experts.handedness))
         }
         Ready::Best(group, share) => {
             let people = group.people(key)?;

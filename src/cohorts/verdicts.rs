@@ -38,10 +38,13 @@ impl Verdicts {
         let numbers: Vec<usize> = sessions.iter().map(|session| session.number).collect();
         let followed = definition.rule.map(|rule| (rule, PassRule::from(rule).follow(&trials)));
         let career = monitor.follow(&trials);
+        let last_declared = career.events.last().map(|event| number_of(*event) - 1);
+        let has_relapsed = career.events.iter().any(|event| matches!(event, Event::Relapsed { .. }));
         let proficient = match (&followed, career.now) {
             (_, Standing::Relapsed) => None,
+            (_, Standing::Proficient) if has_relapsed => last_declared,
             (Some((_, Ok(pass_rule::Progress::Met { at }))), _) => Some(at - 1),
-            (None, Standing::Proficient) => career.events.last().map(|event| number_of(*event) - 1),
+            (None, Standing::Proficient) => last_declared,
             _ => None,
         };
         let rule = followed.and_then(|(rule, followed)| Some(rule_state(rule, followed.ok()?, &numbers)));

@@ -5,7 +5,8 @@ use utoipa::ToSchema;
 
 use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
-use crate::pipeline::features::{self, Feature, Space};
+
+use crate::pipeline::features::{self, Family, Feature, Space};
 
 /// One feature of a session: of one tool, or of the session as a whole, in one space.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
@@ -83,10 +84,13 @@ pub fn space_of(feature: &Feature, named: Option<FeatureSpace>) -> Result<Featur
     }
 }
 
-/// Is a value along or across the camera's own axes, so that another camera would give another one? Lengths, times and
+/// Is a value along or across the camera's own axes, or of what it had in view, so that another camera would give another one? Lengths, times and
 /// volumes of hulls in three dimensions are the same from everywhere.
 pub fn is_of_one_camera(key: &FeatureKey) -> bool {
-    key.space == FeatureSpace::Image || ["depth_travelled", "economy_of_volume"].contains(&key.feature.as_str())
+    let name = key.feature.as_str();
+    key.space == FeatureSpace::Image
+        || ["depth_travelled", "economy_of_volume"].contains(&name)
+        || features::find(name).is_some_and(|feature| feature.family == Family::View)
 }
 
 #[cfg(test)]

@@ -122,8 +122,9 @@ pub struct Share {
 pub struct MadeFrom {
     /// Version of the program that measured them; values of another version are not judged by the limit.
     pub pipeline: String,
-    /// SHA-256 of the values, in rising order.
-    pub fingerprint: String,
+    /// SHA-256 of the values, in rising order; `null` to all but administrators, for who knows most of the values could find the
+    /// last one by it.
+    pub fingerprint: Option<String>,
     /// Of a tool's feature: the hand that those people prefer; who prefers the other is not judged by the limit.
     pub handedness: Option<Handedness>,
 }
@@ -187,6 +188,12 @@ impl Target {
 }
 
 impl Definition {
+    /// Without what only administrators are told.
+    pub fn without_fingerprints(mut self) -> Self {
+        self.targets.iter_mut().filter_map(|target| target.made_from.as_mut()).for_each(|from| from.fingerprint = None);
+        self
+    }
+
     /// The target of a feature, if it has one.
     pub fn target(&self, of: &FeatureKey) -> Option<&Target> {
         self.targets.iter().find(|target| target.of == *of)

@@ -587,7 +587,7 @@ export default {
       other_version: 'the limit is of another version of the program',
       other_hand: 'the limit is of the other hand',
     },
-    legend: 'Filled: limit kept. Dashed: missed. Hollow: neither, since the error covers the limit. Grey: does not count.',
+    legend: 'Filled: limit kept. Dashed: missed. Hollow: neither; the point says why. Grey: does not count.',
     setAside: {
       pending: 'not tracked yet',
       failed: 'could not be tracked',

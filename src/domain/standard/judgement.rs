@@ -104,7 +104,7 @@ mod tests {
         };
         let limit = standard::Target::fixed(100.0, Direction::Lower).unwrap();
         let handedness = Some(Handedness::Right);
-        let from = MadeFrom { pipeline: "7".to_owned(), fingerprint: String::new(), handedness };
+        let from = MadeFrom { pipeline: "7".to_owned(), fingerprint: None, handedness };
         let target = Target::of(key, &features::path::PATH_LENGTH, limit, Some(from));
         let right = ToJudge { value: Some(90.0), bar: Some([85.0, 95.0]), pipeline: "7", handedness };
         assert_eq!(target.judge(right), Judgement::Pass);

@@ -34,6 +34,7 @@ impl Standard {
     pub fn new(standard: store::Standard, scope: &Scope) -> Self {
         let store::Standard { id, version, definition, who, created_at_ms, .. } = standard;
         let who = who.filter(|_| scope.is_staff());
+        let definition = if scope.is_administrator() { definition } else { definition.without_fingerprints() };
         Self { id, version, definition, who, created_at: Time(created_at_ms) }
     }
 }

@@ -23,12 +23,12 @@ const PASSES_MM: f64 = 5.0;
 /// The trocar of one tool, if its axes tell where it is, to [`WELL_KNOWN_MM`].
 pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {
     let observed = samples.iter().filter(|sample| sample.state == SampleState::Observed);
-    let lines: Vec<(Point3<f64>, Vector3<f64>)> =
-        observed.filter_map(|sample| Some((sample.tip_mm, sample.axis?.try_normalize(1e-9)?))).collect();
+    let line = |sample: &Sample| Some((sample.time_s, (sample.tip_mm, sample.axis?.try_normalize(1e-9)?)));
+    let (times, lines): (Vec<f64>, Vec<(Point3<f64>, Vector3<f64>)>) = observed.filter_map(line).unzip();
     let at = nearest_point(lines.iter().copied())?;
-    let seen_s = samples.last()?.time_s - samples.first()?.time_s;
+    let independent = times.chunk_by(|a, b| (a / ALIKE_S).floor() == (b / ALIKE_S).floor()).count();
     let behind_mm = lines.iter().map(|(tip, axis)| (tip - at).dot(axis)).sum::<f64>() / lines.len() as f64;
-    (behind_mm > NEAREST_MM && is_well_known(&lines, at, (seen_s / ALIKE_S).max(1.0))).then_some(at)
+    (behind_mm > NEAREST_MM && is_well_known(&lines, at, independent as f64)).then_some(at)
 }
 
 /// Is the point surely where it seems to be? Axes tell little of it along themselves unless they turn.

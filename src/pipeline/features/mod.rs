@@ -234,6 +234,16 @@ fn in_space(motions: &[Result<Motion, NotEnough>], space: Space) -> Vec<Result<M
 }
 
 impl Feature {
+    /// Has each tool a value of its own?
+    pub fn is_of_tools(&self) -> bool {
+        self.measures.iter().any(|measure| matches!(measure, Measure::Tool(_) | Measure::EachOfPair(_)))
+    }
+
+    /// Has the session as a whole a value?
+    pub fn is_of_session(&self) -> bool {
+        self.measures.iter().any(|measure| matches!(measure, Measure::Session(_) | Measure::Pair(_)))
+    }
+
     fn measure(
         &'static self,
         motions: &[Result<Motion, NotEnough>],

@@ -54,7 +54,8 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
     cohort(&centre.administrator, "expert").await;
     cohort(&centre.administrator, "novice").await;
     let propose = async |by: Value| {
-        let answer = centre.instructor.post(PROPOSALS, json!({"targets": [{"feature": "duration", "by": by}]})).await;
+        let answer =
+            centre.administrator.post(PROPOSALS, json!({"targets": [{"feature": "duration", "by": by}]})).await;
         read(answer, StatusCode::OK).await["targets"][0].clone()
     };
     let experts = propose(json!({"method": "trimmed_experts", "experts": "expert"})).await["target"].clone();
@@ -83,7 +84,7 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
     let refused = propose(few.clone()).await;
     assert_eq!((&refused["withheld"]["reason"], &refused["withheld"]["missing"]), (&json!("too_few"), &json!(1)));
     let set = json!({"targets": [{"feature": "duration", "by": few}]});
-    let refused = problem(centre.instructor.post(STANDARDS, set).await, 422, "invalid").await;
+    let refused = problem(centre.administrator.post(STANDARDS, set).await, 422, "invalid").await;
     assert!(refused["detail"].as_str().unwrap().contains("there are 9 novices; needs 10"), "{refused}");
 
     // A tool's limit is made of people who prefer one hand.
@@ -91,9 +92,9 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
         let by = json!({"method": "best_share", "cohort": cohort, "share": 0.5});
         json!({"targets": [{"feature": "path_length", "tool": "orange", "by": by}]})
     };
-    problem(centre.instructor.post(PROPOSALS, of_tool("novice")).await, 422, "invalid").await;
+    problem(centre.administrator.post(PROPOSALS, of_tool("novice")).await, 422, "invalid").await;
     centre.administrator.make("/api/v1/cohorts", json!({"name": "Right", "handedness": "right"})).await;
-    let proposal = read(centre.instructor.post(PROPOSALS, of_tool("right")).await, StatusCode::OK).await;
+    let proposal = read(centre.administrator.post(PROPOSALS, of_tool("right")).await, StatusCode::OK).await;
     let target = &proposal["targets"][0]["target"];
     assert_eq!(
         (&target["basis"]["people"], &target["made_from"]["handedness"]),
@@ -139,7 +140,7 @@ async fn what_cannot_be_a_standard_is_told_why() {
     let sent = centre.instructor.request(Method::POST, STANDARDS).header("content-type", "application/json").body(nan);
     problem(sent.send().await.unwrap(), 400, "bad-request").await;
     let nobody = by(json!({"method": "trimmed_experts", "experts": "nobody"}));
-    problem(centre.instructor.post(STANDARDS, nobody).await, 422, "unknown-reference").await;
+    problem(centre.administrator.post(STANDARDS, nobody).await, 422, "unknown-reference").await;
     problem(centre.instructor.post("/api/v1/tasks/knots/standards", fixed(1.0)).await, 404, "not-found").await;
     assert!(centre.trainee.read(STANDARDS).await["items"].as_array().unwrap().is_empty(), "nothing of this was kept");
     problem(centre.trainee.post(STANDARDS, fixed(48.0)).await, 403, "forbidden").await;

@@ -5,7 +5,7 @@ use crate::pipeline::features::Direction;
 use crate::pipeline::score::distribution::beta_below;
 use crate::pipeline::score::interval::{Interval, mean, moments};
 use crate::pipeline::score::no_answer::NoAnswer;
-use crate::pipeline::score::people::{FEWEST_PEOPLE, People, quantile};
+use crate::pipeline::score::people::{FEWEST_PEOPLE, People};
 
 /// Fewest experts of whom a trimmed mean is taken. Among five nobody can lie two standard deviations off, (n − 1)/√n
 /// being 1.79, so that nothing would ever be trimmed.
@@ -28,7 +28,8 @@ pub fn trimmed_experts(experts: &People, direction: Direction) -> Result<Target,
 }
 
 /// As good as the best share of these people (0.25: the best quarter, as LAP Mentor's benchmarks), with the 95 %
-/// interval of that quantile from order statistics, which assumes no law (David & Nagaraja 2003, 7.1).
+/// interval of that quantile from order statistics, which assumes no law (David & Nagaraja 2003, 7.1), its ends rounded outwards:
+/// everybody may read a limit, and it must tell nobody's own value.
 pub fn best_share(people: &People, share: f64, direction: Direction) -> Result<Target, NoAnswer> {
     if !(share > 0.0 && share < 1.0) {
         return Err(NoAnswer::UnusableSetting("share"));
@@ -39,7 +40,15 @@ pub fn best_share(people: &People, share: f64, direction: Direction) -> Result<T
     let below = if direction == Direction::Higher { 1.0 - share } else { share };
     let interval = quantile_interval(people.values(), below);
     let basis = Basis::BestShare { people: people.count(), share };
-    Target::new(quantile(people.values(), below), Some(interval), direction, basis)
+    Target::new(quantile_of_all(people.values(), below), Some(interval), direction, basis)
+}
+
+/// A quantile to which everybody's value adds (Harrell & Davis 1982): surer than one that goes by the two nearest people, and
+/// neither's own.
+fn quantile_of_all(sorted: &[f64], below: f64) -> f64 {
+    let n = sorted.len() as f64;
+    let reached = |people: usize| beta_below(people as f64 / n, (n + 1.0) * below, (n + 1.0) * (1.0 - below));
+    sorted.iter().enumerate().map(|(place, value)| (reached(place + 1) - reached(place)) * value).sum()
 }
 
 /// The two values between which the population's quantile lies with 95 % at least.
@@ -49,7 +58,16 @@ fn quantile_interval(sorted: &[f64], below: f64) -> Interval {
     let or_more = |k: usize| if k == 0 { 1.0 } else { beta_below(below, k as f64, (n - k + 1) as f64) };
     let low = (1..=n).take_while(|k| 1.0 - or_more(*k) <= 0.025).last().unwrap_or(1);
     let high = (1..=n).find(|k| or_more(*k) <= 0.025).unwrap_or(n);
-    Interval { low: sorted[low - 1], high: sorted[high - 1] }
+    Interval { low: coarse(sorted[low - 1], f64::floor), high: coarse(sorted[high - 1], f64::ceil) }
+}
+
+/// A value to two digits, rounded that way.
+fn coarse(value: f64, round: impl Fn(f64) -> f64) -> f64 {
+    if value == 0.0 {
+        return value;
+    }
+    let digit = 10f64.powf(value.abs().log10().floor() - 1.0);
+    round(value / digit) * digit
 }
 
 #[cfg(test)]
@@ -79,10 +97,26 @@ mod tests {
         let peers = people(&(1..=41).map(f64::from).collect::<Vec<_>>());
         let lower = best_share(&peers, 0.25, Direction::Lower).unwrap();
         let higher = best_share(&peers, 0.25, Direction::Higher).unwrap();
-        assert_eq!((lower.limit, higher.limit), (11.0, 31.0));
+        assert!((lower.limit - 10.75).abs() < 1e-6 && (higher.limit - 31.25).abs() < 1e-6); // by SciPy's incomplete beta
         // Order statistics of a binomial(41, 0.25), each tail at most 2.5 % (SciPy): the 5th and the 17th.
         assert_eq!(lower.interval, Some(Interval { low: 5.0, high: 17.0 }));
         assert_eq!(higher.interval, Some(Interval { low: 25.0, high: 37.0 }));
+    }
+
+    #[test]
+    fn a_limit_and_its_interval_are_nobodys_own_value() {
+        let times: Vec<f64> = (0..40).map(|i| 31.37 + 2.713 * f64::from(i)).collect();
+        for share in [0.1, 1.0 / 3.0, 0.5] {
+            let target = best_share(&people(&times), share, Direction::Lower).unwrap();
+            let Interval { low, high } = target.interval.unwrap();
+            for told in [target.limit, low, high] {
+                assert!(!times.iter().any(|time| (time - told).abs() < 1e-3), "{share}: {told}");
+            }
+        }
+        assert_eq!(
+            [coarse(0.127, f64::floor), coarse(127.0, f64::ceil), coarse(-127.0, f64::floor)],
+            [0.12, 130.0, -130.0]
+        );
     }
 
     #[test]
