@@ -160,14 +160,12 @@ fn limited(target: &NewTarget) -> Result<(&'static Feature, FeatureKey), Invalid
     }
     let name = feature.name;
     match &target.tool {
-        None if !feature.is_of_session() => {
-            return Err(Invalid::new("tool", format!("name one: {name} is each tool's own")));
-        }
+        None if !feature.is_of_session() => Err(Invalid::new("tool", format!("name one: {name} is each tool's own"))),
         Some(_) if !feature.is_of_tools() => {
-            return Err(Invalid::new("tool", format!("leave it out: {name} is the whole session's")));
+            Err(Invalid::new("tool", format!("leave it out: {name} is the whole session's")))
         }
         Some(tool) if tool.is_empty() || tool.chars().count() > LONGEST_TOOL => {
-            return Err(Invalid::new("tool", format!("is no tool's name: expected 1 to {LONGEST_TOOL} characters")));
+            Err(Invalid::new("tool", format!("is no tool's name: expected 1 to {LONGEST_TOOL} characters")))
         }
         _ => Ok((feature, FeatureKey { feature: name.to_owned(), tool: target.tool.clone(), space })),
     }

@@ -24,7 +24,7 @@ const PASSES_MM: f64 = 5.0;
 pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {
     let observed = samples.iter().filter(|sample| sample.state == SampleState::Observed);
     let line = |sample: &Sample| Some((sample.time_s, (sample.tip_mm, sample.axis?.try_normalize(1e-9)?)));
-    let (times, lines): (Vec<f64>, Vec<(Point3<f64>, Vector3<f64>)>) = observed.filter_map(line).unzip();
+    let (times, lines): (Vec<f64>, Vec<_>) = observed.filter_map(line).unzip();
     let at = nearest_point(lines.iter().copied())?;
     let independent = times.chunk_by(|a, b| (a / ALIKE_S).floor() == (b / ALIKE_S).floor()).count();
     let behind_mm = lines.iter().map(|(tip, axis)| (tip - at).dot(axis)).sum::<f64>() / lines.len() as f64;
