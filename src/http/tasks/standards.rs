@@ -50,8 +50,8 @@ pub async fn standards(State(app): State<App>, by: Member, At(key): At) -> Answe
 
 /// Set a task's standard: the next version, unless the one in use says the same
 ///
-/// Each limit is worked out from what its cohorts measured by now, in the last five sessions of each person. Ask for a
-/// proposal first.
+/// Each limit is worked out from what its cohorts measured by now, in the last five sessions of each person: for administrators
+/// alone, where it is made from people. Ask for a proposal first.
 #[utoipa::path(post, path = "/tasks/{id}/standards", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
     responses((status = CREATED, body = Standard)))]
