@@ -9,6 +9,7 @@ use super::record::{PackedRecords, Record};
 use super::settings::{MotionSettings, Side, ToolSpec, TrackerSettings};
 use super::trace::Tracing;
 use crate::pipeline::blob::components::{Component, ComponentFinder};
+use crate::pipeline::blob::moments::Moments;
 use crate::pipeline::blob::{join, select};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::edge_model::EdgeModel;
@@ -144,10 +145,7 @@ impl ToolTracker {
         let expected = self.expect(scene);
         let measured = match self.follow(scene, expected) {
             Some(measurement) => Ok(measurement),
-            None => match self.look(scene, expected) {
-                Err(_) if expected.is_some() => self.look(scene, None),
-                found => found,
-            },
+            None => self.search(scene, expected),
         };
         self.conclude(scene, measured)
     }
@@ -190,22 +188,50 @@ impl ToolTracker {
         Seen { outcome, advance }
     }
 
-    /// Searches one place, or the whole frame, and measures the likeliest regions until one is a band.
-    fn look(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Result<Measurement, Reason> {
+    /// Searches by colour: first where it is expected, then on the whole frame.
+    fn search(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Result<Measurement, Reason> {
+        let mut refused = Vec::new();
+        match self.look(scene, expected, &mut refused) {
+            Err(_) if expected.is_some() => self.look(scene, None, &mut refused),
+            found => found,
+        }
+    }
+
+    /// Searches one place, or the whole frame, and measures the likeliest regions until one is a band. One that was refused
+    /// on this frame before is not measured again: what little is seen of a hidden band is the same wherever one looked.
+    fn look(
+        &mut self,
+        scene: &Scene<'_>,
+        expected: Option<(Tube, f64)>,
+        refused: &mut Vec<(Moments, Reason)>,
+    ) -> Result<Measurement, Reason> {
         const MOST_REGIONS: usize = 3;
         let mut best_reason = Reason::NoMarkerColour;
         for region in self.regions(scene, expected).iter().take(MOST_REGIONS) {
-            let to_hand = self.direction_to_hand(&scene.settings.camera);
-            let measured = self.measure(scene, region, to_hand);
-            let measured =
-                measured.and_then(|m| if self.comes_from_the_hand(&m) { Ok(m) } else { Err(Reason::ImpossiblePose) });
-            self.tracing.region(region, measured.as_ref().err().copied());
-            match measured {
-                Ok(measurement) => return Ok(measurement),
-                Err(reason) => best_reason = best_reason.max(reason),
-            }
+            let before = refused.iter().find(|(moments, _)| *moments == region.moments);
+            let reason = match before {
+                Some((_, reason)) => *reason,
+                None => match self.judge(scene, region) {
+                    Ok(measurement) => return Ok(measurement),
+                    Err(reason) => {
+                        refused.push((region.moments, reason));
+                        reason
+                    }
+                },
+            };
+            best_reason = best_reason.max(reason);
         }
         Err(best_reason)
+    }
+
+    /// Measures a region; what does not come from the hand is refused.
+    fn judge(&mut self, scene: &Scene<'_>, region: &Component) -> Result<Measurement, Reason> {
+        let to_hand = self.direction_to_hand(&scene.settings.camera);
+        let measured = self.measure(scene, region, to_hand);
+        let measured =
+            measured.and_then(|m| if self.comes_from_the_hand(&m) { Ok(m) } else { Err(Reason::ImpossiblePose) });
+        self.tracing.region(region, measured.as_ref().err().copied());
+        measured
     }
 
     fn regions(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Vec<Component> {
