@@ -2,7 +2,7 @@
 
 Each feature of the tracked path, with its bar, is held against the same feature of the true path, on the frames on which the
 path has a position: a bar speaks of the errors of positions, not of what nobody saw. The size of the errors was set on other scenes
-(`src/pipeline/features/errors.rs`); none of these seeds was among them.
+(`src/pipeline/features`); none of these seeds was among them.
 """
 import csv
 import json
@@ -11,11 +11,11 @@ from collections import Counter
 from programs import Goal, Part, output, table
 
 # Seed, level, task, view; the box goes round.
-PEOPLE = [(201 + n, level, task, view) for n, (level, task, view) in enumerate(
+PEOPLE = [(401 + n, level, task, view) for n, (level, task, view) in enumerate(
     (level, task, view) for task, view in [("pegs", "top"), ("crossing", "side"), ("pegs", "side"), ("wire", "top")]
     for level in ("novice", "intermediate", "expert"))]
 BOXES = 6
-POSITION = ["frame", "time_s", "tool", "x_mm", "y_mm", "z_mm"]
+POSITION = ["frame", "time_s", "tool", "x_mm", "y_mm", "z_mm", "state"]
 
 
 def measure(bench, scenes):
@@ -46,7 +46,7 @@ def cases_of(bench, scene):
 
 
 def write_truth(truth, track, out):
-    """The true positions of the tools, on the frames on which the track has one."""
+    """The true positions of the tools, where the track has one, and seen where it saw one."""
     tips = {(frame["frame"], tool["tool"]): tool["tip_mm"] for frame in json.loads(truth.read_text())["frames"]
             for tool in frame["tools"]}
     with open(track, newline="") as tracked, open(out, "w", newline="") as file:
@@ -55,7 +55,7 @@ def write_truth(truth, track, out):
         for row in csv.DictReader(tracked):
             tip = tips.get((int(row["frame"]), row["tool"]))
             if tip:
-                writer.writerow([row["frame"], row["time_s"], row["tool"], *tip])
+                writer.writerow([row["frame"], row["time_s"], row["tool"], *tip, row["state"]])
 
 
 def features(bench, path):

@@ -8,11 +8,10 @@ use utoipa::ToSchema;
 
 use super::auth::signed_in::{Administrator, Member};
 use super::error::{Answer, Problem, unknown};
-use super::read::{At, Json};
-use super::show::{Created, Page, Time};
+use super::read::{At, Json, Params};
+use super::show::{Created, Page, Paging, Time};
 use super::state::App;
 use crate::domain::cohort::NewCohort;
-use crate::domain::scope::Scope;
 use crate::domain::text::{Code, Name};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CohortId, GroupId, TraineeId};
@@ -42,56 +41,54 @@ impl From<store::Cohort> for Cohort {
     }
 }
 
-/// A cohort, and who of those whom one sees is in it.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct CohortWithMembers {
-    #[serde(flatten)]
-    cohort: Cohort,
-    /// Only those whom one sees: `people` counts all.
-    members: Vec<TraineeId>,
-}
-
-/// List the cohorts, by name
-#[utoipa::path(get, path = "/cohorts", tag = "cohorts", responses((status = OK, body = Page<Cohort>)))]
-pub async fn list(State(app): State<App>, by: Member) -> Answer<Json<Page<Cohort>>> {
-    let cohorts = app.store.cohorts().list(&by.scope).await?;
-    Ok(Json(Page::whole(cohorts.into_iter().map(Cohort::from))))
+/// List the cohorts, by code
+#[utoipa::path(get, path = "/cohorts", tag = "cohorts", params(Paging), responses((status = OK, body = Page<Cohort>)))]
+pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<Cohort>>> {
+    let cohorts = app.store.cohorts().list(&by.scope, &paging.request(app.settings.page_items)?).await?;
+    Ok(Json(Page::of(cohorts, Cohort::from)))
 }
 
 /// Make a cohort
 #[utoipa::path(post, path = "/cohorts", tag = "cohorts", request_body = NewCohort,
-    responses((status = CREATED, body = CohortWithMembers)))]
-pub async fn create(
-    State(app): State<App>,
-    by: Administrator,
-    Json(new): Json<NewCohort>,
-) -> Answer<Created<CohortWithMembers>> {
+    responses((status = CREATED, body = Cohort)))]
+pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewCohort>) -> Answer<Created<Cohort>> {
     let cohort = app.store.cohorts().create(&by.scope, new.checked()?).await.map_err(mistaken)?;
-    let made = app.with_members(&by.scope, cohort).await?;
-    Ok(Created { location: format!("/api/v1/cohorts/{}", made.cohort.id), made })
+    Ok(Created { location: format!("/api/v1/cohorts/{}", cohort.id), made: cohort.into() })
 }
 
 /// Read one cohort
 #[utoipa::path(get, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
-    responses((status = OK, body = CohortWithMembers)))]
-pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<CohortWithMembers>> {
-    let cohort = app.store.cohorts().get(&by.scope, &key).await?;
-    Ok(Json(app.with_members(&by.scope, cohort).await?))
+    responses((status = OK, body = Cohort)))]
+pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Cohort>> {
+    Ok(Json(app.store.cohorts().get(&by.scope, &key).await?.into()))
+}
+
+/// List who is in a cohort, of those whom one sees: `people` of the cohort counts all
+#[utoipa::path(get, path = "/cohorts/{id}/members", tag = "cohorts",
+    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = Page<TraineeId>)))]
+pub async fn members(
+    State(app): State<App>,
+    by: Member,
+    At(key): At,
+    Params(paging): Params<Paging>,
+) -> Answer<Json<Page<TraineeId>>> {
+    let page = paging.request(app.settings.page_items)?;
+    let members = app.store.cohorts().members(&by.scope, &key, &page).await?;
+    Ok(Json(Page::of(members, |id| id)))
 }
 
 /// Say anew what a cohort is called and who is in it
 #[utoipa::path(put, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
-    request_body = NewCohort, responses((status = OK, body = CohortWithMembers)))]
+    request_body = NewCohort, responses((status = OK, body = Cohort)))]
 pub async fn replace(
     State(app): State<App>,
     by: Administrator,
     At(key): At,
     Json(new): Json<NewCohort>,
-) -> Answer<Json<CohortWithMembers>> {
+) -> Answer<Json<Cohort>> {
     let id = app.store.cohorts().get(&by.scope, &key).await?.id;
     let replaced = app.store.cohorts().replace(&by.scope, id, new.checked()?).await;
-    let cohort = replaced.map_err(mistaken)?;
-    Ok(Json(app.with_members(&by.scope, cohort).await?))
+    Ok(Json(replaced.map_err(mistaken)?.into()))
 }
 
 /// Delete a cohort; its people stay, and so do the standards that were made from it
@@ -107,12 +104,5 @@ fn mistaken(error: StoreError) -> Problem {
     match error {
         StoreError::NotFound { what } => unknown(what, what),
         other => other.into(),
-    }
-}
-
-impl App {
-    async fn with_members(&self, scope: &Scope, cohort: store::Cohort) -> Answer<CohortWithMembers> {
-        let members = self.store.cohorts().members(scope, cohort.id).await?;
-        Ok(CohortWithMembers { cohort: cohort.into(), members })
     }
 }

@@ -51,6 +51,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(features::list))
         .routes(routes!(cohorts::list, cohorts::create))
         .routes(routes!(cohorts::get, cohorts::replace, cohorts::delete))
+        .routes(routes!(cohorts::members))
         .routes(routes!(sessions::list, sessions::send))
         .routes(routes!(sessions::get, sessions::erase))
         .routes(routes!(sessions::retry))

@@ -6,6 +6,7 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreResult, missing, not_found, taken};
+use super::page::{Page, PageRequest};
 use super::visibility::{AskedBy, require_administrator, sees_trainee};
 use super::{Scope, Store, codes};
 use crate::domain::cohort::NewCohort;
@@ -18,8 +19,8 @@ use crate::ids::{CalibrationId, CohortId, GroupId, TaskId, TraineeId};
 /// The cohorts.
 pub struct Cohorts<'s>(pub(super) &'s Store);
 
-/// Most cohorts in a list.
-const MOST: i64 = 200;
+/// People of a cohort with whom is compared: those who were enrolled last.
+const MOST_COMPARED: i64 = 2_000;
 
 /// A reference group.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
@@ -87,15 +88,17 @@ macro_rules! select_cohorts {
     };
 }
 
-/// What the people of cohort `$1` measured at task `$2`, in their last `$3` sessions of it, of the features `$4` (a JSON
-/// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row
+/// What the people of cohort `$1`, at most `$5` of them, measured at task `$2`, in their last `$3` sessions of it, of the
+/// features `$4` (a JSON array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row
 /// a person: rows cost more on their way out of SQLite than in it.
 macro_rules! values_of_cohort {
     () => {
         concat!(
             "SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
                     feature.name, feature.tool, feature.space, json_group_array(feature.value)
-             FROM cohort CROSS JOIN trainee AS member
+             FROM (SELECT member.id, member.handedness FROM cohort CROSS JOIN trainee AS member WHERE cohort.id = $1 AND ",
+            belongs!(),
+            " ORDER BY member.id DESC LIMIT $5) AS member
              CROSS JOIN session ON session.id IN
                  (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $2
                   ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $3)
@@ -106,9 +109,8 @@ macro_rules! values_of_cohort {
              CROSS JOIN feature INDEXED BY feature_named
                  ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
                  AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
-             WHERE cohort.id = $1 AND feature.value IS NOT NULL AND ",
-            belongs!(),
-            " GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"
+             WHERE feature.value IS NOT NULL
+             GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"
         )
     };
 }
@@ -141,10 +143,11 @@ impl Cohorts<'_> {
         self.get(scope, &Key::from(&id)).await
     }
 
-    /// All cohorts, by name.
-    pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Cohort>> {
-        let rows = sqlx::query_as(concat!(select_cohorts!(), "TRUE ORDER BY name LIMIT $3"));
-        Ok(rows.asked_by(scope).bind(MOST).fetch_all(self.0.readers()).await?)
+    /// All cohorts, by code.
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Cohort>> {
+        let rows = sqlx::query_as(concat!(select_cohorts!(), "($3 IS NULL OR code > $3) ORDER BY code LIMIT $4"));
+        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |cohort: &Cohort| cohort.code.to_string()))
     }
 
     /// One cohort, by id or code.
@@ -154,16 +157,19 @@ impl Cohorts<'_> {
         row.ok_or(not_found("cohort"))
     }
 
-    /// Who is in it, of those whom the scope sees.
-    pub async fn members(&self, scope: &Scope, id: CohortId) -> StoreResult<Vec<TraineeId>> {
+    /// Who is in it, of those whom the scope sees; who was enrolled first comes first.
+    pub async fn members(&self, scope: &Scope, key: &Key, page: &PageRequest) -> StoreResult<Page<TraineeId>> {
+        let id = self.get(scope, key).await?.id;
         let rows = sqlx::query_scalar(concat!(
-            "SELECT member.id FROM cohort CROSS JOIN trainee AS member WHERE cohort.id = $3 AND ",
+            "SELECT member.id FROM cohort CROSS JOIN trainee AS member
+             WHERE cohort.id = $3 AND ($4 IS NULL OR member.id > $4) AND ",
             sees_trainee!("member.id"),
             " AND ",
             belongs!(),
-            " ORDER BY member.id"
+            " ORDER BY member.id LIMIT $5"
         ));
-        Ok(rows.asked_by(scope).bind(id).fetch_all(self.0.readers()).await?)
+        let rows = rows.asked_by(scope).bind(id).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers());
+        Ok(Page::cut(rows.await?, page, TraineeId::to_string))
     }
 
     /// Says anew what it is called and who is in it.
@@ -212,7 +218,7 @@ impl Cohorts<'_> {
         features: &[FeatureKey],
     ) -> StoreResult<Vec<CohortValue>> {
         let rows = sqlx::query_as::<_, ValueRow>(values_of_cohort!());
-        let rows = rows.bind(id).bind(task).bind(sessions).bind(Json(features));
+        let rows = rows.bind(id).bind(task).bind(sessions).bind(Json(features)).bind(MOST_COMPARED);
         let mut found = Vec::new();
         for (trainee, handedness, calibration, pipeline, feature, tool, space, Json(values)) in
             rows.fetch_all(self.0.readers()).await?

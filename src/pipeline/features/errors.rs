@@ -28,9 +28,6 @@ const LARGEST_SHARE: f64 = 0.4;
 /// So much of what is taken off may be missing, as a standard deviation: a session's errors are not quite those it states.
 const SHIFT_UNSURE: f64 = 1.5;
 
-/// So much of a value, as a standard deviation, may hang on what the smoother has flattened: no replicate brings that back.
-const SMOOTHED_SHARE: f64 = 0.02;
-
 /// How far a value may be off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorBar {
@@ -88,7 +85,7 @@ pub fn error_bar(
         _ => measured - shift,
     };
     let value = value.clamp(range.0, range.1);
-    let sigma = spread.hypot(if is_seen { SHIFT_UNSURE * shift } else { 0.0 }).hypot(SMOOTHED_SHARE * value);
+    let sigma = spread.hypot(if is_seen { SHIFT_UNSURE * shift } else { 0.0 }).hypot(feature.family.beyond_replicates() * value);
     let [low, high] = [value - T * sigma, value + T * sigma].map(|end| end.clamp(range.0, range.1));
     Ok((value, ErrorBar { as_measured: measured, sigma, low, high }))
 }

@@ -32,4 +32,14 @@ impl Family {
             Family::View => "view",
         }
     }
+    /// So much of a value, as a standard deviation, may hang on what no replicate of the path brings back: quick motions that
+    /// the smoother flattened, and counts at a threshold. Set so that the bars held on six simulated people.
+    pub(super) fn beyond_replicates(self) -> f64 {
+        match self {
+            Family::Path | Family::TwoHands | Family::View => 0.02,
+            Family::Time | Family::Speed => 0.05,
+            Family::Smoothness => 0.08,
+            Family::Movements => 0.2,
+        }
+    }
 }

@@ -9,7 +9,7 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::ids::{GroupId, TraineeId};
 use crate::store::testing::{Centre, NOW_MS, duration};
-use crate::store::{Cohort, StoreError, Trainee};
+use crate::store::{Cohort, PageRequest, StoreError, Trainee};
 
 async fn cohort(centre: &Centre, body: serde_json::Value) -> Cohort {
     let new = serde_json::from_value(body).unwrap();
@@ -40,11 +40,45 @@ async fn a_cohort_is_a_list_or_everybody_whom_it_describes() {
     ] {
         let (made, mut expected) = (cohort(&centre, body.clone()).await, expected);
         expected.sort(); // ids of one instant come in any order
-        assert_eq!(centre.store.cohorts().members(&Scope::service(), made.id).await.unwrap(), expected, "{body}");
+        assert_eq!(members(&centre, &Scope::service(), &made).await, expected, "{body}");
         assert_eq!(made.people, expected.len() as i64, "{body}");
     }
     let gone = centre.store.groups().delete(&Scope::service(), group).await;
     assert!(matches!(gone, Err(StoreError::InUse { by: "cohorts", .. })), "{gone:?}");
+}
+
+async fn members(centre: &Centre, scope: &Scope, of: &Cohort) -> Vec<TraineeId> {
+    let key = Key::from(&of.id);
+    let page = centre.store.cohorts().members(scope, &key, &PageRequest::default()).await.unwrap();
+    assert_eq!(page.next, None);
+    page.items
+}
+
+#[tokio::test]
+async fn cohorts_and_their_members_come_by_the_page() {
+    let centre = Centre::new().await;
+    let mut ids = Vec::new();
+    for name in ["Ana", "Ben", "Eve"] {
+        ids.push(centre.trainee(name).await.id);
+        cohort(&centre, json!({"name": name})).await;
+    }
+    ids.sort();
+    let (cohorts, service, mut after, mut codes, mut found) =
+        (centre.store.cohorts(), Scope::service(), None, Vec::new(), Vec::new());
+    for last in [false, false, true] {
+        let page = cohorts.list(&service, &PageRequest::new(1, after)).await.unwrap();
+        codes.extend(page.items.iter().map(|cohort| cohort.code.to_string()));
+        after = page.next;
+        assert_eq!(after.is_none(), last);
+    }
+    assert_eq!(codes, ["ana", "ben", "eve"]);
+    for last in [false, true] {
+        let page = cohorts.members(&service, &Key::from("ben"), &PageRequest::new(2, after)).await.unwrap();
+        found.extend(page.items);
+        after = page.next;
+        assert_eq!(after.is_none(), last);
+    }
+    assert_eq!(found, ids);
 }
 
 #[tokio::test]
@@ -65,14 +99,14 @@ async fn a_cohort_changes_whole_and_names_only_what_is_there() {
             assert!(matches!(&answer, Err(StoreError::NotFound { what: found }) if *found == what), "{answer:?}");
         }
     }
-    assert_eq!(store.cohorts().members(&service, made.id).await.unwrap(), [ana], "a refused change changes nothing");
+    assert_eq!(members(&centre, &service, &made).await, [ana], "a refused change changes nothing");
     let changed = store.cohorts().replace(&service, made.id, new(json!({"name": "Left", "handedness": "left"}))).await;
     let changed = changed.unwrap();
     assert_eq!((changed.code.as_str(), changed.is_list, changed.people), ("listed", false, 0));
     let taken = store.cohorts().create(&service, new(json!({"name": "x", "code": "listed"}))).await;
     assert!(matches!(taken, Err(StoreError::Taken { what: "code", .. })), "{taken:?}");
     store.cohorts().delete(&service, &Key::from("listed")).await.unwrap();
-    assert!(store.cohorts().list(&service).await.unwrap().is_empty());
+    assert!(store.cohorts().list(&service, &PageRequest::default()).await.unwrap().items.is_empty());
 }
 
 #[tokio::test]
@@ -86,12 +120,13 @@ async fn people_see_of_a_cohort_only_those_whom_they_see_anyway() {
     let (cohorts, agent) = (centre.store.cohorts(), Scope::agent(centre.the_box.id));
     for (scope, sees) in [(teacher.scope(), vec![ana.id]), (account.scope(), vec![ben.id])] {
         assert_eq!(cohorts.get(&scope, &Key::from("listed")).await.unwrap().people, 2);
-        assert_eq!(cohorts.members(&scope, made.id).await.unwrap(), sees);
+        assert_eq!(members(&centre, &scope, &made).await, sees);
         let new = serde_json::from_value(json!({"name": "Mine"})).unwrap();
         assert!(matches!(cohorts.create(&scope, new).await, Err(StoreError::Forbidden { .. })));
         assert!(matches!(cohorts.delete(&scope, &Key::from("listed")).await, Err(StoreError::Forbidden { .. })));
     }
-    assert!(cohorts.list(&agent).await.unwrap().is_empty() && cohorts.get(&agent, &Key::from("listed")).await.is_err());
+    assert!(cohorts.list(&agent, &PageRequest::default()).await.unwrap().items.is_empty());
+    assert!(cohorts.get(&agent, &Key::from("listed")).await.is_err());
 }
 
 fn key(feature: &str) -> FeatureKey {
