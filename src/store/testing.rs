@@ -146,6 +146,7 @@ impl Centre {
                 feature("path_length", Ok(123.456_789_012_345)),
                 feature("motion_smoothness", Err("fewer than 30 observations")),
             ],
+            evidence: Vec::new(),
             quality: serde_json::json!({ "frames": 300 }),
             score: None,
             trajectory: Blob::of(format!("trajectory of {session}").as_bytes()),
