@@ -14,6 +14,14 @@ export class Playback {
     this.times = null;
     this.fallbackDuration = 0;
     this.watchers = new Set();
+    this.marked = null;
+  }
+
+  /** Goes to a stretch and marks it in the curves until one goes elsewhere. */
+  show(from, to) {
+    this.pause();
+    this.marked = to > from ? [from, to] : null;
+    this.seek(from);
   }
 
   /** Calls `watch(this)` on every new picture and change; returns what ends it. */

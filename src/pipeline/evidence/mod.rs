@@ -250,7 +250,9 @@ impl Question<'_> {
         };
         let mut all: Vec<Candidate> = self.proposed.iter().filter_map(amount).collect();
         all.retain(|candidate| self.faulty(candidate.amount) > self.faulty(self.usual));
-        all.sort_by(|a, b| self.faulty(b.amount).total_cmp(&self.faulty(a.amount)).then(a.interval.first.cmp(&b.interval.first)));
+        // Of amounts that differ by rounding alone the earlier goes first.
+        let weight = |candidate: &Candidate| self.faulty(candidate.amount) as f32;
+        all.sort_by(|a, b| weight(b).total_cmp(&weight(a)).then(a.interval.first.cmp(&b.interval.first)));
         let mut kept: Vec<Candidate> = Vec::new();
         for candidate in all {
             let overlaps = kept.iter().any(|other| other.interval.common(candidate.interval).is_some());

@@ -1,10 +1,14 @@
 //! Ratings, comments, evidence and advice, as raters, trainees and strangers see them.
 
+use std::sync::Arc;
+
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 use trocar::domain::evidence::{EvidenceRow, StretchRow};
 use trocar::domain::feature::FeatureKey;
 use trocar::domain::session::FeatureSpace;
+use trocar::store::{Store, StoreSettings};
+use trocar::time::System;
 
 use super::centre::{Centre, PASSWORD, recording, session};
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
@@ -152,8 +156,8 @@ async fn what_was_said_and_given_is_erased_with_the_trainee_and_stays_without_it
     assert_eq!(centre.instructor.delete("/api/v1/trainees/ada").await.status(), StatusCode::NO_CONTENT);
     problem(centre.instructor.get(&format!("{at}/comments")).await, 404, "not-found").await;
     let database = centre.service.data.path().join("trocar.sqlite");
-    let store = trocar::store::Store::open(&database, &Default::default(), std::sync::Arc::new(trocar::time::System));
-    let store = store.await.unwrap();
+    let settings = StoreSettings::default();
+    let store = Store::open(&database, &settings, Arc::new(System)).await.unwrap();
     assert!(store.check().await.unwrap().is_empty());
 }
 
