@@ -98,6 +98,9 @@ export const api = {
   features: signal => call('GET', ['features'], { signal }).then(page => page.items),
   /** On which forms sessions are rated. */
   ratingForms: signal => call('GET', ['rating-forms'], { signal }).then(page => page.items),
+  /** Whether a task's raters agree, and with which features their ratings go. */
+  agreement: (task, form, signal) => call('GET', ['tasks', task, 'agreement'], { query: { form }, signal }),
+  correlations: (task, form, signal) => call('GET', ['tasks', task, 'correlations'], { query: { form }, signal }),
   jobs: noun('jobs'),
   trainees: {
     ...noun('trainees'),

@@ -43,10 +43,10 @@ pub struct SeenComments {
     pub hidden: i64,
 }
 
-/// Comments of session `$3` that `$4` may read: their own, those of trainees and of who is here no more, and all where `$5` is true.
+/// Comments of session `$3` that `$4` may read: their own and the trainee's, and all where `$5` is true. Who is here no more taught.
 macro_rules! readable {
     () => {
-        "($5 OR comment.person_id IS NULL OR comment.person_id = $4 OR person.role = 'trainee')"
+        "($5 OR coalesce(comment.person_id = $4, FALSE) OR coalesce(person.role = 'trainee', FALSE))"
     };
 }
 

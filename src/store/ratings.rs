@@ -108,7 +108,7 @@ macro_rules! given {
             " AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)
               AND NOT EXISTS (SELECT 1 FROM rating AS later WHERE later.session_id = rating.session_id AND later.form = rating.form
                               AND later.person_id = rating.person_id AND later.is_blind = 1
-                              AND (later.created_at_ms, later.id) > (rating.created_at_ms, rating.id))
+                              AND (later.created_at_ms, later.rowid) > (rating.created_at_ms, rating.rowid))
              ORDER BY session.recorded_at_ms DESC, session.id DESC, rating.id LIMIT $5"
         )
     };
@@ -135,8 +135,9 @@ impl Ratings<'_> {
                             NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3 AND form = $4)
                                  AND EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id IS NOT $3 AND form = $4))
                             AND NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3)
-                                     AND EXISTS (SELECT 1 FROM comment JOIN person ON person.id = comment.person_id
-                                                 WHERE session_id = $2 AND person_id <> $3 AND person.role <> 'trainee')),
+                                     AND EXISTS (SELECT 1 FROM comment LEFT JOIN person ON person.id = comment.person_id
+                                                 WHERE session_id = $2 AND person_id IS NOT $3
+                                                       AND coalesce(person.role, 'instructor') <> 'trainee')),
                             $7
                      WHERE (SELECT count(*) FROM rating WHERE session_id = $2 AND person_id = $3) < $8",
                 );
@@ -160,7 +161,7 @@ impl Ratings<'_> {
             "SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind, rating.created_at_ms
              FROM rating LEFT JOIN person ON person.id = rating.person_id
              WHERE $1 <> 'agent' AND session_id = $3
-             ORDER BY rating.created_at_ms DESC, rating.id DESC LIMIT $4",
+             ORDER BY rating.created_at_ms DESC, rating.rowid DESC LIMIT $4",
         );
         let rows = rows.asked_by(scope).bind(session).bind(MOST_READ);
         let mut rows: Vec<Rating> = rows.fetch_all(self.0.readers()).await?;

@@ -755,6 +755,28 @@ export default {
     sessions: 'Sessions',
   },
 
+  raters: {
+    open: 'Raters',
+    title: task => `Raters of ${task}`,
+    form: 'Form',
+    close: 'Close',
+    agreement: 'Do raters agree?',
+    single: 'One rater for all, ICC(2,1)',
+    mean: raters => `Mean of ${raters} raters, ICC(2,k)`,
+    none: 'not told: the interval is too wide',
+    estimate: (value, low, high) => `${value} (${low} to ${high})`,
+    notEnough: why => `Not enough: ${why}.`,
+    madeOf: (people, raters, left) =>
+      `Of ${plural(people, 'person', 'people')}, each rated blind by the same ${raters}, with 95 % intervals${
+        left ? `; ${plural(left, 'session', 'sessions')} left out: an older one, or rated by others` : ''}. 1 is full agreement.`,
+    correlations: 'What do ratings go with?',
+    adjusted: (people, asked) =>
+      `Spearman’s ρ of each feature with the total, over ${plural(people, 'person', 'people')}, with 95 % intervals. Found means: fewer than one in twenty of those found would be chance, ${asked} being asked at once.`,
+    found: 'Found',
+    yes: 'yes',
+    no: 'no',
+  },
+
   boxes: {
     title: 'Boxes',
     lead: 'Training boxes, each with its camera and its tape colours.',

@@ -7,8 +7,8 @@
 //! **Method.** What a feature's evidence is stands in one table, [`kinds`]: a pause is a rest, a long path its detours, a
 //! trembling hand the bursts of 3 to 6 Hz. Each kind proposes stretches and says how much each holds; the weightiest are asked
 //! again of every replicate of the path. What errors alone would add is taken off, and only what then still lies beyond the
-//! session's own usual by two standard deviations is told: a place where the tracker trembles is nobody's tremor. A stretch lies
-//! in what was seen; where nothing was seen, only the features of the view point, and say whose doing it was.
+//! session's own usual by more than errors make of the weightiest of so many is told: a place where the tracker trembles is
+//! nobody's tremor. A stretch lies in what was seen; where nothing was seen, only the features of the view point, and say whose doing it was.
 //!
 //! | file | holds |
 //! |---|---|
@@ -35,6 +35,7 @@ mod tests;
 use super::features::motion::{Interval, Motion, Node};
 use super::features::view::Cause;
 use super::features::{Feature, FeatureSettings, FeatureValue, NotEnough, Space};
+use super::score::distribution::student_quantile;
 
 /// Stretches that are told of a feature, at most: who looks at three places has seen the fault.
 pub const MOST_STRETCHES: usize = 3;
@@ -42,10 +43,11 @@ pub const MOST_STRETCHES: usize = 3;
 /// Stretches that are tried for these, the weightiest first.
 const TRIED: usize = 8;
 
-/// A stretch is the hand's where it lies beyond the session's usual by so many standard deviations of what errors do to it.
-const Z: f64 = 2.0;
+/// The chance that errors alone make one of all stretches of a feature stand out, one-sided. The weightiest of many is weighty by
+/// luck too, so each is asked with its share of this (Bonferroni).
+const BY_CHANCE: f64 = 0.025;
 
-/// And where at least this share of it is left once what errors add is taken off.
+/// Of a stretch that is the hand's at least this share of it is left once what errors add is taken off.
 const LEFT_SHARE: f64 = 0.5;
 
 /// Of the replicates so many must have a stretch's amount at all.
@@ -285,7 +287,7 @@ impl Question<'_> {
     }
 
     /// Would it still stand out without what errors add?
-    fn is_the_hands(&self, Candidate { amount, replicated, .. }: &Candidate, heard: usize) -> bool {
+    fn is_the_hands(&self, Candidate { interval, amount, replicated, .. }: &Candidate, heard: usize) -> bool {
         let n = replicated.len() as f64;
         if n < 2.0 || n < ENOUGH_SHARE * heard as f64 {
             return false;
@@ -299,7 +301,20 @@ impl Question<'_> {
             _ => measured - added,
         };
         let is_mostly_left = self.errors != Errors::InSquares || left >= LEFT_SHARE * measured;
-        is_mostly_left && left - usual > Z * spread
+        let sigmas = student_quantile(1.0 - BY_CHANCE / self.stretches_like(*interval), n - 1.0);
+        is_mostly_left && left - usual > sigmas * spread
+    }
+
+    /// How many stretches of this length there are side by side in all that was proposed.
+    fn stretches_like(&self, interval: Interval) -> f64 {
+        let mut all: Vec<Interval> = self.proposed.iter().map(|(interval, _)| *interval).collect();
+        all.sort_by_key(|interval| interval.first);
+        let (mut covered, mut until) = (0, i64::MIN);
+        for Interval { first, last } in all {
+            covered += (last - first.max(until)).max(0);
+            until = until.max(last);
+        }
+        (covered as f64 / interval.steps().max(1) as f64).clamp(1.0, self.proposed.len() as f64)
     }
 }
 

@@ -114,13 +114,19 @@ pub(super) fn worst<'a>(
 /// A hand that knows its way needs so many pushes a movement.
 const PUSHES: f64 = 2.0;
 
+/// What lies farther off, s, has no part in what a push stands out from: the whole of an hour need not be read for each movement.
+const AROUND_S: f64 = 10.0;
+
 /// Movements that are made of many pushes.
 pub(super) fn corrected<'a>(motions: &[&Motion], settings: &'a FeatureSettings, total: f64) -> Question<'a> {
     let amount = |motions: &[&Motion], interval: Interval| {
         let own = motions.first()?;
         let span = own.spans.iter().find(|span| span.first <= interval.first && interval.last <= span.last())?;
-        let of_span = peaks(span.nodes.iter().map(|node| node.velocity.norm()), settings.movement_speed_mm_s);
-        let inside = |peak: &&usize| (interval.first..=interval.last).contains(&(span.first + **peak as i64));
+        let margin = (AROUND_S / own.step_s).round() as i64;
+        let (first, last) = (span.first.max(interval.first - margin), span.last().min(interval.last + margin));
+        let around = nodes(own, Interval { first, last })?;
+        let of_span = peaks(around.iter().map(|node| node.velocity.norm()), settings.movement_speed_mm_s);
+        let inside = |peak: &&usize| (interval.first..=interval.last).contains(&(first + **peak as i64));
         Some(of_span.iter().filter(inside).count() as f64)
     };
     let what = What { name: "submovements", unit: "1" };
