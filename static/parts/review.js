@@ -61,6 +61,10 @@ export function Review({ session, person, trajectory, diagnostics, start }) {
         </section>
         ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback}
           hidden=${hidden} /><//>`}
+        <div class="said-of stack">
+          <${Comments} session=${session} playback=${playback} rated=${rated} />
+          <${Ratings} session=${session} person=${person} onRated=${() => setRated(rated + 1)} />
+        </div>
         <div class="pair">
           ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality}
             quality=${session.quality} /><//>`}
@@ -85,10 +89,6 @@ export function Review({ session, person, trajectory, diagnostics, start }) {
           ${evidence?.features === null && html`<p class="small muted chooser">${words.evidence.notKept}</p>`}
           <${Features} features=${session.features} live=${session.live_features} tools=${session.tools}
             evidence=${evidence?.map} playback=${playback} withheld=${session.quality?.verdict === 'refused'} /></section>`}
-        <div class="said-of stack">
-          <${Comments} session=${session} playback=${playback} rated=${rated} />
-          <${Ratings} session=${session} person=${person} onRated=${() => setRated(rated + 1)} />
-        </div>
       </div>
     </div>`;
 }

@@ -15,7 +15,7 @@ export const stretchName = ({ from_s: from, to_s: to }) => (to > from ? `${clock
 /** One stretch: a button that goes there. */
 export const Jump = ({ stretch, playback, children }) => html`
   <button class="button jump" type="button" aria-label=${words.jump(stretchName(stretch))}
-    onClick=${() => playback.show(stretch.from_s, stretch.to_s)}>${stretchName(stretch)}${children}</button>`;
+    onClick=${() => playback.lookAt(stretch.from_s, stretch.to_s)}>${stretchName(stretch)}${children}</button>`;
 
 /** How much of the feature a stretch made, or whose doing an absence was. */
 export function amountOf(stretch, row) {
