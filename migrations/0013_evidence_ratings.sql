@@ -1,7 +1,7 @@
 -- Where features come from in a session, and what people say of it.
 
--- The seconds that made each feature of a result: read by who looks at one session, and by no list. A result without a row is of a
--- program that did not keep them yet.
+-- The seconds that made each feature of a result: read by who looks at one session, and by no list. A result without a row is
+-- of a program that did not keep them yet.
 CREATE TABLE evidence (
     result_id TEXT PRIMARY KEY REFERENCES result (id) ON DELETE CASCADE,     -- of which result
     rows      TEXT NOT NULL CHECK (json_valid(rows) AND length(rows) <= 1048576) -- one row a feature ([EvidenceRow])

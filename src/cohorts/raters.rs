@@ -1,11 +1,11 @@
 //! What ratings are worth: do raters agree, and with which features do their ratings go?
 //!
-//! Both are made of blind ratings that judged every item, and a person counts once. **Agreement:** of each person the newest session
-//! that all of the same raters have rated; nothing is filled in. **Correlations:** of each person the mean over their rated
-//! sessions, of the ratings and of the feature, over the same sessions; ranks, so that no shape of the relation is assumed; and
-//! since many features are asked at once, chances are adjusted (Benjamini & Hochberg). Values of one version of the program, and,
-//! where they lie along a camera's axes, of one camera, are compared; a tool's among people who prefer the same hand: each time the
-//! one of which there is most. Both tell of those alone whom the asker sees.
+//! Both are made of blind ratings that judged every item, and a person counts once. **Agreement:** of each person the newest
+//! session that all of the same raters have rated; nothing is filled in. **Correlations:** of each person the mean over their
+//! rated sessions, of the ratings and of the feature, over the same sessions; ranks, so that no shape of the relation is
+//! assumed; and since many features are asked at once, chances are adjusted (Benjamini & Hochberg). Values of one version of
+//! the program, and, where they lie along a camera's axes, of one camera, are compared; a tool's among people who prefer the
+//! same hand: each time the one of which there is most. Both tell of those alone whom the asker sees.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -110,7 +110,10 @@ impl Cohorts {
         let totals = totals(&given);
         let mut sessions: Vec<SessionId> = Vec::new();
         for rating in &given {
-            if totals.contains_key(&rating.session) && !sessions.contains(&rating.session) && sessions.len() < MOST_SESSIONS {
+            if totals.contains_key(&rating.session)
+                && !sessions.contains(&rating.session)
+                && sessions.len() < MOST_SESSIONS
+            {
                 sessions.push(rating.session);
             }
         }
@@ -136,8 +139,18 @@ fn agreement_of(form: Form, given: &[GivenRating]) -> Agreement {
     let whose: BTreeMap<SessionId, (TraineeId, i64)> =
         given.iter().map(|rating| (rating.session, (rating.trainee, rating.recorded_at_ms))).collect();
     let rows: Vec<(SessionId, BTreeMap<PersonId, f64>)> = totals.into_iter().collect();
-    let told = Agreement { form, sessions, left_out: sessions, people: 0, raters: 0, single: None, mean: None, withheld: None };
-    let too_few = |found| NoAnswer::TooFew { of: "people rated by the same two raters or more", found, needed: FEWEST_RATED };
+    let told = Agreement {
+        form,
+        sessions,
+        left_out: sessions,
+        people: 0,
+        raters: 0,
+        single: None,
+        mean: None,
+        withheld: None,
+    };
+    let too_few =
+        |found| NoAnswer::TooFew { of: "people rated by the same two raters or more", found, needed: FEWEST_RATED };
     let Some(SameRaters { raters, rows, .. }) = same_raters(&rows) else {
         return Agreement { withheld: Some(too_few(0).into()), ..told };
     };
@@ -192,7 +205,9 @@ fn correlations_of(
     let mut by_feature: BTreeMap<(usize, Option<String>, &'static str), Vec<&SessionValue>> = BTreeMap::new();
     for value in &values {
         // What is measured no more is asked no more.
-        let Some(place) = features::FEATURES.iter().position(|feature| feature.name == value.of.feature) else { continue };
+        let Some(place) = features::FEATURES.iter().position(|feature| feature.name == value.of.feature) else {
+            continue;
+        };
         by_feature.entry((place, value.of.tool.clone(), value.of.space.name())).or_default().push(value);
     }
     let rating_of = |session: &SessionId| {
@@ -205,7 +220,8 @@ fn correlations_of(
     told
 }
 
-/// The values that may be compared with each other, where that takes one camera, or one preferred hand: those of which there is most.
+/// The values that may be compared with each other, where that takes one camera, or one preferred hand: those of which there is
+/// most.
 fn comparable(mut values: Vec<&SessionValue>) -> Vec<&SessionValue> {
     let Some(of) = values.first().map(|value| value.of.clone()) else { return values };
     if is_of_one_camera(&of) {
@@ -238,7 +254,8 @@ fn correlate(
         let sum = sums.entry(who).or_insert((0.0, 0.0, 0));
         *sum = (sum.0 + rating, sum.1 + value.value, sum.2 + 1);
     }
-    let mean = |(who, (ratings, values, n)): (TraineeId, (f64, f64, usize))| (who, ratings / n as f64, values / n as f64);
+    let mean =
+        |(who, (ratings, values, n)): (TraineeId, (f64, f64, usize))| (who, ratings / n as f64, values / n as f64);
     let rows: Vec<(TraineeId, f64, f64)> = sums.into_iter().map(mean).collect();
     let (people, found) = (rows.len(), spearman(&rows));
     let estimate = |found: Correlation| Estimate::of(found.value, found.interval);

@@ -83,7 +83,11 @@ impl Scored {
     }
 }
 
-fn session_json(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>, with_evidence: bool) -> Value {
+fn session_json(
+    Scored { path, assessment, verdict, strays }: &Scored,
+    task: Option<&str>,
+    with_evidence: bool,
+) -> Value {
     let values = |values: &[FeatureValue]| values.iter().map(|v| value_json(v, &assessment.tools)).collect::<Vec<_>>();
     let windows = assessment.windows.iter().map(
         |window| json!({ "start_s": window.start_s, "end_s": window.end_s, "features": values(&window.features) }),
@@ -133,7 +137,11 @@ fn tool_name_of(tool: Option<usize>, tools: &[String]) -> Option<&str> {
 }
 
 /// A head line, the verdict, and, unless it is refused, the table and under it why a value is missing.
-fn session_text(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>, with_evidence: bool) -> String {
+fn session_text(
+    Scored { path, assessment, verdict, strays }: &Scored,
+    task: Option<&str>,
+    with_evidence: bool,
+) -> String {
     let task = task.map(|task| format!(", task {task}")).unwrap_or_default();
     let when = match assessment.task_s {
         Some((start, end)) => format!("from {start:.2} s to {end:.2} s"),

@@ -1,9 +1,9 @@
 //! Advice: what to work on next, said by rules where a feature surely misses its task's limit.
 //!
-//! A rule speaks of a feature only where all of this holds: the task's standard sets it a limit; the value's whole error bar breaks
-//! that limit ([`Judgement::Fail`]), so that no advice rests on chance; and there are seconds to look at that are the hand's own
-//! doing. One rule speaks once for each tool, [`MOST`] speak in all, the feature farthest from its limit first: by the
-//! difference as a share of the larger of value and limit, which is the same whatever the unit.
+//! A rule speaks of a feature only where all of this holds: the task's standard sets it a limit; the value's whole error bar
+//! breaks that limit ([`Judgement::Fail`]), so that no advice rests on chance; and there are seconds to look at that are the
+//! hand's own doing. One rule speaks once for each tool, [`MOST`] speak in all, the feature farthest from its limit first: by
+//! the difference as a share of the larger of value and limit, which is the same whatever the unit.
 
 mod rules;
 
@@ -90,7 +90,8 @@ fn of_target(target: &Target, measured: Measured<'_>) -> Option<Advice> {
     }
     let rule = RULES.iter().find(|rule| rule.speaks_of(&target.of.feature, target.better))?;
     let evidence = measured.evidence.iter().find(|row| row.of == target.of)?;
-    let stretches: Vec<StretchRow> = evidence.stretches.iter().filter(|stretch| rule.rests_on(stretch)).copied().collect();
+    let stretches: Vec<StretchRow> =
+        evidence.stretches.iter().filter(|stretch| rule.rests_on(stretch)).copied().collect();
     let first = stretches.first()?;
     let distance = (value - target.limit).abs() / value.abs().max(target.limit.abs()).max(f64::MIN_POSITIVE);
     let sentence = sentence(rule, target, row, error, first);

@@ -32,7 +32,9 @@ impl NewComment {
         let is_second = |second: f64| (0.0..=LATEST_S).contains(&second);
         match (is_second(self.from_s), is_second(to_s) && to_s >= self.from_s) {
             (true, true) => Ok([self.from_s, to_s]),
-            (false, _) => Err(Invalid::new("from_s", format!("is {}; expected a second of the recording", self.from_s))),
+            (false, _) => {
+                Err(Invalid::new("from_s", format!("is {}; expected a second of the recording", self.from_s)))
+            }
             (true, false) => Err(Invalid::new("to_s", format!("is {to_s}; expected a second not before `from_s`"))),
         }
     }
@@ -47,7 +49,9 @@ mod tests {
         let about = |from_s, to_s| NewComment { from_s, to_s, text: "Look here.".parse().unwrap() }.span();
         assert_eq!(about(3.5, None), Ok([3.5, 3.5]));
         assert_eq!(about(3.5, Some(9.0)), Ok([3.5, 9.0]));
-        for (from_s, to_s) in [(-1.0, None), (f64::NAN, None), (1e9, None), (5.0, Some(4.0)), (5.0, Some(f64::INFINITY))] {
+        for (from_s, to_s) in
+            [(-1.0, None), (f64::NAN, None), (1e9, None), (5.0, Some(4.0)), (5.0, Some(f64::INFINITY))]
+        {
             assert!(about(from_s, to_s).is_err(), "{from_s} {to_s:?}");
         }
     }

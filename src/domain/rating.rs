@@ -1,8 +1,8 @@
 //! Ratings: what an instructor gives a session on a form.
 //!
-//! A rating names every item of its form, with a mark or expressly as not judged; only one that judged everything has a total. It is
-//! never changed: the same rater's next one takes its place, and the older is kept. **Blind:** nobody is told what others gave or
-//! wrote before they have given their own; what a form's agreement and correlations are made of was given so.
+//! A rating names every item of its form, with a mark or expressly as not judged; only one that judged everything has a total.
+//! It is never changed: the same rater's next one takes its place, and the older is kept. **Blind:** nobody is told what others
+//! gave or wrote before they have given their own; what a form's agreement and correlations are made of was given so.
 
 mod forms;
 
@@ -60,7 +60,8 @@ impl NewRating {
     pub fn marks(&self) -> Result<Vec<Mark>, Invalid> {
         let form = FormInfo::of(self.form);
         if let Some(version) = self.version.filter(|version| *version != form.version) {
-            let why = format!("is {version}; {} is at version {}: read GET /api/v1/rating-forms", form.form, form.version);
+            let why =
+                format!("is {version}; {} is at version {}: read GET /api/v1/rating-forms", form.form, form.version);
             return Err(Invalid::new("version", why));
         }
         if let Some(other) = self.items.keys().find(|name| form.items.iter().all(|item| item.name != name.as_str())) {
@@ -69,9 +70,10 @@ impl NewRating {
         }
         let mark = |item: &ItemInfo| match self.items.get(item.name) {
             None => Err(Invalid::new("items", format!("`{}` is missing; null says that it was not judged", item.name))),
-            Some(Some(mark)) if !(MARKS.0..=MARKS.1).contains(mark) => {
-                Err(Invalid::new("items", format!("`{}` is {mark}; expected {} to {} or null", item.name, MARKS.0, MARKS.1)))
-            }
+            Some(Some(mark)) if !(MARKS.0..=MARKS.1).contains(mark) => Err(Invalid::new(
+                "items",
+                format!("`{}` is {mark}; expected {} to {} or null", item.name, MARKS.0, MARKS.1),
+            )),
             Some(mark) => Ok(Mark { item: item.name.to_owned(), mark: *mark }),
         };
         let marks = form.items.iter().map(mark).collect::<Result<Vec<Mark>, Invalid>>()?;

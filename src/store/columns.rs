@@ -18,8 +18,8 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, RatingId, ResultId, SelfTestId,
-    SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, RatingId,
+    ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.

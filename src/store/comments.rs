@@ -43,7 +43,8 @@ pub struct SeenComments {
     pub hidden: i64,
 }
 
-/// Comments of session `$3` that `$4` may read: their own and the trainee's, and all where `$5` is true. Who is here no more taught.
+/// Comments of session `$3` that `$4` may read: their own and the trainee's, and all where `$5` is true. Who is here no more
+/// taught.
 macro_rules! readable {
     () => {
         "($5 OR coalesce(comment.person_id = $4, FALSE) OR coalesce(person.role = 'trainee', FALSE))"
@@ -52,7 +53,13 @@ macro_rules! readable {
 
 impl Comments<'_> {
     /// Says something. The session's own second is not checked against its length, which a recording may not tell.
-    pub async fn add(&self, scope: &Scope, session: SessionId, new: NewComment, span: [f64; 2]) -> StoreResult<Comment> {
+    pub async fn add(
+        &self,
+        scope: &Scope,
+        session: SessionId,
+        new: NewComment,
+        span: [f64; 2],
+    ) -> StoreResult<Comment> {
         self.0.sessions().get(scope, session).await?;
         let person = scope.person().ok_or(StoreError::Forbidden { what: "commenting", whom: "people" })?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CommentId::at(self.0.now_ms()));

@@ -1,7 +1,8 @@
 //! What raters give sessions. Rows are added and never changed; of each rater the latest on a form counts.
 //!
-//! **Blind.** A member of staff sees others' ratings on a form, and their comments, only after a rating of their own; the session's
-//! trainee sees all. Each row remembers whether it was given so: whoever rates again after others did could have read them.
+//! **Blind.** A member of staff sees others' ratings on a form, and their comments, only after a rating of their own; the
+//! session's trainee sees all. Each row remembers whether it was given so: whoever rates again after others did could have read
+//! them.
 
 use std::collections::HashSet;
 
@@ -106,7 +107,8 @@ macro_rules! given {
              WHERE session.task_id = $3 AND rating.is_blind = 1 AND rating.person_id IS NOT NULL AND ",
             sees_trainee!("session.trainee_id"),
             " AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)
-              AND NOT EXISTS (SELECT 1 FROM rating AS later WHERE later.session_id = rating.session_id AND later.form = rating.form
+              AND NOT EXISTS (SELECT 1 FROM rating AS later
+                              WHERE later.session_id = rating.session_id AND later.form = rating.form
                               AND later.person_id = rating.person_id AND later.is_blind = 1
                               AND (later.created_at_ms, later.rowid) > (rating.created_at_ms, rating.rowid))
              ORDER BY session.recorded_at_ms DESC, session.id DESC, rating.id LIMIT $5"
@@ -167,7 +169,8 @@ impl Ratings<'_> {
         let mut rows: Vec<Rating> = rows.fetch_all(self.0.readers()).await?;
         let mut met = HashSet::new();
         rows.retain(|rating| rating.person_id.is_none_or(|person| met.insert((person, rating.form))));
-        let raters = Form::ALL.iter().map(|form| (*form, rows.iter().filter(|row| row.form == *form).count())).collect();
+        let raters =
+            Form::ALL.iter().map(|form| (*form, rows.iter().filter(|row| row.form == *form).count())).collect();
         let own: HashSet<Form> = rows.iter().filter(|row| is_own(row, scope)).map(|row| row.form).collect();
         rows.retain(|row| !scope.is_staff() || own.contains(&row.form));
         Ok(SeenRatings { items: rows, raters })
@@ -179,7 +182,8 @@ impl Ratings<'_> {
         Ok(sqlx::query_scalar(sql).bind(session).bind(scope.person()).fetch_one(self.0.readers()).await?)
     }
 
-    /// The blind ratings of a task's sessions on a form, of those that the scope sees: the last of each rater, newest sessions first.
+    /// The blind ratings of a task's sessions on a form, of those that the scope sees: the last of each rater, newest sessions
+    /// first.
     pub async fn given(&self, scope: &Scope, task: TaskId, form: Form) -> StoreResult<Vec<GivenRating>> {
         require_staff(scope, "what raters agree on")?;
         let rows = sqlx::query_as::<_, GivenRow>(given!());
@@ -213,10 +217,18 @@ impl Ratings<'_> {
              WHERE result_id IN (SELECT value FROM json_each($1)) AND value IS NOT NULL",
         );
         let rows = rows.bind(Json(ids)).fetch_all(self.0.readers()).await?;
-        let results: std::collections::HashMap<ResultId, ResultRow> = results.into_iter().map(|row| (row.0, row)).collect();
+        let results: std::collections::HashMap<ResultId, ResultRow> =
+            results.into_iter().map(|row| (row.0, row)).collect();
         let value = |(result, feature, tool, space, value): ValueRow| {
             let (_, session, handedness, pipeline, calibration) = results.get(&result)?.clone();
-            Some(SessionValue { session, handedness, pipeline, calibration, of: FeatureKey { feature, tool, space }, value })
+            Some(SessionValue {
+                session,
+                handedness,
+                pipeline,
+                calibration,
+                of: FeatureKey { feature, tool, space },
+                value,
+            })
         };
         Ok(rows.into_iter().filter_map(value).collect())
     }

@@ -46,8 +46,8 @@ export default function Session({ person, route }) {
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} />`}
-      ${session.status !== 'receiving' && html`<${Loaded} key=${`${session.id} ${session.status}`} session=${session} person=${person}
-        start=${Number(route.query.get('t')) || 0} />`}
+      ${session.status !== 'receiving' && html`<${Loaded} key=${`${session.id} ${session.status}`} session=${session}
+        person=${person} start=${Number(route.query.get('t')) || 0} />`}
     </div>`;
 }
 

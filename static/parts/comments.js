@@ -26,7 +26,8 @@ export function Comments({ session, playback, rated }) {
               <${Jump} stretch=${comment} playback=${playback} />
               <div>
                 <p class="said">${comment.text}</p>
-                <p class="small muted">${comment.own ? words.you : (comment.who ?? words.gone)} · ${dateTime(comment.created_at)}</p>
+                <p class="small muted">${comment.own ? words.you : (comment.who ?? words.gone)} · ${
+                  dateTime(comment.created_at)}</p>
               </div>
               ${comment.own && html`<button class="button bare" type="button" aria-label=${words.withdrawThis(comment.text)}
                 onClick=${() => setLeaving(comment)}>${words.withdraw}</button>`}

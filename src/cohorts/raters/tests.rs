@@ -79,11 +79,7 @@ fn value(ids: &Ids, person: usize, second: usize, feature: &str, tool: Option<&s
         handedness: Some(if person == 0 { Handedness::Left } else { Handedness::Right }),
         pipeline: "9".to_owned(),
         calibration: CalibrationId::at(1),
-        of: FeatureKey {
-            feature: feature.to_owned(),
-            tool: tool.map(str::to_owned),
-            space: FeatureSpace::Space3d,
-        },
+        of: FeatureKey { feature: feature.to_owned(), tool: tool.map(str::to_owned), space: FeatureSpace::Space3d },
         value,
     }
 }
@@ -112,17 +108,25 @@ fn a_person_counts_once_and_what_goes_with_ratings_is_found_among_what_does_not(
     let told = correlations_of(Form::Osats, &given, &totals(&given), values);
     assert_eq!((told.people, told.sessions, told.asked), (12, 24, 2));
     let [duration, path] = [&told.items[0], &told.items[1]];
-    assert_eq!((duration.of.feature.as_str(), duration.people, duration.found, duration.better), ("duration", 12, true, "lower"));
+    assert_eq!(
+        (duration.of.feature.as_str(), duration.people, duration.found, duration.better),
+        ("duration", 12, true, "lower")
+    );
     assert!(duration.rho.unwrap().value < -0.8, "{duration:?}");
     assert!(duration.adjusted.unwrap() >= duration.chance.unwrap());
-    assert_eq!((path.people, path.handedness, path.found), (11, Some(Handedness::Right), false), "one prefers the other hand");
+    assert_eq!(
+        (path.people, path.handedness, path.found),
+        (11, Some(Handedness::Right), false),
+        "one prefers the other hand"
+    );
 }
 
 #[test]
 fn too_few_people_give_no_correlation_and_other_versions_count_for_nothing() {
     let ids = Ids::new(12);
     let (given, values) = measured(&ids);
-    let nine: Vec<GivenRating> = given.iter().filter(|rating| ids.people[..9].contains(&rating.trainee)).cloned().collect();
+    let nine: Vec<GivenRating> =
+        given.iter().filter(|rating| ids.people[..9].contains(&rating.trainee)).cloned().collect();
     let few = correlations_of(Form::Osats, &nine, &totals(&nine), values[..36].to_vec());
     assert_eq!((few.items.len(), few.withheld.unwrap().missing), (0, Some(1)));
     let mut mixed = values;

@@ -1,5 +1,5 @@
-//! The rules: a closed list. Each names the features of which it speaks, which side of a limit is better, what its seconds must be,
-//! and what it says. The page has its own words by the rule's id (`static/texts/en.js`).
+//! The rules: a closed list. Each names the features of which it speaks, which side of a limit is better, what its seconds must
+//! be, and what it says. The page has its own words by the rule's id (`static/texts/en.js`).
 
 use crate::domain::evidence::{AbsenceCause, StretchRow};
 use crate::domain::standard::Better;

@@ -12,7 +12,17 @@ fn key(feature: &str, tool: Option<&str>) -> FeatureKey {
 
 fn target(feature: &str, tool: Option<&str>, better: Better, limit: f64) -> Target {
     let (title, unit) = (feature.to_owned(), "1".to_owned());
-    Target { of: key(feature, tool), title, unit, better, limit, low: None, high: None, basis: Basis::Fixed, made_from: None }
+    Target {
+        of: key(feature, tool),
+        title,
+        unit,
+        better,
+        limit,
+        low: None,
+        high: None,
+        basis: Basis::Fixed,
+        made_from: None,
+    }
 }
 
 fn row(feature: &str, tool: Option<&str>, value: f64, half: f64) -> FeatureRow {
@@ -51,7 +61,11 @@ fn advice_names_feature_value_limit_and_seconds() {
 #[test]
 fn no_advice_where_the_error_covers_the_limit_or_is_unknown_or_nothing_was_measured() {
     let ask = |row: FeatureRow| {
-        told(vec![target("idle_share", Some("left"), Better::Lower, 0.3)], &[row], &[seen("idle_share", Some("left"), None)])
+        told(
+            vec![target("idle_share", Some("left"), Better::Lower, 0.3)],
+            &[row],
+            &[seen("idle_share", Some("left"), None)],
+        )
     };
     assert_eq!(ask(row("idle_share", Some("left"), 0.42, 0.05)).len(), 1);
     assert!(ask(row("idle_share", Some("left"), 0.42, 0.12)).is_empty(), "the limit lies on the bar's end");
@@ -69,7 +83,9 @@ fn no_advice_without_seconds_that_are_the_hands_doing() {
     let features = [row("not_seen_share", Some("left"), 0.4, 0.01)];
     let ask = |cause| told(targets(), &features, &[seen("not_seen_share", Some("left"), cause)]);
     assert_eq!(ask(Some(AbsenceCause::LeftView)).len(), 1);
-    assert!(ask(Some(AbsenceCause::Lost)).is_empty() && ask(Some(AbsenceCause::Hidden)).is_empty() && ask(None).is_empty());
+    assert!(
+        ask(Some(AbsenceCause::Lost)).is_empty() && ask(Some(AbsenceCause::Hidden)).is_empty() && ask(None).is_empty()
+    );
     let reason = NoEvidence { reason: "nothing_stands_out".into(), detail: String::new() };
     let none = EvidenceRow { stretches: vec![], none: Some(reason), ..seen("not_seen_share", Some("left"), None) };
     assert!(told(targets(), &features, &[none]).is_empty());
@@ -84,7 +100,8 @@ fn at_most_three_the_farthest_first_and_a_rule_once_for_each_tool() {
     let left = Some("left");
     let targets: Vec<Target> =
         names.iter().zip(limits).map(|(name, limit)| target(name, left, Better::Lower, limit)).collect();
-    let features: Vec<FeatureRow> = names.iter().zip(values).map(|(name, value)| row(name, left, value, 0.01)).collect();
+    let features: Vec<FeatureRow> =
+        names.iter().zip(values).map(|(name, value)| row(name, left, value, 0.01)).collect();
     let evidence: Vec<EvidenceRow> = names.iter().map(|name| seen(name, left, None)).collect();
     let got: Vec<String> = told(targets, &features, &evidence).into_iter().map(|advice| advice.of.feature).collect();
     assert_eq!(got, ["idle_share", "path_length", "jitter"], "of the two that say the same only the farther one");

@@ -83,7 +83,11 @@ const OSATS: &[ItemInfo] = &[
     item(
         "time_and_motion",
         "Time and motion",
-        ["Many moves that are not needed", "Efficient, with some moves that are not needed", "No move too many, and the most made of each"],
+        [
+            "Many moves that are not needed",
+            "Efficient, with some moves that are not needed",
+            "No move too many, and the most made of each",
+        ],
     ),
     item(
         "instrument_handling",

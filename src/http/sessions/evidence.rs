@@ -17,8 +17,8 @@ use crate::store;
 pub struct Evidence {
     /// Version of the program that made it; `null` while there is no result.
     pipeline: Option<String>,
-    /// A row for each feature, in the order in which people read them; `null` where the result has none: it is not there yet, or is of
-    /// a program that did not keep them, and scoring the session again makes them.
+    /// A row for each feature, in the order in which people read them; `null` where the result has none: it is not there yet,
+    /// or is of a program that did not keep them, and scoring the session again makes them.
     features: Option<Vec<EvidenceRow>>,
 }
 
@@ -43,11 +43,13 @@ pub struct NoAdvice {
 }
 
 const NOT_SCORED: NoAdvice = NoAdvice { reason: "not_scored", detail: "The session is not scored yet." };
-const REFUSED: NoAdvice =
-    NoAdvice { reason: "refused", detail: "The session is refused: its numbers must not be believed, and nor would advice be." };
+const REFUSED: NoAdvice = NoAdvice {
+    reason: "refused",
+    detail: "The session is refused: its numbers must not be believed, and nor would advice be.",
+};
 const NO_STANDARD: NoAdvice = NoAdvice {
     reason: "no_standard",
-    detail: "The task has no standard yet, and advice is given against its limits alone. Set one with POST /api/v1/tasks/{id}/standards.",
+    detail: "The task has no standard yet, and advice is given against its limits alone. Set one: POST tasks/{id}/standards.",
 };
 const NO_EVIDENCE: NoAdvice = NoAdvice {
     reason: "no_evidence",
@@ -60,9 +62,9 @@ const NOTHING_SURE: NoAdvice = NoAdvice {
 
 /// Read which seconds made a session's features
 ///
-/// Each feature has at most three stretches that do not overlap, the weightiest first, or the reason why it has none. They are the
-/// hand's doing: what errors of the path alone could have made is left out, and where a tool was not seen only the features of the
-/// view point, with whose doing that was.
+/// Each feature has at most three stretches that do not overlap, the weightiest first, or the reason why it has none. They are
+/// the hand's doing: what errors of the path alone could have made is left out, and where a tool was not seen only the features
+/// of the view point, with whose doing that was.
 #[utoipa::path(get, path = "/sessions/{id}/evidence", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = Evidence)))]
 pub async fn evidence(State(app): State<App>, by: Member, at: At) -> Answer<Json<Evidence>> {
@@ -74,8 +76,8 @@ pub async fn evidence(State(app): State<App>, by: Member, at: At) -> Answer<Json
 
 /// Read what to work on next
 ///
-/// Rules compare a session's features with its task's standard. A rule speaks only where the whole error bar of a feature breaks the
-/// limit and there are seconds to look at; of a refused session, and without a standard, none does.
+/// Rules compare a session's features with its task's standard. A rule speaks only where the whole error bar of a feature
+/// breaks the limit and there are seconds to look at; of a refused session, and without a standard, none does.
 #[utoipa::path(get, path = "/sessions/{id}/advice", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = AdviceGiven)))]
 pub async fn session_advice(State(app): State<App>, by: Member, at: At) -> Answer<Json<AdviceGiven>> {

@@ -23,8 +23,8 @@ pub struct OfForm {
 
 /// Read whether those who rate a task's sessions agree
 ///
-/// Intraclass correlations of blind and whole ratings, of two-way random effects and absolute agreement, with 95 % intervals, over
-/// people who were rated by the same raters: each person counts once, by the newest such session. Of those whom one sees.
+/// Intraclass correlations of blind and whole ratings, of two-way random effects and absolute agreement, with 95 % intervals,
+/// over people who were rated by the same raters: each person counts once, by the newest such session. Of those whom one sees.
 #[utoipa::path(get, path = "/tasks/{id}/agreement", tag = "ratings",
     params(("id" = String, Path, description = "id or code"), OfForm), responses((status = OK, body = Agreement)))]
 pub async fn agreement(
@@ -39,8 +39,8 @@ pub async fn agreement(
 
 /// Read with which features the ratings of a task's sessions go
 ///
-/// Spearman's ρ over people, of the means over their rated sessions, with 95 % intervals and chances adjusted for all features asked at
-/// once. Of those whom one sees.
+/// Spearman's ρ over people, of the means over their rated sessions, with 95 % intervals and chances adjusted for all features
+/// asked at once. Of those whom one sees.
 #[utoipa::path(get, path = "/tasks/{id}/correlations", tag = "ratings",
     params(("id" = String, Path, description = "id or code"), OfForm), responses((status = OK, body = Correlations)))]
 pub async fn correlations(

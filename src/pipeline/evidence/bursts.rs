@@ -10,7 +10,8 @@ pub(super) fn within<'a>(motions: &[&Motion], (low_hz, high_hz): (f64, f64)) -> 
     let bands = Bands::new(own.step_s);
     let steps = bands.length() as i64 - 1;
     let of_span = |span: Interval| {
-        let starts = (0..).map(move |k| span.first + k * (steps + 1) / 2).take_while(move |from| from + steps <= span.last);
+        let starts =
+            (0..).map(move |k| span.first + k * (steps + 1) / 2).take_while(move |from| from + steps <= span.last);
         starts.map(move |from| Interval { first: from, last: from + steps })
     };
     let proposed: Vec<Interval> = own.spans.iter().flat_map(|span| of_span(span.interval())).collect();

@@ -170,7 +170,8 @@ fn stretches(own: &Motion, settings: &FeatureSettings) -> Vec<Interval> {
     let [longest, step] = [settings.longest_movement_s, STEP_S].map(|s| ((s / own.step_s).round() as i64).max(1));
     let of_movement = |movement: &Span| {
         let Interval { first, last } = movement.interval();
-        let starts = (0..).map(move |k| first + k * step).take_while(move |from| from + longest < last || *from == first);
+        let starts =
+            (0..).map(move |k| first + k * step).take_while(move |from| from + longest < last || *from == first);
         starts.map(move |from| Interval { first: from, last: (from + longest).min(last) }).collect::<Vec<_>>()
     };
     movements(own, settings).iter().flat_map(of_movement).collect()

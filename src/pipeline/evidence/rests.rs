@@ -100,12 +100,7 @@ pub(super) fn alone<'a>(
     Some(plain(what, proposed, Box::new(amount), share.map_or(Adds::Not, |share| Adds::Up(total_s(share)))))
 }
 
-fn plain<'a>(
-    what: What,
-    proposed: Vec<(Interval, Option<Cause>)>,
-    amount: Amount<'a>,
-    adds: Adds,
-) -> Question<'a> {
+fn plain<'a>(what: What, proposed: Vec<(Interval, Option<Cause>)>, amount: Amount<'a>, adds: Adds) -> Question<'a> {
     Question { what, proposed, amount, usual: 0.0, less_is_worse: false, adds, errors: Errors::Plainly }
 }
 

@@ -54,8 +54,10 @@ pub(super) fn of_tool<'a>(motions: &[&Motion], settings: &'a FeatureSettings, by
         let own = motions.first()?;
         Some(weight(nodes(own, interval)?, by, middle, own.step_s, settings))
     };
-    let parts = || own.spans.iter().map(|span| (weight(&span.nodes, by, middle, own.step_s, settings), span.nodes.len()));
-    let usual = parts().map(|(mean, n)| mean * n as f64).sum::<f64>() / parts().map(|(_, n)| n).sum::<usize>().max(1) as f64;
+    let parts =
+        || own.spans.iter().map(|span| (weight(&span.nodes, by, middle, own.step_s, settings), span.nodes.len()));
+    let usual =
+        parts().map(|(mean, n)| mean * n as f64).sum::<f64>() / parts().map(|(_, n)| n).sum::<usize>().max(1) as f64;
     Question {
         what: What { name, unit },
         proposed: windows(own.spans.iter().map(|span| span.interval()), own.step_s),

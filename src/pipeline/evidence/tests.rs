@@ -111,7 +111,10 @@ fn stretches_lie_in_the_task_do_not_overlap_and_add_up_to_no_more_than_the_value
         let name = evidence.feature.name;
         assert!((1..=MOST_STRETCHES).contains(&stretches.len()), "{name}");
         for (index, stretch) in stretches.iter().enumerate() {
-            assert!(start - 1e-9 <= stretch.from_s && stretch.from_s < stretch.to_s && stretch.to_s <= end + 1e-9, "{name}");
+            assert!(
+                start - 1e-9 <= stretch.from_s && stretch.from_s < stretch.to_s && stretch.to_s <= end + 1e-9,
+                "{name}"
+            );
             let apart = |other: &Stretch| other.to_s <= stretch.from_s + 1e-9 || stretch.to_s <= other.from_s + 1e-9;
             assert!(stretches[..index].iter().all(apart), "{name}: {stretches:?}");
         }
@@ -139,7 +142,9 @@ fn amounts_of_what_adds_up_are_part_of_the_value() {
 #[test]
 fn a_pause_a_detour_a_burst_and_an_absence_are_found_where_they_were_put() {
     let assessment = assessed(&record(0.0, 40.0, &[&strokes((12.0, 5.0)), &with_loop(20.0)], 0.02));
-    for (name, tool) in [("idle_share", Some(0)), ("thinking_time", Some(0)), ("duration", Some(0)), ("long_pause_share", Some(0))] {
+    for (name, tool) in
+        [("idle_share", Some(0)), ("thinking_time", Some(0)), ("duration", Some(0)), ("long_pause_share", Some(0))]
+    {
         let pause = first(&assessment, name, tool);
         assert!((pause.from_s - 12.0).abs() < 1.0 && (pause.to_s - 17.0).abs() < 1.0, "{name}: {pause:?}");
     }
@@ -227,7 +232,9 @@ fn assert_same(a: &Result<Vec<Stretch>, NoStretches>, b: &Result<Vec<Stretch>, N
     let (Ok(a), Ok(b)) = (a, b) else { return assert_eq!(a, b, "{name}") };
     let near = |x: f64, y: f64, within: f64| (x - y).abs() <= within;
     let same = |(a, b): (&Stretch, &Stretch)| {
-        near(a.from_s + later_s, b.from_s, 0.03) && near(a.to_s + later_s, b.to_s, 0.03) && near(a.amount, b.amount, 1e-3 * a.amount.abs() + 0.05)
+        near(a.from_s + later_s, b.from_s, 0.03)
+            && near(a.to_s + later_s, b.to_s, 0.03)
+            && near(a.amount, b.amount, 1e-3 * a.amount.abs() + 0.05)
     };
     assert!(a.len() == b.len() && a.iter().zip(b).all(same), "{name}: {a:?} and {b:?}");
 }

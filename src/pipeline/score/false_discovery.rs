@@ -34,8 +34,10 @@ mod tests {
     #[test]
     fn the_published_example_is_adjusted_as_r_does() {
         // Benjamini & Hochberg 1995, section 4.1: fifteen chances; values of R's p.adjust(method = "BH").
-        let chances =
-            [0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.324, 0.4262, 0.5719, 0.6528, 0.759, 1.0];
+        let chances = [
+            0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.324, 0.4262, 0.5719, 0.6528,
+            0.759, 1.0,
+        ];
         let got = adjusted(&chances);
         let expected = [0.0015, 0.003, 0.0095, 0.035625, 0.0603, 0.063857, 0.063857, 0.0645, 0.0765, 0.486];
         for (got, expected) in got.iter().zip(expected) {

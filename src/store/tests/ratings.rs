@@ -79,7 +79,10 @@ async fn what_people_said_and_gave_goes_with_the_trainee_and_every_change_is_not
     centre.store.comments().add(&by, session, comment("there"), [2.0, 2.0]).await.unwrap();
     let audit = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap();
     for (action, noun) in [("create", "rating"), ("create", "comment"), ("withdraw", "comment")] {
-        assert!(audit.items.iter().any(|entry| (entry.action.as_str(), entry.noun.as_str()) == (action, noun)), "{action} {noun}");
+        assert!(
+            audit.items.iter().any(|entry| (entry.action.as_str(), entry.noun.as_str()) == (action, noun)),
+            "{action} {noun}"
+        );
     }
     centre.store.trainees().erase(&Scope::service(), &Key::from(&ana.id)).await.unwrap();
     assert_eq!(centre.store.count_said().await, [0, 0]);

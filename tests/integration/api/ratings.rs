@@ -89,7 +89,8 @@ async fn who_does_not_see_the_session_sees_and_says_nothing() {
             problem(client.get(&format!("{at}/{part}")).await, 404, "not-found").await;
             problem(client.get(&format!("/api/v1/sessions/{MISSING}/{part}")).await, 404, "not-found").await;
         }
-        problem(client.post(&format!("{at}/comments"), json!({"from_s": 1, "text": "x"})).await, 404, "not-found").await;
+        problem(client.post(&format!("{at}/comments"), json!({"from_s": 1, "text": "x"})).await, 404, "not-found")
+            .await;
         problem(client.delete(&comment).await, 404, "not-found").await;
     }
     problem(centre.other_instructor.post(&format!("{at}/ratings"), goals(1)).await, 404, "not-found").await;
@@ -147,7 +148,8 @@ async fn what_was_said_and_given_is_erased_with_the_trainee_and_stays_without_it
     second.make(&format!("{at}/ratings"), goals(3)).await;
     second.make(&format!("{at}/comments"), json!({"from_s": 2, "text": "PLANTED-MARKER"})).await;
     let people = centre.administrator.read("/api/v1/people").await;
-    let iris = people["items"].as_array().unwrap().iter().find(|person| person["login"] == "iris").unwrap()["id"].clone();
+    let iris =
+        people["items"].as_array().unwrap().iter().find(|person| person["login"] == "iris").unwrap()["id"].clone();
     let gone = centre.administrator.delete(&format!("/api/v1/people/{}", iris.as_str().unwrap())).await;
     assert_eq!(gone.status(), StatusCode::NO_CONTENT);
     let (ratings, comments) =
@@ -186,16 +188,17 @@ async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_sure
     let advice = format!("{at}/advice");
     assert_eq!(centre.trainee.read(&advice).await["none"]["reason"], "no_standard");
 
-    let standard = |limit: f64| {
-        json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": limit, "unit": "s"}}]})
-    };
+    let standard = |limit: f64| json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": limit, "unit": "s"}}]});
     for (limit, sure) in [(100.0, true), (107.0, false), (130.0, false)] {
         centre.instructor.make("/api/v1/tasks/peg/standards", standard(limit)).await;
         let told = centre.trainee.read(&advice).await;
         assert_eq!(count(&told), usize::from(sure), "{told}");
         if sure {
             let item = &told["items"][0];
-            assert_eq!((&item["rule"], &item["limit"], &item["stretches"][0]["to_s"]), (&json!("rest_less"), &json!(100.0), &json!(47.9)));
+            assert_eq!(
+                (&item["rule"], &item["limit"], &item["stretches"][0]["to_s"]),
+                (&json!("rest_less"), &json!(100.0), &json!(47.9))
+            );
             assert!(item["sentence"].as_str().unwrap().contains("0:41.2 to 0:47.9"), "{item}");
         } else {
             assert_eq!(told["none"]["reason"], "nothing_sure");
@@ -205,7 +208,8 @@ async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_sure
     let refused = ("9", "refused");
     planter.result(ada, NEW_YEAR_MS + DAY_MS, vec![duration(110.0, 4.0)], refused).await;
     let list = centre.trainee.read("/api/v1/sessions").await;
-    let newest = list["items"].as_array().unwrap().iter().map(|row| row["id"].as_str().unwrap()).max().unwrap().to_owned();
+    let newest =
+        list["items"].as_array().unwrap().iter().map(|row| row["id"].as_str().unwrap()).max().unwrap().to_owned();
     let told = centre.trainee.read(&format!("/api/v1/sessions/{newest}/advice")).await;
     assert_eq!(told["none"]["reason"], "refused", "{told}");
     let waiting = of_ada(&centre).await;

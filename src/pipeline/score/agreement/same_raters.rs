@@ -14,11 +14,14 @@ pub struct SameRaters<P, R> {
     pub left_out: usize,
 }
 
-/// Of the sets of raters that some row has, the one whose rows hold most ratings; of equals the larger set, then the first. Rows that
-/// others have rated besides count too. `None` where no row has two raters.
+/// Of the sets of raters that some row has, the one whose rows hold most ratings; of equals the larger set, then the first.
+/// Rows that others have rated besides count too. `None` where no row has two raters.
 pub fn same_raters<P: Clone, R: Ord + Clone>(rows: &[(P, BTreeMap<R, f64>)]) -> Option<SameRaters<P, R>> {
-    let sets: BTreeSet<Vec<R>> =
-        rows.iter().filter(|(_, ratings)| ratings.len() >= 2).map(|(_, ratings)| ratings.keys().cloned().collect()).collect();
+    let sets: BTreeSet<Vec<R>> = rows
+        .iter()
+        .filter(|(_, ratings)| ratings.len() >= 2)
+        .map(|(_, ratings)| ratings.keys().cloned().collect())
+        .collect();
     let of_set = |raters: &[R]| {
         let row = |(who, ratings): &(P, BTreeMap<R, f64>)| {
             let marks: Option<Vec<f64>> = raters.iter().map(|rater| ratings.get(rater).copied()).collect();
@@ -26,7 +29,8 @@ pub fn same_raters<P: Clone, R: Ord + Clone>(rows: &[(P, BTreeMap<R, f64>)]) -> 
         };
         rows.iter().filter_map(row).collect::<Vec<_>>()
     };
-    let count = |raters: &[R]| rows.iter().filter(|(_, ratings)| raters.iter().all(|r| ratings.contains_key(r))).count();
+    let count =
+        |raters: &[R]| rows.iter().filter(|(_, ratings)| raters.iter().all(|r| ratings.contains_key(r))).count();
     // `max_by_key` takes the last of equals: in reverse, that is the first.
     let best = sets.into_iter().rev().max_by_key(|raters| (count(raters) * raters.len(), raters.len()))?;
     let chosen = of_set(&best);
