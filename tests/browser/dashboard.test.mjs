@@ -191,15 +191,15 @@ test('a feature leads to the seconds that made it, by mouse and by keyboard', as
   await page.locator('.seconds .jump').first().click();
   const shown = await page.locator('.seconds .jump').first().innerText();
   await page.waitForFunction(() => !document.querySelector('.plot .marked').hidden);
-  const of_tool = features.find(
+  const stretch = features.find(
     row => row.feature === told.feature && row.space === '3d' && row.stretches.length,
   ).stretches[0];
   await page.waitForFunction(
     second => Math.abs(document.querySelector('video').currentTime - second) < 0.05,
-    of_tool.from_s,
+    stretch.from_s,
   );
   assert.match(shown, /^0:0\d\.\d–0:0\d\.\d$/);
-  await picture('05-seconds');
+  await picture('04-seconds');
 });
 
 test('a comment is pinned to the second where the recording stands, as text, and withdrawn', async () => {
@@ -210,7 +210,7 @@ test('a comment is pinned to the second where the recording stands, as text, and
   await page.locator('.comments .said', { hasText: words }).waitFor();
   const { items } = await ask(`sessions/${session}/comments`);
   assert.ok(Math.abs(items[0].from_s - at) < 0.05, `${items[0].from_s} instead of ${at}`);
-  await picture('06-comment');
+  await picture('04-comment');
   await page.getByRole('button', { name: /^Withdraw:/ }).click();
   await page.locator('dialog').getByRole('button', { name: 'Withdraw' }).click();
   await page.locator('.comments').waitFor({ state: 'detached' });
@@ -224,7 +224,7 @@ test('a rating is given with the keyboard, and says who is waited for', async ()
     await page.keyboard.press('Space');
     await page.keyboard.press('ArrowRight');
   }
-  await picture('07-rating');
+  await picture('04-rating');
   await form.getByRole('button', { name: 'Give this rating' }).click();
   await form.getByText('Rated by you; waiting for a second rater.').waitFor();
   const { items } = await ask(`sessions/${session}/ratings`);

@@ -35,6 +35,8 @@ mod weigh;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
+
 use super::features::motion::{Interval, Motion, Node};
 use super::features::view::Cause;
 use super::features::{Feature, FeatureSettings, FeatureValue, NotEnough, Space};
@@ -187,18 +189,22 @@ impl Asked<'_> {
 }
 
 /// The tools' motions in one space.
-struct Flat(Vec<Option<Motion>>);
+struct Flat<'m>(Vec<Option<Cow<'m, Motion>>>);
 
-impl Flat {
-    fn of(motions: &[Result<Motion, NotEnough>], space: Space) -> Self {
-        Self(motions.iter().map(|motion| motion.as_ref().ok().map(|motion| motion.in_space(space))).collect())
+impl<'m> Flat<'m> {
+    fn of(motions: &'m [Result<Motion, NotEnough>], space: Space) -> Self {
+        let in_space = |motion: &'m Motion| match space {
+            Space::ThreeD => Cow::Borrowed(motion),
+            Space::Image => Cow::Owned(motion.in_space(space)),
+        };
+        Self(motions.iter().map(|motion| motion.as_ref().ok().map(in_space)).collect())
     }
 
     /// The motions that a value was measured on: one's own first, then the others; of the session all of them.
     fn of_value(&self, tool: Option<usize>) -> Vec<&Motion> {
-        let own = tool.map(|tool| self.0.get(tool).and_then(Option::as_ref));
+        let own = tool.map(|tool| self.0.get(tool).and_then(Option::as_deref));
         let others = self.0.iter().enumerate().filter(|(index, _)| Some(*index) != tool);
-        let others = others.filter_map(|(_, motion)| motion.as_ref());
+        let others = others.filter_map(|(_, motion)| motion.as_deref());
         match own {
             Some(None) => Vec::new(),
             own => own.flatten().into_iter().chain(others).collect(),

@@ -157,7 +157,7 @@ async fn what_was_said_and_given_is_erased_with_the_trainee_and_stays_without_it
     assert_eq!((&ratings["items"][0]["who"], &comments["items"][0]["who"]), (&Value::Null, &Value::Null));
     assert_eq!(centre.instructor.delete("/api/v1/trainees/ada").await.status(), StatusCode::NO_CONTENT);
     problem(centre.instructor.get(&format!("{at}/comments")).await, 404, "not-found").await;
-    let database = centre.service.data.path().join("trocar.sqlite");
+    let database = centre.service.data.path().join("trocar.db");
     let settings = StoreSettings::default();
     let store = Store::open(&database, &settings, Arc::new(System)).await.unwrap();
     assert!(store.check().await.unwrap().is_empty());
@@ -170,7 +170,7 @@ fn key(feature: &str) -> FeatureKey {
 #[tokio::test(flavor = "multi_thread")]
 async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_surely_missed() {
     let centre = Centre::open().await;
-    let mut planter = Planter::beside(&centre.service.data.path().join("trocar.sqlite")).await;
+    let mut planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
     let ada = planter.trainee("ada").await;
     let stretch = StretchRow { from_s: 41.2, to_s: 47.9, amount: 6.7, share: Some(0.06), cause: None };
     planter.evidence = vec![EvidenceRow {
@@ -221,7 +221,7 @@ async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_sure
 async fn agreement_and_correlations_are_made_of_people_whom_the_asker_sees() {
     let centre = Centre::open().await;
     let second = colleague(&centre, "iris", "One").await;
-    let planter = Planter::beside(&centre.service.data.path().join("trocar.sqlite")).await;
+    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
     let group = centre.administrator.read("/api/v1/groups").await["items"].as_array().unwrap()[0].clone();
     for number in 0..11u8 {
         let code = format!("t{number}");
