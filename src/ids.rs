@@ -77,6 +77,10 @@ ids! {
     SessionId;
     /// What one version of the program made of a session.
     ResultId;
+    /// What a rater gave a session.
+    RatingId;
+    /// What somebody said about a second of a session.
+    CommentId;
     /// A recording that arrives frame by frame; its sender makes the id.
     FeedId;
     /// A resumable upload.

@@ -96,6 +96,11 @@ export const api = {
   cohorts: noun('cohorts'),
   /** What can be measured. */
   features: signal => call('GET', ['features'], { signal }).then(page => page.items),
+  /** On which forms sessions are rated. */
+  ratingForms: signal => call('GET', ['rating-forms'], { signal }).then(page => page.items),
+  /** Whether a task's raters agree, and with which features their ratings go. */
+  agreement: (task, form, signal) => call('GET', ['tasks', task, 'agreement'], { query: { form }, signal }),
+  correlations: (task, form, signal) => call('GET', ['tasks', task, 'correlations'], { query: { form }, signal }),
   jobs: noun('jobs'),
   trainees: {
     ...noun('trainees'),
@@ -125,6 +130,14 @@ export const api = {
     trajectory: (id, kind, signal) =>
       call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),
     diagnostics: (id, signal) => call('GET', ['sessions', id, 'diagnostics'], { signal }),
+    /** Which seconds made its features, and what to work on next. */
+    evidence: (id, signal) => call('GET', ['sessions', id, 'evidence'], { signal }),
+    advice: (id, signal) => call('GET', ['sessions', id, 'advice'], { signal }),
+    comments: (id, signal) => call('GET', ['sessions', id, 'comments'], { signal }),
+    comment: (id, json) => call('POST', ['sessions', id, 'comments'], { json }),
+    withdraw: (id, comment) => call('DELETE', ['sessions', id, 'comments', comment]),
+    ratings: (id, signal) => call('GET', ['sessions', id, 'ratings'], { signal }),
+    rate: (id, json) => call('POST', ['sessions', id, 'ratings'], { json }),
     /** What its frames show while it arrives. */
     watch: (id, query) => new WebSocket(socketAddress(['sessions', id, 'live'], query)),
     videoAddress: id => address(['sessions', id, 'video']),

@@ -3,6 +3,7 @@ const ALLOWED = {
   administrator: [
     'upload',
     'retry',
+    'rate',
     'delete',
     'see_trainees',
     'edit_trainees',
@@ -15,6 +16,7 @@ const ALLOWED = {
   instructor: [
     'upload',
     'retry',
+    'rate',
     'delete',
     'see_trainees',
     'edit_trainees',

@@ -9,6 +9,7 @@ use super::protocol::{PaletteShape, encode};
 use super::receipt::Heard;
 use crate::domain::boxes::BoxTool;
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
+use crate::domain::evidence::{EvidenceRow, MOST_ROWS};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::{CameraFile, CameraFileError};
 use crate::domain::files::quality::QualityDocument;
@@ -17,7 +18,7 @@ use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
 use crate::domain::session::{FeatureError, FeatureRow, Versions, VideoFacts};
 use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::assessment::{AssessmentSettings, assess};
+use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
 use crate::pipeline::features::errors::ErrorBar;
 use crate::pipeline::quality::{self, Evidence};
@@ -50,6 +51,7 @@ pub(super) struct Tracked {
     pub(super) video: VideoFacts,
     pub(super) tools: Vec<String>,
     pub(super) features: Vec<FeatureRow>,
+    pub(super) evidence: Vec<EvidenceRow>,
     pub(super) quality: Value,
     pub(super) paths: Vec<u8>,
     pub(super) diagnostics: Vec<u8>,
@@ -89,10 +91,12 @@ impl Tracked {
             ports: Some(&known.ports),
         });
         let verdict = quality::judge(&figures);
+        let assessment = assessed(&smoothed, &counts.tools, verdict.is_refused());
         Ok(Self {
             versions: versions(input),
             video,
-            features: features(&smoothed, &counts.tools, verdict.is_refused()),
+            features: assessment.features.iter().map(|value| feature_row(value, &tools)).collect(),
+            evidence: assessment.evidence.iter().take(MOST_ROWS).map(|of| EvidenceRow::of(of, &tools)).collect(),
             quality: serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?,
             paths: paths.to_bytes()?,
             diagnostics,
@@ -112,11 +116,10 @@ fn facts(width: u32, height: u32, times_s: &[f64]) -> VideoFacts {
     VideoFacts { width, height, frames: times_s.len() as u64, duration_s }
 }
 
-/// Every feature; without its value where the session is refused.
-fn features(path: &Trajectory, tools: &[ToolQuality], is_refused: bool) -> Vec<FeatureRow> {
+/// Every feature and what made it; without their values where the session is refused.
+fn assessed(path: &Trajectory, tools: &[ToolQuality], is_refused: bool) -> Assessment {
     let assessment = assess(path, tools, &AssessmentSettings::default());
-    let assessment = if is_refused { assessment.withheld() } else { assessment };
-    assessment.features.iter().map(|value| feature_row(value, &path.tools)).collect()
+    if is_refused { assessment.withheld() } else { assessment }
 }
 
 fn feature_row(value: &FeatureValue, tools: &[String]) -> FeatureRow {

@@ -277,6 +277,7 @@ impl Workshop {
             video: tracked.video,
             tools: tracked.tools,
             features: tracked.features,
+            evidence: tracked.evidence,
             quality: tracked.quality,
             score: None,
             trajectory: trajectory.blob(),

@@ -10,6 +10,7 @@
 //! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
 //! | `series.rs` | one feature of them: points, place, curve |
 //! | `monitors.rs` | charts, computed once per design |
+//! | `raters.rs` | whether raters agree, and what their ratings go with |
 //! | `answer.rs` | what is answered, as it is told |
 //!
 //! What cannot be said is a reason ([`answer::Withheld`]), never a number. A person counts once. Nobody's own value leaves
@@ -20,6 +21,7 @@ mod monitors;
 mod people;
 mod progress;
 mod propose;
+mod raters;
 mod series;
 mod verdicts;
 
@@ -34,6 +36,7 @@ use crate::time::SharedClock;
 use monitors::Monitors;
 pub use progress::{Asked, Found};
 pub use propose::{Proposal, Proposed};
+pub use raters::{Agreement, CorrelationRow, Correlations};
 
 /// Calculations at the same time; further ones wait, so that what answers quickly goes on answering.
 const CALCULATIONS: usize = 2;

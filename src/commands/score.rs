@@ -15,6 +15,7 @@ use crate::pipeline::features::FeatureValue;
 use crate::pipeline::quality::{self, Evidence, Verdict};
 use crate::pipeline::trajectory::Trajectory;
 
+mod evidence;
 mod reference;
 
 /// Arguments of `trocar score`.
@@ -30,6 +31,9 @@ pub struct Args {
     /// must not have moved in between.
     #[arg(long, value_name = "TRACK.CSV")]
     reference: Option<PathBuf>,
+    /// Print the seconds that made each feature: the longest rests, the worst detours, where a tool was not seen, …
+    #[arg(long)]
+    evidence: bool,
     /// Print JSON, with the windows.
     #[arg(long)]
     json: bool,
@@ -53,10 +57,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let sessions = args.tracks.iter().map(scored).collect::<Result<Vec<Scored>, Failure>>()?;
     let task = args.task.as_deref();
     if args.json {
-        let all: Vec<Value> = sessions.iter().map(|session| session_json(session, task)).collect();
+        let all: Vec<Value> = sessions.iter().map(|session| session_json(session, task, args.evidence)).collect();
         print_result(&(serde_json::to_string_pretty(&all).context("writing JSON")? + "\n"))
     } else {
-        let blocks: Vec<String> = sessions.iter().map(|session| session_text(session, task)).collect();
+        let blocks: Vec<String> = sessions.iter().map(|session| session_text(session, task, args.evidence)).collect();
         print_result(&blocks.join("\n"))
     }
 }
@@ -79,7 +83,11 @@ impl Scored {
     }
 }
 
-fn session_json(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>) -> Value {
+fn session_json(
+    Scored { path, assessment, verdict, strays }: &Scored,
+    task: Option<&str>,
+    with_evidence: bool,
+) -> Value {
     let values = |values: &[FeatureValue]| values.iter().map(|v| value_json(v, &assessment.tools)).collect::<Vec<_>>();
     let windows = assessment.windows.iter().map(
         |window| json!({ "start_s": window.start_s, "end_s": window.end_s, "features": values(&window.features) }),
@@ -94,6 +102,7 @@ fn session_json(Scored { path, assessment, verdict, strays }: &Scored, task: Opt
         "start_s": assessment.task_s.map(|(start, _)| start),
         "end_s": assessment.task_s.map(|(_, end)| end),
         "features": values(&assessment.features),
+        "evidence": with_evidence.then(|| evidence::json(assessment)),
         "windows": windows.collect::<Vec<_>>(),
         "reference": strays.as_ref().filter(|_| !verdict.is_refused()).map(Strays::json),
     })
@@ -120,11 +129,19 @@ fn value_json(value: &FeatureValue, tools: &[String]) -> Value {
 }
 
 fn tool_name<'a>(value: &FeatureValue, tools: &'a [String]) -> Option<&'a str> {
-    value.tool.and_then(|tool| tools.get(tool)).map(String::as_str)
+    tool_name_of(value.tool, tools)
+}
+
+fn tool_name_of(tool: Option<usize>, tools: &[String]) -> Option<&str> {
+    tool.and_then(|tool| tools.get(tool)).map(String::as_str)
 }
 
 /// A head line, the verdict, and, unless it is refused, the table and under it why a value is missing.
-fn session_text(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>) -> String {
+fn session_text(
+    Scored { path, assessment, verdict, strays }: &Scored,
+    task: Option<&str>,
+    with_evidence: bool,
+) -> String {
     let task = task.map(|task| format!(", task {task}")).unwrap_or_default();
     let when = match assessment.task_s {
         Some((start, end)) => format!("from {start:.2} s to {end:.2} s"),
@@ -132,8 +149,11 @@ fn session_text(Scored { path, assessment, verdict, strays }: &Scored, task: Opt
     };
     let head = format!("{}{task}, pipeline {PIPELINE_VERSION}: {when}\n", path.display());
     let strays = strays.as_ref().map(Strays::text).unwrap_or_default();
-    let values =
-        if verdict.is_refused() { String::new() } else { table(assessment).text() + &reasons(assessment) + &strays };
+    let evidence = if with_evidence { evidence::text(assessment) } else { String::new() };
+    let values = match verdict.is_refused() {
+        true => String::new(),
+        false => table(assessment).text() + &reasons(assessment) + &strays + &evidence,
+    };
     head + &verdict::text(verdict) + &values
 }
 

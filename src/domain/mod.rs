@@ -10,6 +10,10 @@
 //! | [`trainee`] | level and handedness |
 //! | [`task`] | an exercise's description |
 //! | [`feature`] | which features there are, and which one of them is meant |
+//! | [`evidence`] | the seconds that made a session's features |
+//! | [`advice`] | what to work on next, by rules |
+//! | [`rating`] | instructors' forms, and what they give on them |
+//! | [`comment`] | what somebody says about a second |
 //! | [`standard`] | what a task asks for: targets, pass rule, charts |
 //! | [`cohort`] | who is in a reference group |
 //! | [`calibration`] | a version of a box's camera |
@@ -22,16 +26,20 @@
 //! | [`problem`] | why something did not work, for people |
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, truth |
 
+pub mod advice;
 pub mod blob;
 pub mod boxes;
 pub mod calibration;
 pub mod cohort;
+pub mod comment;
+pub mod evidence;
 pub mod feature;
 pub mod feed;
 pub mod files;
 pub mod job;
 pub mod palette;
 pub mod problem;
+pub mod rating;
 pub mod role;
 pub mod scope;
 pub mod secret;

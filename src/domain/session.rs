@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::blob::Blob;
+use super::evidence::EvidenceRow;
 use super::job::JobState;
 use super::named;
 use super::text::FileName;
@@ -160,6 +161,8 @@ pub struct NewResult {
     pub tools: Vec<String>,
     /// Features, in the order in which people read them.
     pub features: Vec<FeatureRow>,
+    /// The seconds that made them.
+    pub evidence: Vec<EvidenceRow>,
     /// Counts and reasons per tool; an object.
     pub quality: Value,
     /// Place in a reference cohort, if a model scored it; an object.

@@ -80,6 +80,8 @@ text! {
     FileName: file_name;
     /// Some paragraphs, at most 10,000 characters.
     Paragraphs: |text| lines("text", text, 10_000);
+    /// What somebody says about a moment: 1 to 2000 characters, in lines.
+    Remark: remark;
 }
 
 impl Code {
@@ -162,6 +164,11 @@ fn lines(what: &'static str, text: &str, most: usize) -> Result<String, Invalid>
         Some(c) => Err(Invalid::new(what, format!("contains the control character {}", c.escape_unicode()))),
         None => Ok(text.trim_end().to_owned()),
     }
+}
+
+fn remark(text: &str) -> Result<String, Invalid> {
+    let text = lines("text", text.trim(), 2_000)?;
+    if text.is_empty() { Err(Invalid::new("text", "is empty; say something")) } else { Ok(text) }
 }
 
 fn login(text: &str) -> Result<String, Invalid> {

@@ -4,6 +4,7 @@
 //! [`features::movement`]); where nothing moved, over all that was seen. Each tool is measured over the whole task, so a
 //! hand that rests while the other works is idle, not absent.
 
+use super::evidence::{Evidence, Gathering};
 use super::features::errors::replicate::replicate;
 use super::features::errors::{NoErrorBar, REPLICATES, error_bar};
 use super::features::motion::{Interval, Known, Motion};
@@ -40,6 +41,8 @@ pub struct Assessment {
     pub task_s: Option<(f64, f64)>,
     /// Over the whole task.
     pub features: Vec<FeatureValue>,
+    /// The seconds that made each of these, in their order.
+    pub evidence: Vec<Evidence>,
     /// Over each window of the task, in time order; the last may be shorter.
     pub windows: Vec<Window>,
 }
@@ -62,6 +65,7 @@ impl Assessment {
         self.features.iter_mut().chain(of_windows).for_each(|value| {
             (value.value, value.error) = (Err(NotEnough::Refused), Err(NoErrorBar::NoValue));
         });
+        self.evidence = self.evidence.into_iter().map(Evidence::withheld).collect();
         self
     }
 }
@@ -73,11 +77,14 @@ pub fn assess(trajectory: &Trajectory, tools: &[ToolQuality], settings: &Assessm
     let task = task(&session.motions, &settings.features);
     let step_s = settings.features.step_s;
     let mut features = session.of_task(&session.motions);
-    session.add_error_bars(&mut features);
+    let measured_on = task.map_or_else(|| session.motions.clone(), |task| session.clipped(&session.motions, task));
+    let mut evidence = Gathering::new(&features, &measured_on, &settings.features);
+    session.add_error_bars(&mut features, |motions| evidence.hear(motions));
     Assessment {
         tools: trajectory.tools.clone(),
         task_s: task.map(|task| (task.first as f64 * step_s, task.last as f64 * step_s)),
         features,
+        evidence: evidence.end(step_s),
         windows: task.map_or_else(Vec::new, |task| session.windows(task, settings.window_s)),
     }
 }
@@ -113,9 +120,14 @@ impl<'a> Session<'a> {
     }
 
     /// Tells how far each value may be off, and takes off the shift that errors cause ([`features::errors`]). The same path
-    /// always gives the same bars.
-    fn add_error_bars(&self, values: &mut [FeatureValue]) {
-        let replicates: Option<Vec<_>> = (0..REPLICATES).map(|number| self.anew(number)).collect();
+    /// always gives the same bars. What else wants to hear the replicates hears each.
+    fn add_error_bars(&self, values: &mut [FeatureValue], mut hear: impl FnMut(&[Result<Motion, NotEnough>])) {
+        let anew = |number| {
+            let motions = self.anew(number)?;
+            hear(&motions);
+            Some(self.of_task(&motions))
+        };
+        let replicates: Option<Vec<_>> = (0..REPLICATES).map(anew).collect();
         for (index, value) in values.iter_mut().enumerate() {
             let bar = match (value.value, &replicates) {
                 (Err(_), _) => Err(NoErrorBar::NoValue),
@@ -130,14 +142,13 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// The features of the session as it could have been seen just as well.
-    fn anew(&self, number: usize) -> Option<Vec<FeatureValue>> {
+    /// The motions of the session as it could have been seen just as well.
+    fn anew(&self, number: usize) -> Option<Vec<Result<Motion, NotEnough>>> {
         let of_tool = |(tool, samples): (usize, &Vec<Sample>)| {
             let samples = replicate(samples, &mut Dice::new(number as u64, &format!("errors of tool {tool}")))?;
             Some(motion(&samples, self.settings))
         };
-        let motions = self.samples.iter().enumerate().map(of_tool).collect::<Option<Vec<_>>>()?;
-        Some(self.of_task(&motions))
+        self.samples.iter().enumerate().map(of_tool).collect()
     }
 
     /// The motions within an interval. A tool that was never seen is absent from it all the time.

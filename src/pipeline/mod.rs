@@ -14,6 +14,7 @@
 //! | filter | poses on real time stamps | causal and smoothed states | `filter/` | 5 |
 //! | trajectory | states | [`trajectory::Trajectory`] | `trajectory.rs` | 5 |
 //! | features | trajectory | [`features::Feature`] values with units | `features/` | 6 |
+//! | evidence | features, the motions they were measured on | the seconds that made each | `evidence/` | 6 |
 //! | quality | trajectories, counts and reasons | figures and a [`quality::Verdict`] | `quality/` | 6, 8 |
 //! | self-test | frames of a known board, trajectory | a box's traffic light | `self_test/` | 1, 8 |
 //! | score | features | places in a cohort, judgements, learning curves, alarms | `score/` | 7 |
@@ -23,6 +24,7 @@ pub mod blob;
 pub mod camera;
 pub mod edges;
 pub mod evaluation;
+pub mod evidence;
 pub mod features;
 pub mod filter;
 pub mod frame;

@@ -10,15 +10,16 @@ use crate::domain::calibration::CalibrationSource;
 use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
+use crate::domain::rating::Form;
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::domain::self_test::Light;
 use crate::domain::session::FeatureSpace;
-use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs};
+use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SelfTestId,
-    SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, RatingId,
+    ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.
@@ -53,9 +54,9 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
-    StandardId CohortId
-    Name Login Code FileName Paragraphs BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light
+    StandardId CohortId RatingId CommentId
+    Name Login Code FileName Paragraphs Remark BlobHash
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form
 }
 
 as_text! {

@@ -20,7 +20,9 @@
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
-//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `practice` `last_task` |
+//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `last_task` |
+//! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
+//! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |
 //! | [`Store::audit`] | `list` |
@@ -33,6 +35,7 @@ mod calibrations;
 mod codes;
 mod cohorts;
 mod columns;
+mod comments;
 mod cookies;
 mod error;
 mod feeds;
@@ -42,6 +45,7 @@ mod open;
 mod page;
 mod palettes;
 mod people;
+mod ratings;
 mod self_tests;
 mod sessions;
 mod standards;
@@ -65,6 +69,7 @@ pub use blobs::Blobs;
 pub use boxes::{Boxes, TrainingBox};
 pub use calibrations::{Calibration, Calibrations};
 pub use cohorts::{Cohort, CohortValue, Cohorts};
+pub use comments::{Comment, Comments, SeenComments};
 pub use cookies::{Cookie, Cookies};
 pub use error::{StoreError, StoreResult};
 pub use feeds::{Feed, Feeds, NewFeed};
@@ -73,6 +78,7 @@ pub use jobs::{Job, Jobs, Lease, QueueCounts, Swept};
 pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
+pub use ratings::{GivenRating, Rating, Ratings, SeenRatings, SessionValue};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
 pub use sessions::{
     Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,
@@ -263,6 +269,10 @@ rooms! {
     feeds: Feeds;
     /// Recordings that are here, and what came of them.
     sessions: Sessions;
+    /// What raters give sessions.
+    ratings: Ratings;
+    /// What people say about seconds of sessions.
+    comments: Comments;
     /// Work that waits, runs or has ended.
     jobs: Jobs;
     /// Which files the database refers to.

@@ -146,6 +146,7 @@ impl Centre {
                 feature("path_length", Ok(123.456_789_012_345)),
                 feature("motion_smoothness", Err("fewer than 30 observations")),
             ],
+            evidence: Vec::new(),
             quality: serde_json::json!({ "frames": 300 }),
             score: None,
             trajectory: Blob::of(format!("trajectory of {session}").as_bytes()),
@@ -183,6 +184,13 @@ fn feature(name: &str, value: Result<f64, &str>) -> FeatureRow {
 }
 
 impl Store {
+    /// Rows of ratings and of comments.
+    pub async fn count_said(&self) -> [i64; 2] {
+        let sql = "SELECT (SELECT count(*) FROM rating), (SELECT count(*) FROM comment)";
+        let (ratings, comments) = sqlx::query_as(sql).fetch_one(self.readers()).await.unwrap();
+        [ratings, comments]
+    }
+
     /// Rows of results, of all sessions and versions.
     pub async fn count_results(&self) -> i64 {
         sqlx::query_scalar("SELECT count(*) FROM result").fetch_one(self.readers()).await.unwrap()

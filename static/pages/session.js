@@ -47,7 +47,7 @@ export default function Session({ person, route }) {
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} />`}
       ${session.status !== 'receiving' && html`<${Loaded} key=${`${session.id} ${session.status}`} session=${session}
-        start=${Number(route.query.get('t')) || 0} />`}
+        person=${person} start=${Number(route.query.get('t')) || 0} />`}
     </div>`;
 }
 
@@ -104,7 +104,7 @@ function Actions({ session, person, onChange }) {
 }
 
 /** The path is asked for only when there is one; a recording that failed can still be looked at. */
-function Loaded({ session, start }) {
+function Loaded({ session, person, start }) {
   const done = session.status === 'done';
   const { data, problem, reload } = useData(
     async signal => {
@@ -124,6 +124,6 @@ function Loaded({ session, start }) {
   return html`
     ${problem && html`<${ProblemNotice}
       problem=${{ title: words.noPath, detail: `${problem.title}. ${problem.detail}` }} onRetry=${reload} />`}
-    ${shown || problem ? html`<${Review} session=${session} trajectory=${shown?.trajectory}
+    ${shown || problem ? html`<${Review} session=${session} person=${person} trajectory=${shown?.trajectory}
       diagnostics=${shown?.diagnostics} start=${start} />` : html`<${Loading} />`}`;
 }

@@ -1,5 +1,5 @@
 // The exercises that are recorded.
-import { html } from '../parts/preact.js';
+import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { may } from '../roles.js';
@@ -7,12 +7,14 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { RatersDialog } from '../parts/raters.js';
 
 const words = t.tasks;
 
 export default function Tasks({ person }) {
   const { data: tasks, problem, reload } = useData(() => api.tasks.all(), []);
   const mayEdit = may(person, 'edit_tasks');
+  const [rated, setRated] = useState(null);
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
@@ -45,12 +47,15 @@ export default function Tasks({ person }) {
                   <th scope="row"><a class="cover" href=${href(['sessions'], { task: task.id })}>${task.name}</a></th>
                   <td class="code">${task.code}</td>
                   <td class="muted">${task.description}</td>
-                  <td>${mayEdit && html`<${RowButtons} item=${task} onEdit=${edit.change}
-                    onRemove=${may(person, 'people') && edit.remove} />`}</td>
+                  <td><div class="row ends">${may(person, 'rate') && html`<button class="button" type="button"
+                    aria-label=${t.raters.title(task.name)} onClick=${() => setRated(task)}>${t.raters.open}</button>`}
+                    ${mayEdit && html`<${RowButtons} item=${task} onEdit=${edit.change}
+                      onRemove=${may(person, 'people') && edit.remove} />`}</div></td>
                 </tr>`)}
             </tbody>
           </table>
         </div>`}
     </section>
+    ${rated && html`<${RatersDialog} task=${rated} onClose=${() => setRated(null)} />`}
     ${edit.dialogs}`;
 }

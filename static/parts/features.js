@@ -3,6 +3,7 @@ import { html, useState } from './preact.js';
 import { number, uncertain, unit } from '../format.js';
 import { t } from '../texts.js';
 import { Empty } from './notice.js';
+import { keyOf, Stretches } from './seconds.js';
 
 const words = t.session;
 
@@ -23,7 +24,8 @@ export function featureRows(features, space) {
   return [...rows.values()];
 }
 
-export function Features({ features, live, tools, withheld }) {
+export function Features({ features, live, tools, withheld, evidence, playback }) {
+  const [open, setOpen] = useState(null);
   const [space, setSpace] = useState('3d');
   if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
   if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
@@ -33,6 +35,11 @@ export function Features({ features, live, tools, withheld }) {
   const general = generalReasons(rows);
   const toldLive = new Map(space === '3d' ? featureRows(live ?? []).map(row => [row.name, row.byTool]) : []);
   const spaces = ['3d', 'image'].filter(name => features.some(feature => feature.space === name));
+  /** Shows a feature's seconds and goes to the weightiest of them. */
+  const toggle = (row, first) => {
+    setOpen(open === row.name ? null : row.name);
+    if (open !== row.name && first) playback.show(first.from_s, first.to_s);
+  };
   return html`
     ${spaces.length > 1 && html`
       <div class="row chooser" role="group" aria-label=${words.plane}>
@@ -57,16 +64,35 @@ export function Features({ features, live, tools, withheld }) {
             }</th></tr>`}
             ${members.map(row => html`
               <tr key=${row.name}>
-                <th scope="row">${row.title}${whyNot(row)
+                <th scope="row"><${Title} row=${row} space=${space} evidence=${evidence} open=${open === row.name}
+                  onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
                   .filter(why => !general.includes(why))
                   .map(why => html`<small key=${why}>${why}</small>`)}</th>
                 ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
                   feature=${row.byTool.get(tool)} /><${Live} feature=${toldLive.get(row.name)?.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
-              </tr>`)}
+              </tr>
+              ${open === row.name && html`
+                <tr key=${`${row.name} seconds`} class="seconds"><td colspan=${columns.length + 2}>
+                  ${columns.filter(tool => rowOf(evidence, row, tool, space)).map(tool => html`
+                    <div key=${tool} class="row seconds-row">${tool && html`<strong class="small">${tool}</strong>`}
+                      <${Stretches} row=${rowOf(evidence, row, tool, space)} playback=${playback} /></div>`)}
+                </td></tr>`}`)}
           </tbody>`)}
       </table>
     </div>`;
+}
+
+const rowOf = (evidence, row, tool, space) => evidence?.get(keyOf(row.name, tool, space));
+
+/** A feature with seconds is a button that shows them. */
+function Title({ row, space, evidence, open, onToggle }) {
+  const rows = [...row.byTool.keys()].map(tool => rowOf(evidence, row, tool, space)).filter(Boolean);
+  const told = rows.filter(of => of.stretches.length);
+  if (!rows.some(of => of.stretches.length || of.none?.reason === 'nothing_stands_out')) return row.title;
+  return html`<button class="feature-of" type="button" aria-expanded=${open}
+    title=${told.length ? words.evidence.show : words.evidence.none.nothing_stands_out}
+    onClick=${() => onToggle(told[0]?.stretches[0])}>${row.title}</button>`;
 }
 
 /** `[family, rows]`, each in the order of its first row. */

@@ -14,6 +14,27 @@ export class Playback {
     this.times = null;
     this.fallbackDuration = 0;
     this.watchers = new Set();
+    this.marked = null;
+    this.lookers = new Set();
+  }
+
+  /** Goes to a stretch and marks it in the curves. */
+  show(from, to) {
+    this.pause();
+    this.marked = to > from ? [from, to] : null;
+    this.seek(from);
+  }
+
+  /** The same for somebody who wants to look at it: the picture comes into sight, wherever on the page they are. */
+  lookAt(from, to) {
+    this.show(from, to);
+    for (const look of this.lookers) look();
+  }
+
+  /** Calls `look()` when somebody wants to see the picture; returns what ends it. */
+  onLook(look) {
+    this.lookers.add(look);
+    return () => this.lookers.delete(look);
   }
 
   /** Calls `watch(this)` on every new picture and change; returns what ends it. */

@@ -17,6 +17,7 @@ export function Player({ address, size, track, playback, hidden }) {
   const [unplayable, setUnplayable] = useState(false);
 
   useEffect(() => playback.attach(video.current), [address]);
+  useEffect(() => playback.onLook(() => screen.current.scrollIntoView({ block: 'nearest' })), []);
   useEffect(() => {
     if (!track) return undefined;
     const draw = () => canvas.current && drawOverlay(canvas.current, track, playback.frame, { show, hidden, size });

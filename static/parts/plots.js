@@ -31,7 +31,7 @@ export function Plots({ track, playback, hidden, span }) {
       plots.forEach(plot => plot.chart.setSize({ width: plot.place.clientWidth, height: HEIGHT })),
     );
     resize.observe(places.current.x);
-    const follow = playback.onTick(() => plots.forEach(plot => turnPage(plot, track, playback.time, span)));
+    const follow = playback.onTick(() => plots.forEach(plot => turnPage(plot, track, playback, span)));
     return () => {
       follow();
       resize.disconnect();
@@ -65,7 +65,7 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
       height: HEIGHT,
       padding: [16, 8, isLast ? 0 : 4, 0],
       legend: { show: false },
-      hooks: { draw: [chart => placeHead(chart, track, playback.time)] }, // At first, and after every change of size or span.
+      hooks: { draw: [chart => placeHead(chart, track, playback)] }, // At first, and after every change of size or span.
       cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
       select: { show: false },
       scales: { x: { time: false, range: (_, low, high) => [low, high] } },
@@ -87,8 +87,11 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
   );
   const head = document.createElement('div');
   head.className = 'playhead';
-  chart.over.append(head);
-  placeHead(chart, track, playback.time);
+  const mark = document.createElement('div');
+  mark.className = 'marked';
+  mark.hidden = true;
+  chart.over.append(mark, head);
+  placeHead(chart, track, playback);
   return { chart, place, end: connect(chart, playback) };
 }
 
@@ -138,8 +141,9 @@ function connect(chart, playback) {
 }
 
 /** Moves the line; with a span, also the part of the time axis that is shown. */
-function turnPage({ chart }, track, time, span) {
-  placeHead(chart, track, time);
+function turnPage({ chart }, track, playback, span) {
+  const { time } = playback;
+  placeHead(chart, track, playback);
   if (!span) return;
   const [first, last] = [track.times[0], track.times[track.times.length - 1]];
   const { min, max } = chart.scales.x;
@@ -150,9 +154,19 @@ function turnPage({ chart }, track, time, span) {
     chart.setScale('x', { min: start, max: Math.min(start + span, last) });
 }
 
-function placeHead(chart, track, time) {
+/** The stretch that one has gone to. */
+function placeMark(chart, { marked }) {
+  const mark = chart.over.querySelector('.marked');
+  mark.hidden = !marked;
+  if (!marked) return;
+  const [left, right] = marked.map(second => chart.valToPos(second, 'x'));
+  Object.assign(mark.style, { left: `${left}px`, width: `${Math.max(2, right - left)}px` });
+}
+
+function placeHead(chart, track, playback) {
   const head = chart.over.querySelector('.playhead');
   if (!head) return; // uPlot draws once before we have added the line.
-  const within = Math.min(Math.max(time, track.times[0]), track.times[track.times.length - 1]);
+  const within = Math.min(Math.max(playback.time, track.times[0]), track.times[track.times.length - 1]);
   head.style.transform = `translateX(${chart.valToPos(within, 'x')}px)`;
+  placeMark(chart, playback);
 }

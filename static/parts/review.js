@@ -1,23 +1,28 @@
 // The review of a recording: video, curves, path in space, features and quality, all on one clock.
 import { html, useEffect, useMemo, useState } from './preact.js';
 import { api } from '../api.js';
+import { useData } from '../data.js';
 import { bytes, clock } from '../format.js';
 import { note } from '../router.js';
 import { t } from '../texts.js';
+import { Advice } from './advice.js';
+import { Comments } from './comments.js';
 import { Features } from './features.js';
 import { Path3d } from './path3d.js';
 import { Playback } from './playback.js';
 import { pageKeys, Player } from './player.js';
 import { Plots } from './plots.js';
 import { Quality } from './quality.js';
+import { Ratings } from './ratings.js';
 import { Readouts, ToolSwitches } from './readouts.js';
+import { byFeature } from './seconds.js';
 import { buildTrack } from './track.js';
 
 const words = t.session;
 const SPANS = ['all', '20', '5'];
 const FORMATS = ['csv', 'json', 'parquet'];
 
-export function Review({ session, trajectory, diagnostics, start }) {
+export function Review({ session, person, trajectory, diagnostics, start }) {
   const track = useMemo(
     () =>
       trajectory?.columns.frame.length
@@ -27,6 +32,8 @@ export function Review({ session, trajectory, diagnostics, start }) {
   );
   const playback = useMemo(() => new Playback(), []);
   const [hidden, setHidden] = useState(new Set());
+  const [rated, setRated] = useState(0);
+  const { evidence, advice } = useSeconds(session);
   const [span, setSpan] = useState('all');
 
   useEffect(() => {
@@ -54,6 +61,10 @@ export function Review({ session, trajectory, diagnostics, start }) {
         </section>
         ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback}
           hidden=${hidden} /><//>`}
+        <div class="said-of stack">
+          <${Comments} session=${session} playback=${playback} rated=${rated} />
+          <${Ratings} session=${session} person=${person} onRated=${() => setRated(rated + 1)} />
+        </div>
         <div class="pair">
           ${session.quality?.tools && html`<${Card} title=${words.quality}><${Quality}
             quality=${session.quality} /><//>`}
@@ -73,11 +84,26 @@ export function Review({ session, trajectory, diagnostics, start }) {
             <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)} />
             <p class="small muted keys">${words.curvesHint}</p>
           </section>`}
+        ${advice && html`<div class="advised"><${Advice} advice=${advice} playback=${playback} /></div>`}
         ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header>
+          ${evidence?.features === null && html`<p class="small muted chooser">${words.evidence.notKept}</p>`}
           <${Features} features=${session.features} live=${session.live_features} tools=${session.tools}
-            withheld=${session.quality?.verdict === 'refused'} /></section>`}
+            evidence=${evidence?.map} playback=${playback} withheld=${session.quality?.verdict === 'refused'} /></section>`}
       </div>
     </div>`;
+}
+
+/** Where the features come from, and what to work on next; the page stands without either. */
+function useSeconds(session) {
+  const load = async signal => {
+    if (session.status !== 'done') return {};
+    const [evidence, advice] = await Promise.all([
+      api.sessions.evidence(session.id, signal).catch(() => null),
+      api.sessions.advice(session.id, signal).catch(() => null),
+    ]);
+    return { evidence: evidence && { ...evidence, map: byFeature(evidence.features) }, advice };
+  };
+  return useData(load, [session.id, session.status]).data ?? {};
 }
 
 const SpanChoice = ({ span, onChange }) => html`

@@ -179,6 +179,58 @@ test('a link to a moment leads to it, in the video and in the curves', async () 
   );
 });
 
+test('a feature leads to the seconds that made it, by mouse and by keyboard', async () => {
+  const { features } = await ask(`sessions/${session}/evidence`);
+  const told = features.find(row => row.space === '3d' && row.stretches.length && row.stretches[0].from_s > 0.2);
+  const { items } = await ask('features');
+  const title = items.find(feature => feature.name === told.feature).title;
+  const opener = page.getByRole('button', { name: title, exact: true });
+  await opener.focus();
+  await page.keyboard.press('Enter');
+  assert.equal(await opener.getAttribute('aria-expanded'), 'true');
+  await page.locator('.seconds .jump').first().click();
+  const shown = await page.locator('.seconds .jump').first().innerText();
+  await page.waitForFunction(() => !document.querySelector('.plot .marked').hidden);
+  const stretch = features.find(
+    row => row.feature === told.feature && row.space === '3d' && row.stretches.length,
+  ).stretches[0];
+  await page.waitForFunction(
+    second => Math.abs(document.querySelector('video').currentTime - second) < 0.05,
+    stretch.from_s,
+  );
+  assert.match(shown, /^0:0\d\.\d–0:0\d\.\d$/);
+  await picture('04-seconds');
+});
+
+test('a comment is pinned to the second where the recording stands, as text, and withdrawn', async () => {
+  const words = '<b>Look</b> at the left tip.';
+  const at = await moment();
+  await page.getByLabel('What do you see at this moment?').fill(words);
+  await page.getByRole('button', { name: /^Add at/ }).click();
+  await page.locator('.comments .said', { hasText: words }).waitFor();
+  const { items } = await ask(`sessions/${session}/comments`);
+  assert.ok(Math.abs(items[0].from_s - at) < 0.05, `${items[0].from_s} instead of ${at}`);
+  await picture('04-comment');
+  await page.getByRole('button', { name: /^Withdraw:/ }).click();
+  await page.locator('dialog').getByRole('button', { name: 'Withdraw' }).click();
+  await page.locator('.comments').waitFor({ state: 'detached' });
+});
+
+test('a rating is given with the keyboard, and says who is waited for', async () => {
+  const form = page.getByRole('region', { name: 'GOALS' });
+  await form.getByRole('button', { name: 'Rate', exact: true }).click();
+  for (const group of await form.getByRole('group').all()) {
+    await group.getByRole('radio', { name: '3' }).focus();
+    await page.keyboard.press('Space');
+    await page.keyboard.press('ArrowRight');
+  }
+  await picture('04-rating');
+  await form.getByRole('button', { name: 'Give this rating' }).click();
+  await form.getByText('Rated by you; waiting for a second rater.').waitFor();
+  const { items } = await ask(`sessions/${session}/ratings`);
+  assert.deepEqual([items[0].form, items[0].total, items[0].blind], ['goals', 20, true]);
+});
+
 async function wear({ colorScheme, viewport }) {
   await page.setViewportSize(viewport);
   await page.emulateMedia({ colorScheme });

@@ -124,6 +124,39 @@ fn a_path_is_held_against_one_that_shows_how_it_should_go() {
     assert!(refusal(folder.path(), "score --reference other.csv track.csv").contains("name them alike"));
 }
 
+/// Strokes round a ring at 30 a second for 20 s, with a rest from 8 s to 12 s, as `trocar track` writes them.
+fn resting(folder: &Path) {
+    let mut csv = String::from(
+        "frame,time_s,tool,x_mm,y_mm,z_mm,vx_mm_s,vy_mm_s,vz_mm_s,axis_x,axis_y,axis_z,tip_u_px,tip_v_px,sigma_xy_mm,sigma_z_mm,state\n",
+    );
+    for frame in 0..600 {
+        let t = f64::from(frame) / 30.0;
+        let turn = std::f64::consts::TAU * (t.min(8.0) + (t - 12.0).max(0.0)) / 4.0;
+        let (x, y) = (25.0 * turn.cos(), 25.0 * turn.sin());
+        csv += &format!("{frame},{t},left,{x},{y},180,,,,,,,,,0.02,0.05,observed\n");
+    }
+    fs::write(folder.join("resting.csv"), csv).unwrap();
+}
+
+#[test]
+fn features_point_to_the_seconds_that_made_them() {
+    let folder = tempfile::tempdir().unwrap();
+    resting(folder.path());
+    let plain = String::from_utf8(trocar(folder.path(), "score resting.csv").stdout).unwrap();
+    assert!(!plain.contains("evidence"), "only where it is asked for: {plain}");
+    let text = String::from_utf8(trocar(folder.path(), "score --evidence resting.csv").stdout).unwrap();
+    let line = text.lines().find(|line| line.contains("idle_share (3d) of left: rest")).expect(&text);
+    let from: f64 = line.split("rest ").nth(1).unwrap().split('–').next().unwrap().parse().unwrap();
+    assert!((from - 8.0).abs() < 0.3, "{line}");
+    assert!(text.contains("– the whole task made it alike: "), "{text}");
+    let json = trocar(folder.path(), "score --json --evidence resting.csv");
+    let sessions: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let rows = sessions[0]["evidence"].as_array().unwrap();
+    let idle = rows.iter().find(|row| row["feature"] == "idle_share").unwrap();
+    assert_eq!((&idle["what"], &idle["unit"], &idle["none"]), (&"rest".into(), &"s".into(), &Value::Null));
+    assert!((idle["stretches"][0]["to_s"].as_f64().unwrap() - 12.0).abs() < 0.3, "{idle}");
+}
+
 #[test]
 fn a_tool_in_another_colour_is_refused_but_what_was_tracked_is_written() {
     let folder = scene();

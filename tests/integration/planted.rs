@@ -6,6 +6,7 @@ use std::time::Duration;
 use futures_util::future::join_all;
 use trocar::domain::blob::Blob;
 use trocar::domain::calibration::{CalibrationSource, NewCalibration};
+use trocar::domain::evidence::EvidenceRow;
 use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
 use trocar::domain::job::{JobInput, PaletteInput};
@@ -31,6 +32,8 @@ pub struct Planter {
     palette: PaletteId,
     /// The task `peg`.
     pub task: TaskId,
+    /// What each result says of where its features come from.
+    pub evidence: Vec<EvidenceRow>,
 }
 
 impl Planter {
@@ -61,7 +64,7 @@ impl Planter {
         store.jobs().finish_palette(&lease, palette).await.unwrap();
         let calibration = store.calibrations().latest(&service, in_box).await.unwrap().unwrap().id;
         let palette = store.palettes().latest(&service, in_box).await.unwrap().unwrap().id;
-        Self { store, in_box, calibration, palette, task }
+        Self { store, in_box, calibration, palette, task, evidence: Vec::new() }
     }
 
     pub async fn trainee(&self, code: &str) -> TraineeId {
@@ -119,6 +122,7 @@ impl Planter {
             video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
             tools: vec!["orange".to_owned()],
             features,
+            evidence: self.evidence.clone(),
             quality: serde_json::json!({ "frames": 300, "verdict": verdict, "reasons": [], "tools": [] }),
             score: None,
             trajectory: Blob::of(format!("trajectory {id}").as_bytes()),

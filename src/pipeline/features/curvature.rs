@@ -45,7 +45,7 @@ fn curvature(motion: &Motion, settings: &FeatureSettings, share: f64) -> Result<
 }
 
 /// The curvature of the path at a node, 1/mm.
-fn bend(node: &Node) -> f64 {
+pub(in crate::pipeline) fn bend(node: &Node) -> f64 {
     node.velocity.cross(&node.acceleration).norm() / node.velocity.norm().powi(3)
 }
 

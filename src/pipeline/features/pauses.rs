@@ -82,7 +82,7 @@ const SHARE: Feature = Feature { unit: "1", range: (0.0, 1.0), ..OFTEN };
 
 /// How long a rest is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Tier {
+pub(in crate::pipeline) enum Tier {
     /// A turning point, or a moment's stop.
     Short,
     /// A look, or a check.
@@ -93,7 +93,7 @@ pub(super) enum Tier {
 
 impl Tier {
     /// The tier of a rest of so many steps.
-    pub(super) fn of(steps: i64, settings: &FeatureSettings) -> Self {
+    pub(in crate::pipeline) fn of(steps: i64, settings: &FeatureSettings) -> Self {
         let rest_s = steps as f64 * settings.step_s + 1e-9;
         match () {
             _ if rest_s >= settings.long_pause_s => Tier::Long,

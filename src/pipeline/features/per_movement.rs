@@ -143,7 +143,7 @@ pub(super) fn median_over_movements(
 
 /// Normalised jerk of a movement; `None` where it goes nowhere. A jerk is the change of the fitted acceleration over a step,
 /// which sees as little of the noise as that does.
-fn jerk_of(movement: &Span, step_s: f64) -> Option<f64> {
+pub(in crate::pipeline) fn jerk_of(movement: &Span, step_s: f64) -> Option<f64> {
     let steps = || movement.nodes.iter().zip(&movement.nodes[1..]);
     let jerk: f64 = steps().map(|(a, b)| (b.acceleration - a.acceleration).norm_squared()).sum::<f64>() / step_s;
     let duration_s = (movement.nodes.len() - 1) as f64 * step_s;

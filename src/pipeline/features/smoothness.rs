@@ -43,6 +43,13 @@ fn smoothness(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEno
     Ok(turns.iter().map(|turn| turn * turn).sum::<f64>() / f64::from(STARTS))
 }
 
+/// What a stretch of path adds to the sum, 1/mm².
+pub(in crate::pipeline) fn turned(span: &Span, step_mm: f64) -> f64 {
+    let start = |k: u32| step_mm * f64::from(k) / f64::from(STARTS);
+    let turns = (0..STARTS).flat_map(|k| turns(span, start(k), step_mm));
+    turns.map(|turn| turn * turn).sum::<f64>() / f64::from(STARTS)
+}
+
 fn turns(span: &Span, start_mm: f64, step_mm: f64) -> Vec<f64> {
     divided(span, start_mm, step_mm).windows(3).map(|p| turn_per_mm(&p[0], &p[1], &p[2])).collect()
 }

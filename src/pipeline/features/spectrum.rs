@@ -42,19 +42,14 @@ pub const MOTION_FREQUENCY: Feature = Feature {
 };
 
 /// The band of tremor, Hz.
-const TREMOR_HZ: (f64, f64) = (3.0, 6.0);
+pub(in crate::pipeline) const TREMOR_HZ: (f64, f64) = (3.0, 6.0);
 
 /// Length of a stretch, s, before it is rounded to a power of two instants.
 const STRETCH_S: f64 = 2.56;
 
 fn tremor_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let Spectrum { powers, bin_hz } = Spectrum::of(motion, settings)?;
-    let share_of_bin = |bin: usize| {
-        let (low, high) = ((bin as f64 - 0.5) * bin_hz, (bin as f64 + 0.5) * bin_hz);
-        ((high.min(TREMOR_HZ.1) - low.max(TREMOR_HZ.0)) / bin_hz).clamp(0.0, 1.0)
-    };
-    let within: f64 = powers.iter().enumerate().map(|(bin, power)| share_of_bin(bin) * power).sum();
-    Ok(within / powers.iter().sum::<f64>())
+    Ok(power_within(&powers, bin_hz, TREMOR_HZ) / powers.iter().sum::<f64>())
 }
 
 fn motion_frequency(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -83,7 +78,7 @@ impl Spectrum {
         if movements(motion, settings).is_empty() {
             return Err(NotEnough::NoMovement); // the spectrum of noise
         }
-        let length = ((STRETCH_S / motion.step_s).round() as usize).next_power_of_two();
+        let length = length(motion.step_s);
         let long_enough = || motion.spans.iter().filter(move |span| span.nodes.len() >= length);
         let covered: usize = long_enough().map(|span| span.nodes.len()).sum();
         if covered < motion.observed_steps() / 2 || covered == 0 {
@@ -102,6 +97,47 @@ impl Spectrum {
 fn stretches(span: &Span, length: usize) -> impl Iterator<Item = &[Node]> {
     let left_over = (span.nodes.len() - length) % (length / 2);
     span.nodes[left_over / 2..].windows(length).step_by(length / 2)
+}
+
+/// How fast a tip moves within bands of frequencies, stretch by stretch.
+pub(in crate::pipeline) struct Bands {
+    transform: Transform,
+    bin_hz: f64,
+}
+
+impl Bands {
+    /// For motions on a grid of this step.
+    pub(in crate::pipeline) fn new(step_s: f64) -> Self {
+        let length = length(step_s);
+        Self { transform: Transform::new(length), bin_hz: 1.0 / (length as f64 * step_s) }
+    }
+
+    /// Nodes of a stretch.
+    pub(in crate::pipeline) fn length(&self) -> usize {
+        self.transform.window.len()
+    }
+
+    /// Root mean square speed within a band over a stretch of that many nodes, mm/s (Parseval).
+    pub(in crate::pipeline) fn rms_mm_s(&self, stretch: &[Node], low_hz: f64, high_hz: f64) -> f64 {
+        let mut powers = vec![0.0; self.length() / 2 + 1];
+        self.transform.add_powers(stretch, &mut powers);
+        let squares: f64 = self.transform.window.iter().map(|weight| weight * weight).sum();
+        (power_within(&powers, self.bin_hz, (low_hz, high_hz)) / (self.length() as f64 * squares)).sqrt()
+    }
+}
+
+/// Nodes of a stretch on a grid of this step.
+fn length(step_s: f64) -> usize {
+    ((STRETCH_S / step_s).round() as usize).next_power_of_two()
+}
+
+/// The power within a band; a bin at its edge counts in proportion.
+fn power_within(powers: &[f64], bin_hz: f64, (low_hz, high_hz): (f64, f64)) -> f64 {
+    let share_of_bin = |bin: usize| {
+        let (low, high) = ((bin as f64 - 0.5) * bin_hz, (bin as f64 + 0.5) * bin_hz);
+        ((high.min(high_hz) - low.max(low_hz)) / bin_hz).clamp(0.0, 1.0)
+    };
+    powers.iter().enumerate().map(|(bin, power)| share_of_bin(bin) * power).sum()
 }
 
 /// A fast Fourier transform of one length, a power of two.

@@ -73,7 +73,7 @@ fn median_ratio(
 }
 
 /// The shortest way that retracts, turns and inserts, mm.
-fn way_about(fulcrum: Point3<f64>, from: Point3<f64>, to: Point3<f64>) -> f64 {
+pub(in crate::pipeline) fn way_about(fulcrum: Point3<f64>, from: Point3<f64>, to: Point3<f64>) -> f64 {
     let (a, b) = (from - fulcrum, to - fulcrum);
     let (near, far) = (a.norm().min(b.norm()), a.norm().max(b.norm()));
     far - near + near * angle(a, b).min(2.0)

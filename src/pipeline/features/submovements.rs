@@ -22,21 +22,26 @@ pub const SUBMOVEMENTS: Feature = Feature {
 fn submovements(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     motion.check_enough(settings)?;
     let of_span = |span: &Span| peaks(span.nodes.iter().map(|node| node.velocity.norm()), settings.movement_speed_mm_s);
-    Ok(motion.spans.iter().map(of_span).sum::<u32>().into())
+    Ok(motion.spans.iter().map(|span| of_span(span).len()).sum::<usize>() as f64)
 }
 
 /// Maxima that stand out so far from the dips on both sides; before and after the values there is rest.
-fn peaks(values: impl Iterator<Item = f64>, prominence: f64) -> u32 {
-    let (mut count, mut lowest, mut highest) = (0, 0.0_f64, None::<f64>);
-    for value in values.chain([0.0]) {
+/// Their places among the values.
+pub(in crate::pipeline) fn peaks(values: impl Iterator<Item = f64>, prominence: f64) -> Vec<usize> {
+    let (mut peaks, mut lowest, mut highest) = (Vec::new(), 0.0_f64, None::<(usize, f64)>);
+    for (place, value) in values.chain([0.0]).enumerate() {
         match highest {
-            Some(peak) if value <= peak - prominence => (count, lowest, highest) = (count + 1, value, None),
-            Some(peak) => highest = Some(peak.max(value)),
-            None if value >= lowest + prominence => highest = Some(value),
+            Some((at, peak)) if value <= peak - prominence => {
+                peaks.push(at);
+                (lowest, highest) = (value, None);
+            }
+            Some((_, peak)) if value > peak => highest = Some((place, value)),
+            Some(_) => {}
+            None if value >= lowest + prominence => highest = Some((place, value)),
             None => lowest = lowest.min(value),
         }
     }
-    count
+    peaks
 }
 
 #[cfg(test)]
@@ -45,7 +50,7 @@ mod tests {
 
     #[test]
     fn only_what_stands_out_is_a_peak() {
-        let count = |values: &[f64]| peaks(values.iter().copied(), 10.0);
+        let count = |values: &[f64]| peaks(values.iter().copied(), 10.0).len();
         assert_eq!(count(&[0.0, 5.0, 12.0, 5.0, 0.0]), 1);
         assert_eq!(count(&[0.0, 30.0, 25.0, 31.0, 0.0]), 1, "a dip of 5");
         assert_eq!(count(&[0.0, 30.0, 19.0, 31.0, 0.0]), 2, "a dip of 11");

@@ -72,7 +72,7 @@ fn thinking_time(motion: &Motion, settings: &FeatureSettings) -> Result<f64, Not
 }
 
 /// The share of a step, over which the speed runs straight from `a` to `b`, that lies below a threshold.
-pub(super) fn share_below(a: f64, b: f64, threshold: f64) -> f64 {
+pub(in crate::pipeline) fn share_below(a: f64, b: f64, threshold: f64) -> f64 {
     let (low, high) = (a.min(b), a.max(b));
     if high <= threshold {
         1.0

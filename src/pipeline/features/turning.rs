@@ -74,6 +74,6 @@ fn insertion_travelled(motion: &Motion, settings: &FeatureSettings) -> Result<f6
 }
 
 /// The angle between two directions, also where it is small.
-pub(super) fn angle(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
+pub(in crate::pipeline) fn angle(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b))
 }

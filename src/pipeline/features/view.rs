@@ -107,7 +107,10 @@ fn longest_absence(motion: &Motion, settings: &FeatureSettings) -> Result<f64, N
 }
 
 /// Where the tool was not seen within the interval.
-fn absences(motion: &Motion, settings: &FeatureSettings) -> Result<impl Iterator<Item = Interval>, NotEnough> {
+pub(in crate::pipeline) fn absences(
+    motion: &Motion,
+    settings: &FeatureSettings,
+) -> Result<impl Iterator<Item = Interval>, NotEnough> {
     check_long_enough(motion, settings)?;
     let ends = [motion.interval.first].into_iter().chain(motion.spans.iter().map(|span| span.last()));
     let starts = motion.spans.iter().map(|span| span.first).chain([motion.interval.last]);

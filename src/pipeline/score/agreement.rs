@@ -4,8 +4,10 @@
 //! Each person counts once: two sessions of one person are alike in both measures, and would make any two agree.
 
 mod icc;
+mod same_raters;
 
 pub use icc::{FEWEST_RATED, Form, Reliability, icc};
+pub use same_raters::{SameRaters, same_raters};
 
 use super::distribution::Z_95;
 use super::interval::{Interval, moments};

@@ -11,6 +11,7 @@ pub mod cohort;
 pub mod curve;
 pub mod cusum;
 pub mod distribution;
+pub mod false_discovery;
 pub mod interval;
 pub mod lc_cusum;
 mod no_answer;

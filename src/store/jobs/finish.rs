@@ -8,6 +8,7 @@ use super::super::calibrations::{self, Calibration};
 use super::super::columns::integer;
 use super::super::error::StoreResult;
 use super::super::palettes::{self, Palette};
+use super::super::sessions::evidence;
 use super::super::{StoreError, blobs, self_tests};
 use super::enqueue::enqueue_waiting_sessions;
 use super::lease::end_as_done;
@@ -118,6 +119,7 @@ async fn insert_result(tx: &mut SqliteConnection, session: SessionId, new: NewRe
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
     if let Some(result) = inserted {
         insert_features(tx, result, new.features).await?;
+        evidence::insert(tx, result, new.evidence).await?;
     }
     Ok(())
 }

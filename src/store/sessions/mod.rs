@@ -6,8 +6,10 @@
 //! | `places.rs` | places in the queue |
 //! | `write.rs` | made, tried again, erased |
 //! | `result.rs` | results and features |
+//! | `evidence.rs` | the seconds that made features |
 //! | `practice.rs` | a trainee's sessions of one task over time |
 
+pub(super) mod evidence;
 pub(super) mod places;
 pub(super) mod practice;
 pub(super) mod result;

@@ -9,12 +9,13 @@ use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
-const FILES: [&str; 5] = [
+const FILES: [&str; 6] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
     include_str!("../../../migrations/0007_self_tests.sql"),
     include_str!("../../../migrations/0011_standards.sql"),
+    include_str!("../../../migrations/0013_evidence_ratings.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -83,6 +84,12 @@ async fn nonsense_is_refused_whoever_writes_it() {
          FROM result",
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 0, '{}', NULL, 1 FROM task",
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1 FROM task",
+        "UPDATE evidence SET rows = 'no json'",
+        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'charm', 1, '[]', 1, 1 FROM session",
+        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'goals', 1, '[]', 2, 1 FROM session",
+        "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 5, 4, 'x', 1 FROM session",
+        "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, -1, 4, 'x', 1 FROM session",
+        "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 1, 4, '', 1 FROM session",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
         "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",

@@ -10,6 +10,7 @@ mod playback;
 mod process;
 mod progress;
 mod progress_load;
+mod ratings;
 mod roles;
 mod self_tests;
 mod sign_in;

@@ -248,6 +248,7 @@ fn beside(versions: Versions, number: u64) -> NewResult {
         video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
         tools: vec!["left".into(), "right".into()],
         features: vec![],
+        evidence: vec![],
         quality: serde_json::json!({"verdict": "valid", "reasons": [], "tools": tools}),
         score: None,
         trajectory: Blob::of(format!("trajectory {number}").as_bytes()),

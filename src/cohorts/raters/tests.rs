@@ -1,0 +1,136 @@
+//! What raters' agreement and the correlations of their ratings are made of.
+
+use super::*;
+use crate::domain::rating::Mark;
+use crate::domain::session::FeatureSpace;
+use crate::ids::CalibrationId;
+
+/// Shrout and Fleiss's six people by four raters (1979, table 2).
+const PUBLISHED: [[u8; 4]; 6] = [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]];
+
+struct Ids {
+    people: Vec<TraineeId>,
+    raters: Vec<PersonId>,
+    sessions: Vec<SessionId>,
+}
+
+impl Ids {
+    fn new(people: i64) -> Self {
+        Self {
+            people: (0..people).map(TraineeId::at).collect(),
+            raters: (0..4).map(PersonId::at).collect(),
+            sessions: (0..2 * people).map(SessionId::at).collect(),
+        }
+    }
+
+    /// A rating of a person's first or second session.
+    fn rating(&self, person: usize, second: usize, rater: usize, marks: &[Option<u8>]) -> GivenRating {
+        let items = marks.iter().map(|mark| Mark { item: "item".to_owned(), mark: *mark }).collect();
+        GivenRating {
+            session: self.sessions[2 * person + second],
+            recorded_at_ms: second as i64,
+            trainee: self.people[person],
+            rater: self.raters[rater],
+            items,
+        }
+    }
+}
+
+fn published(ids: &Ids) -> Vec<GivenRating> {
+    let of_person = |(person, marks): (usize, &[u8; 4])| {
+        marks.iter().enumerate().map(|(rater, mark)| ids.rating(person, 1, rater, &[Some(*mark)])).collect::<Vec<_>>()
+    };
+    PUBLISHED.iter().enumerate().flat_map(of_person).collect()
+}
+
+#[test]
+fn the_published_example_has_its_published_agreement() {
+    let told = agreement_of(Form::Osats, &published(&Ids::new(6)));
+    let (single, mean) = (told.single.unwrap(), told.mean.unwrap());
+    assert!((single.value - 0.29).abs() < 0.005 && (mean.value - 0.62).abs() < 0.005, "{told:?}");
+    assert!((single.low - 0.019).abs() < 1e-3 && (single.high - 0.761).abs() < 1e-3, "{told:?}");
+    assert_eq!((told.people, told.raters, told.sessions, told.left_out), (6, 4, 6, 0));
+}
+
+#[test]
+fn an_older_session_and_a_rating_with_a_gap_change_nothing() {
+    let ids = Ids::new(7);
+    let mut given = published(&ids);
+    let whole = agreement_of(Form::Osats, &given);
+    given.extend((0..4).map(|rater| ids.rating(2, 0, rater, &[Some(1)])));
+    given.extend((0..4).map(|rater| ids.rating(6, 1, rater, &[Some(5), None])));
+    let told = agreement_of(Form::Osats, &given);
+    assert_eq!((told.single, told.people, told.sessions, told.left_out), (whole.single, 6, 7, 1));
+}
+
+#[test]
+fn too_few_who_were_rated_by_the_same_raters_is_said() {
+    let ids = Ids::new(6);
+    let five: Vec<GivenRating> = published(&ids).into_iter().filter(|rating| rating.trainee != ids.people[3]).collect();
+    let told = agreement_of(Form::Goals, &five);
+    assert_eq!((told.single, told.withheld.unwrap().missing), (None, Some(1)));
+    let alone: Vec<GivenRating> = published(&ids).into_iter().filter(|rating| rating.rater == ids.raters[0]).collect();
+    assert_eq!(agreement_of(Form::Goals, &alone).withheld.unwrap().missing, Some(6));
+}
+
+fn value(ids: &Ids, person: usize, second: usize, feature: &str, tool: Option<&str>, value: f64) -> SessionValue {
+    SessionValue {
+        session: ids.sessions[2 * person + second],
+        handedness: Some(if person == 0 { Handedness::Left } else { Handedness::Right }),
+        pipeline: "9".to_owned(),
+        calibration: CalibrationId::at(1),
+        of: FeatureKey { feature: feature.to_owned(), tool: tool.map(str::to_owned), space: FeatureSpace::Space3d },
+        value,
+    }
+}
+
+/// Twelve people, each rated twice; the better, the faster, and one feature that has nothing to do with it.
+fn measured(ids: &Ids) -> (Vec<GivenRating>, Vec<SessionValue>) {
+    let noise = [5.0, 1.0, 9.0, 3.0, 7.0, 2.0, 8.0, 4.0, 6.0, 0.0, 5.5, 2.5];
+    let mut given = Vec::new();
+    let mut values = Vec::new();
+    for person in 0..12 {
+        for second in 0..2 {
+            let mark = 10 + 3 * person as u8 + second as u8;
+            given.push(ids.rating(person, second, 0, &[Some(mark)]));
+            let seconds = 200.0 - 10.0 * person as f64 + if person % 4 == 0 { 25.0 } else { 0.0 };
+            values.push(value(ids, person, second, "duration", None, seconds));
+            values.push(value(ids, person, second, "path_length", Some("left"), noise[person]));
+        }
+    }
+    (given, values)
+}
+
+#[test]
+fn a_person_counts_once_and_what_goes_with_ratings_is_found_among_what_does_not() {
+    let ids = Ids::new(12);
+    let (given, values) = measured(&ids);
+    let told = correlations_of(Form::Osats, &given, &totals(&given), values);
+    assert_eq!((told.people, told.sessions, told.asked), (12, 24, 2));
+    let [duration, path] = [&told.items[0], &told.items[1]];
+    assert_eq!(
+        (duration.of.feature.as_str(), duration.people, duration.found, duration.better),
+        ("duration", 12, true, "lower")
+    );
+    assert!(duration.rho.unwrap().value < -0.8, "{duration:?}");
+    assert!(duration.adjusted.unwrap() >= duration.chance.unwrap());
+    assert_eq!(
+        (path.people, path.handedness, path.found),
+        (11, Some(Handedness::Right), false),
+        "one prefers the other hand"
+    );
+}
+
+#[test]
+fn too_few_people_give_no_correlation_and_other_versions_count_for_nothing() {
+    let ids = Ids::new(12);
+    let (given, values) = measured(&ids);
+    let nine: Vec<GivenRating> =
+        given.iter().filter(|rating| ids.people[..9].contains(&rating.trainee)).cloned().collect();
+    let few = correlations_of(Form::Osats, &nine, &totals(&nine), values[..36].to_vec());
+    assert_eq!((few.items.len(), few.withheld.unwrap().missing), (0, Some(1)));
+    let mut mixed = values;
+    mixed.iter_mut().take(8).for_each(|value| value.pipeline = "8".to_owned());
+    let told = correlations_of(Form::Osats, &given, &totals(&given), mixed);
+    assert_eq!((told.people, told.pipeline.as_deref()), (10, Some("9")));
+}

@@ -1,0 +1,49 @@
+//! The seconds that made each feature, as `trocar score --evidence` prints them.
+
+use serde_json::{Value, json};
+
+use super::{significant, tool_name_of};
+use crate::domain::evidence::EvidenceRow;
+use crate::pipeline::assessment::Assessment;
+use crate::pipeline::evidence::{Evidence, Stretch};
+
+/// A line for each feature that has stretches, and one for each reason why others have none.
+pub(super) fn text(assessment: &Assessment) -> String {
+    let mut lines = vec!["  evidence, the seconds that made each feature:".to_owned()];
+    let mut silent: Vec<(String, Vec<String>)> = Vec::new();
+    for evidence in &assessment.evidence {
+        let name = named(evidence, &assessment.tools);
+        match &evidence.stretches {
+            Ok(stretches) => {
+                let unit = evidence.what.map_or("", |what| what.unit);
+                let what = evidence.what.map_or("", |what| what.name);
+                let stretches: Vec<String> = stretches.iter().map(|stretch| shown(stretch, unit)).collect();
+                lines.push(format!("  {name}: {what} {}", stretches.join(", ")));
+            }
+            Err(reason) => match silent.iter_mut().find(|(known, _)| *known == reason.to_string()) {
+                Some((_, names)) => names.push(name),
+                None => silent.push((reason.to_string(), vec![name])),
+            },
+        }
+    }
+    lines.extend(silent.into_iter().map(|(reason, names)| format!("  – {reason}: {}", names.join(", "))));
+    lines.join("\n") + "\n"
+}
+
+/// The same as the service tells it.
+pub(super) fn json(assessment: &Assessment) -> Value {
+    let rows = assessment.evidence.iter().map(|evidence| json!(EvidenceRow::of(evidence, &assessment.tools)));
+    Value::Array(rows.collect())
+}
+
+fn named(evidence: &Evidence, tools: &[String]) -> String {
+    let whose = tool_name_of(evidence.tool, tools).map(|tool| format!(" of {tool}")).unwrap_or_default();
+    format!("{} ({}){whose}", evidence.feature.name, evidence.space.name())
+}
+
+fn shown(stretch: &Stretch, unit: &str) -> String {
+    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    let share = stretch.share.map(|share| format!(", {:.0} %", 100.0 * share)).unwrap_or_default();
+    let amount = significant(stretch.amount);
+    format!("{:.2}–{:.2} s ({amount}{unit}{share})", stretch.from_s, stretch.to_s)
+}

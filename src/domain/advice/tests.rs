@@ -1,0 +1,126 @@
+//! When advice is given, and when not.
+
+use super::*;
+use crate::domain::evidence::{AbsenceCause, NoEvidence};
+use crate::domain::standard::{Basis, ChartDesign};
+use crate::pipeline::features::{self, Direction};
+
+fn key(feature: &str, tool: Option<&str>) -> FeatureKey {
+    let space = features::find(feature).unwrap().spaces[0].into();
+    FeatureKey { feature: feature.to_owned(), tool: tool.map(str::to_owned), space }
+}
+
+fn target(feature: &str, tool: Option<&str>, better: Better, limit: f64) -> Target {
+    let (title, unit) = (feature.to_owned(), "1".to_owned());
+    Target {
+        of: key(feature, tool),
+        title,
+        unit,
+        better,
+        limit,
+        low: None,
+        high: None,
+        basis: Basis::Fixed,
+        made_from: None,
+    }
+}
+
+fn row(feature: &str, tool: Option<&str>, value: f64, half: f64) -> FeatureRow {
+    let FeatureKey { tool, space, .. } = key(feature, tool);
+    let error = FeatureError { as_measured: value, sigma: half / 2.0, low: value - half, high: value + half };
+    let (name, title, unit) = (feature.to_owned(), feature.to_owned(), "1".to_owned());
+    FeatureRow { name, title, unit, tool, space, value: Ok(value), error: Some(Ok(error)) }
+}
+
+fn seen(feature: &str, tool: Option<&str>, cause: Option<AbsenceCause>) -> EvidenceRow {
+    let stretch = StretchRow { from_s: 61.25, to_s: 64.0, amount: 2.75, share: None, cause };
+    let (what, unit) = (Some("rest".to_owned()), Some("s".to_owned()));
+    EvidenceRow { of: key(feature, tool), what, unit, stretches: vec![stretch], none: None }
+}
+
+fn told(targets: Vec<Target>, features: &[FeatureRow], evidence: &[EvidenceRow]) -> Vec<Advice> {
+    let definition = Definition { targets, rule: None, charts: ChartDesign::default() };
+    advise(&definition, Measured { features, evidence, pipeline: "9", handedness: None })
+}
+
+#[test]
+fn advice_names_feature_value_limit_and_seconds() {
+    let got = told(
+        vec![target("idle_share", Some("left"), Better::Lower, 0.3)],
+        &[row("idle_share", Some("left"), 0.42, 0.05)],
+        &[seen("idle_share", Some("left"), None)],
+    );
+    assert_eq!(got.len(), 1);
+    assert_eq!((got[0].rule, got[0].limit, got[0].stretches[0].from_s), ("rest_less", 0.3, 61.25));
+    let words = &got[0].sentence;
+    for part in ["idle_share of left is 0.420 (0.370 to 0.470)", "at most 0.300", "1:01.3 to 1:04.0"] {
+        assert!(words.contains(part), "{words}");
+    }
+}
+
+#[test]
+fn no_advice_where_the_error_covers_the_limit_or_is_unknown_or_nothing_was_measured() {
+    let ask = |row: FeatureRow| {
+        told(
+            vec![target("idle_share", Some("left"), Better::Lower, 0.3)],
+            &[row],
+            &[seen("idle_share", Some("left"), None)],
+        )
+    };
+    assert_eq!(ask(row("idle_share", Some("left"), 0.42, 0.05)).len(), 1);
+    assert!(ask(row("idle_share", Some("left"), 0.42, 0.12)).is_empty(), "the limit lies on the bar's end");
+    assert!(ask(row("idle_share", Some("left"), 0.42, 0.2)).is_empty());
+    assert!(ask(row("idle_share", Some("left"), 0.2, 0.01)).is_empty(), "it keeps the limit");
+    let unknown = FeatureRow { error: Some(Err("not stated".into())), ..row("idle_share", Some("left"), 0.42, 0.0) };
+    assert!(ask(unknown).is_empty());
+    let refused = FeatureRow { value: Err("refused".into()), ..row("idle_share", Some("left"), 0.42, 0.0) };
+    assert!(ask(refused).is_empty());
+}
+
+#[test]
+fn no_advice_without_seconds_that_are_the_hands_doing() {
+    let targets = || vec![target("not_seen_share", Some("left"), Better::Lower, 0.1)];
+    let features = [row("not_seen_share", Some("left"), 0.4, 0.01)];
+    let ask = |cause| told(targets(), &features, &[seen("not_seen_share", Some("left"), cause)]);
+    assert_eq!(ask(Some(AbsenceCause::LeftView)).len(), 1);
+    assert!(
+        ask(Some(AbsenceCause::Lost)).is_empty() && ask(Some(AbsenceCause::Hidden)).is_empty() && ask(None).is_empty()
+    );
+    let reason = NoEvidence { reason: "nothing_stands_out".into(), detail: String::new() };
+    let none = EvidenceRow { stretches: vec![], none: Some(reason), ..seen("not_seen_share", Some("left"), None) };
+    assert!(told(targets(), &features, &[none]).is_empty());
+    assert!(told(targets(), &features, &[]).is_empty());
+}
+
+#[test]
+fn at_most_three_the_farthest_first_and_a_rule_once_for_each_tool() {
+    let names = ["idle_share", "long_pause_share", "path_length", "jitter", "movements", "spread"];
+    let values = [0.9, 0.8, 150.0, 140.0, 130.0, 120.0];
+    let limits = [0.1, 0.1, 100.0, 100.0, 100.0, 100.0];
+    let left = Some("left");
+    let targets: Vec<Target> =
+        names.iter().zip(limits).map(|(name, limit)| target(name, left, Better::Lower, limit)).collect();
+    let features: Vec<FeatureRow> =
+        names.iter().zip(values).map(|(name, value)| row(name, left, value, 0.01)).collect();
+    let evidence: Vec<EvidenceRow> = names.iter().map(|name| seen(name, left, None)).collect();
+    let got: Vec<String> = told(targets, &features, &evidence).into_iter().map(|advice| advice.of.feature).collect();
+    assert_eq!(got, ["idle_share", "path_length", "jitter"], "of the two that say the same only the farther one");
+}
+
+#[test]
+fn rules_speak_of_features_that_are_better_that_way_and_never_of_what_the_tracker_did() {
+    let mut spoken: Vec<&str> = Vec::new();
+    for rule in RULES {
+        for (names, direction) in [(rule.lower, Direction::Lower), (rule.higher, Direction::Higher)] {
+            for name in names {
+                let feature = features::find(name).unwrap_or_else(|| panic!("no feature `{name}`"));
+                let is_neutral = *name == "one_hand_share"; // neither by itself, until a standard says so
+                assert!(feature.direction == direction || is_neutral, "{name}");
+                spoken.push(name);
+            }
+        }
+    }
+    assert!(!spoken.contains(&"lost_share") && !spoken.contains(&"hidden_share"));
+    spoken.sort_unstable();
+    assert!(spoken.windows(2).all(|pair| pair[0] != pair[1]), "{spoken:?}");
+}

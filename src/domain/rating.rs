@@ -1,0 +1,140 @@
+//! Ratings: what an instructor gives a session on a form.
+//!
+//! A rating names every item of its form, with a mark or expressly as not judged; only one that judged everything has a total.
+//! It is never changed: the same rater's next one takes its place, and the older is kept. **Blind:** nobody is told what others
+//! gave or wrote before they have given their own; what a form's agreement and correlations are made of was given so.
+
+mod forms;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+pub use forms::{FormInfo, ItemInfo};
+
+use super::named;
+use super::text::Invalid;
+
+/// Lowest and highest mark of an item.
+pub const MARKS: (u8, u8) = (1, 5);
+
+named! {
+    /// A form for ratings.
+    Form: "form" {
+        /// Objective Structured Assessment of Technical Skills: the global rating scale.
+        Osats = "osats",
+        /// Global Operative Assessment of Laparoscopic Skills.
+        Goals = "goals",
+    }
+}
+
+/// A rating to be stored.
+#[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewRating {
+    /// On which form.
+    pub form: Form,
+    /// In which wording; absent: the present one.
+    #[serde(default)]
+    pub version: Option<i64>,
+    /// A mark from 1 to 5 for each item of the form, by its name; `null`: not judged.
+    pub items: BTreeMap<String, Option<u8>>,
+}
+
+/// One item's mark.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Mark {
+    /// Name of the item.
+    pub item: String,
+    /// 1 to 5; `null`: not judged.
+    pub mark: Option<u8>,
+}
+
+impl NewRating {
+    /// The marks in the form's order.
+    ///
+    /// # Errors
+    /// Another wording than the present one, an item that is missing, too many or out of range, and a form on which nothing is
+    /// judged.
+    pub fn marks(&self) -> Result<Vec<Mark>, Invalid> {
+        let form = FormInfo::of(self.form);
+        if let Some(version) = self.version.filter(|version| *version != form.version) {
+            let why =
+                format!("is {version}; {} is at version {}: read GET /api/v1/rating-forms", form.form, form.version);
+            return Err(Invalid::new("version", why));
+        }
+        if let Some(other) = self.items.keys().find(|name| form.items.iter().all(|item| item.name != name.as_str())) {
+            let shown: String = other.chars().take(40).collect();
+            return Err(Invalid::new("items", format!("`{shown}` is no item of {}", form.form)));
+        }
+        let mark = |item: &ItemInfo| match self.items.get(item.name) {
+            None => Err(Invalid::new("items", format!("`{}` is missing; null says that it was not judged", item.name))),
+            Some(Some(mark)) if !(MARKS.0..=MARKS.1).contains(mark) => Err(Invalid::new(
+                "items",
+                format!("`{}` is {mark}; expected {} to {} or null", item.name, MARKS.0, MARKS.1),
+            )),
+            Some(mark) => Ok(Mark { item: item.name.to_owned(), mark: *mark }),
+        };
+        let marks = form.items.iter().map(mark).collect::<Result<Vec<Mark>, Invalid>>()?;
+        if marks.iter().all(|mark| mark.mark.is_none()) {
+            return Err(Invalid::new("items", "no item is judged; judge at least one"));
+        }
+        Ok(marks)
+    }
+}
+
+/// The sum of all marks; `None` where an item was not judged, for sums of different items do not compare.
+pub fn total(marks: &[Mark]) -> Option<u32> {
+    marks.iter().map(|mark| mark.mark.map(u32::from)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn new(form: Form, mark: Option<u8>) -> NewRating {
+        let items = FormInfo::of(form).items.iter().map(|item| (item.name.to_owned(), mark)).collect();
+        NewRating { form, version: None, items }
+    }
+
+    #[test]
+    fn forms_have_the_published_number_of_items_each_with_three_anchors() {
+        let counts: Vec<usize> = Form::ALL.iter().map(|form| FormInfo::of(*form).items.len()).collect();
+        assert_eq!(counts, [7, 5]);
+        for form in FormInfo::all() {
+            for item in form.items {
+                let marks: Vec<u8> = item.anchors.iter().map(|anchor| anchor.mark).collect();
+                assert_eq!(marks, [1, 3, 5], "{}", item.name);
+            }
+        }
+    }
+
+    #[test]
+    fn a_rating_names_every_item_and_only_a_whole_one_has_a_total() {
+        let whole = new(Form::Osats, Some(4)).marks().unwrap();
+        assert_eq!((whole.len(), total(&whole)), (7, Some(28)));
+        assert_eq!(whole[0].item, "respect_for_tissue", "in the form's order, not the alphabet's");
+        let mut partly = new(Form::Osats, Some(4));
+        partly.items.insert("flow".to_owned(), None);
+        assert_eq!(total(&partly.marks().unwrap()), None);
+        partly.items.remove("flow");
+        assert!(partly.marks().unwrap_err().to_string().contains("flow"));
+    }
+
+    #[test]
+    fn what_is_no_rating_is_told_why() {
+        let with = |item: &str, mark| {
+            let mut rating = new(Form::Goals, Some(3));
+            rating.items.insert(item.to_owned(), mark);
+            rating.marks()
+        };
+        for mark in [0, 6, 255] {
+            assert!(with("autonomy", Some(mark)).is_err(), "{mark}");
+        }
+        assert!(with("charm", Some(5)).unwrap_err().to_string().contains("charm"));
+        assert!(new(Form::Goals, None).marks().is_err());
+        assert!(NewRating { version: Some(99), ..new(Form::Goals, Some(3)) }.marks().is_err());
+        assert!(serde_json::from_str::<NewRating>(r#"{"form":"goals","items":{"autonomy":2.5}}"#).is_err());
+    }
+}

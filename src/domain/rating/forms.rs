@@ -1,0 +1,185 @@
+//! The forms: a closed list. Item names are the papers'; the anchors are said in our own words.
+//!
+//! OSATS: the global rating scale of Martin JA et al., "Objective structured assessment of technical skill (OSATS) for surgical
+//! residents", Br J Surg 1997;84:273–278. GOALS: Vassiliou MC et al., "A global assessment tool for evaluation of intraoperative
+//! laparoscopic skills", Am J Surg 2005;190:107–113. A change of wording is a new version: ratings of different wordings are not
+//! compared.
+
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::{Form, MARKS};
+
+/// A form, as it is shown to who fills it in.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct FormInfo {
+    /// Its stable name.
+    pub form: Form,
+    /// Of its wording.
+    pub version: i64,
+    /// Title for people.
+    pub title: &'static str,
+    /// Who published it.
+    pub source: &'static str,
+    /// Its items, in order.
+    pub items: &'static [ItemInfo],
+    /// The lowest mark of an item.
+    pub least: u8,
+    /// The highest.
+    pub most: u8,
+}
+
+/// An item of a form.
+#[derive(Debug, PartialEq, Serialize, ToSchema)]
+pub struct ItemInfo {
+    /// Stable name.
+    pub name: &'static str,
+    /// Title for people.
+    pub title: &'static str,
+    /// What marks mean.
+    pub anchors: [Anchor; 3],
+}
+
+/// What a mark means.
+#[derive(Debug, PartialEq, Serialize, ToSchema)]
+pub struct Anchor {
+    /// The mark.
+    pub mark: u8,
+    /// In words.
+    pub words: &'static str,
+}
+
+impl FormInfo {
+    /// All forms.
+    pub fn all() -> Vec<Self> {
+        Form::ALL.iter().map(|form| Self::of(*form)).collect()
+    }
+
+    /// One form.
+    pub fn of(form: Form) -> Self {
+        let (title, source, items) = match form {
+            Form::Osats => ("OSATS global rating scale", "Martin et al., Br J Surg 1997;84:273–278", OSATS),
+            Form::Goals => ("GOALS", "Vassiliou et al., Am J Surg 2005;190:107–113", GOALS),
+        };
+        Self { form, version: 1, title, source, items, least: MARKS.0, most: MARKS.1 }
+    }
+}
+
+const fn item(name: &'static str, title: &'static str, [low, middle, high]: [&'static str; 3]) -> ItemInfo {
+    let anchors = [Anchor { mark: 1, words: low }, Anchor { mark: 3, words: middle }, Anchor { mark: 5, words: high }];
+    ItemInfo { name, title, anchors }
+}
+
+const OSATS: &[ItemInfo] = &[
+    item(
+        "respect_for_tissue",
+        "Respect for tissue",
+        [
+            "Often uses more force than needed, or damages tissue by the wrong use of instruments",
+            "Handles tissue with care and now and then damages it unintentionally",
+            "Always handles tissue as it should be, with next to no damage",
+        ],
+    ),
+    item(
+        "time_and_motion",
+        "Time and motion",
+        [
+            "Many moves that are not needed",
+            "Efficient, with some moves that are not needed",
+            "No move too many, and the most made of each",
+        ],
+    ),
+    item(
+        "instrument_handling",
+        "Instrument handling",
+        [
+            "Tentative or awkward with instruments again and again",
+            "Competent with instruments, at times stiff or awkward",
+            "Fluid with instruments, never awkward",
+        ],
+    ),
+    item(
+        "knowledge_of_instruments",
+        "Knowledge of instruments",
+        [
+            "Often asks for the wrong instrument, or uses one for what it is not made for",
+            "Knows most instruments and takes the right one for the step",
+            "Is plainly familiar with the instruments and what each is called",
+        ],
+    ),
+    item(
+        "use_of_assistants",
+        "Use of assistants",
+        [
+            "Places assistants badly, or does without their help where it is needed",
+            "Makes good use of assistants most of the time",
+            "Uses assistants so that they help most, at every moment",
+        ],
+    ),
+    item(
+        "flow",
+        "Flow of operation and forward planning",
+        [
+            "Stops often, or has to talk over what comes next",
+            "Plans ahead and goes on steadily",
+            "Has plainly planned the whole course, one step running into the next",
+        ],
+    ),
+    item(
+        "knowledge_of_procedure",
+        "Knowledge of the specific procedure",
+        [
+            "Lacks knowledge and needs to be told most steps",
+            "Knows all the important steps",
+            "Is familiar with every part of the procedure",
+        ],
+    ),
+];
+
+const GOALS: &[ItemInfo] = &[
+    item(
+        "depth_perception",
+        "Depth perception",
+        [
+            "Overshoots all the time, swings wide, and is slow to correct",
+            "Overshoots or misses now and then, and is quick to correct",
+            "Takes instruments to the target in the right plane without a miss",
+        ],
+    ),
+    item(
+        "bimanual_dexterity",
+        "Bimanual dexterity",
+        [
+            "Uses one hand alone, or the two without regard to each other",
+            "Uses both hands, without the best of their working together",
+            "Both hands complement each other for the best exposure",
+        ],
+    ),
+    item(
+        "efficiency",
+        "Efficiency",
+        [
+            "Uncertain and laborious, with many tries, or changes of aim without progress",
+            "Slow, but planned and in reasonable order",
+            "Sure and safe, and stays on what is to be done until another way is plainly better",
+        ],
+    ),
+    item(
+        "tissue_handling",
+        "Tissue handling",
+        [
+            "Rough: tears tissue, injures what is beside it, loses grip",
+            "Handles tissue reasonably well, with slight damage beside it and some lost grips",
+            "Handles tissue well, with the right pull and hardly any damage beside it",
+        ],
+    ),
+    item(
+        "autonomy",
+        "Autonomy",
+        [
+            "Cannot finish, even when told how",
+            "Finishes safely with moderate guidance",
+            "Finishes alone, without being told",
+        ],
+    ),
+];

@@ -1,0 +1,90 @@
+//! What people say about seconds of sessions.
+
+use axum::extract::{Path, State};
+use axum::http::StatusCode;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::domain::comment::NewComment;
+use crate::domain::scope::Scope;
+use crate::http::auth::signed_in::Member;
+use crate::http::error::{Answer, Problem};
+use crate::http::read::{At, Json};
+use crate::http::show::{Created, Time};
+use crate::http::state::App;
+use crate::ids::{CommentId, SessionId};
+use crate::store;
+
+/// What somebody says about a second of a session, or about a stretch of it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Comment {
+    id: CommentId,
+    /// What they are called; `null` where they are here no more.
+    who: Option<String>,
+    /// Is it of who asks? Then they may withdraw it.
+    own: bool,
+    /// From which second of the recording.
+    from_s: f64,
+    /// To which; the same for one moment.
+    to_s: f64,
+    /// What they say: text, never markup.
+    text: String,
+    created_at: Time,
+}
+
+/// A session's comments.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Comments {
+    /// By their seconds; at most 500.
+    items: Vec<Comment>,
+    /// Comments of other members of staff that are shown once who asks has rated the session: nobody rates what they have read.
+    hidden: i64,
+}
+
+impl Comment {
+    fn new(comment: store::Comment, scope: &Scope) -> Self {
+        let store::Comment { id, person_id, who, from_s, to_s, text, created_at_ms } = comment;
+        let own = person_id.is_some() && person_id == scope.person();
+        Self { id, who: who.map(String::from), own, from_s, to_s, text: text.into(), created_at: Time(created_at_ms) }
+    }
+}
+
+/// List a session's comments, by their seconds
+#[utoipa::path(get, path = "/sessions/{id}/comments", tag = "ratings",
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = Comments)))]
+pub async fn comments(State(app): State<App>, by: Member, at: At) -> Answer<Json<Comments>> {
+    let seen = app.store.comments().of_session(&by.scope, at.id()?).await?;
+    let items = seen.items.into_iter().map(|comment| Comment::new(comment, &by.scope)).collect();
+    Ok(Json(Comments { items, hidden: seen.hidden }))
+}
+
+/// Say something about a second of a session, or about a stretch of it
+#[utoipa::path(post, path = "/sessions/{id}/comments", tag = "ratings",
+    params(("id" = String, Path, description = "id")), request_body = NewComment,
+    responses((status = CREATED, body = Comment)))]
+pub async fn comment(
+    State(app): State<App>,
+    by: Member,
+    at: At,
+    Json(new): Json<NewComment>,
+) -> Answer<Created<Comment>> {
+    let session: SessionId = at.id()?;
+    let span = new.span()?;
+    let comment = app.store.comments().add(&by.scope, session, new, span).await?;
+    let location = format!("/api/v1/sessions/{session}/comments/{}", comment.id);
+    Ok(Created { location, made: Comment::new(comment, &by.scope) })
+}
+
+/// Withdraw a comment of one's own
+#[utoipa::path(delete, path = "/sessions/{id}/comments/{comment}", tag = "ratings",
+    params(("id" = String, Path, description = "id"), ("comment" = String, Path, description = "id of the comment")),
+    responses((status = NO_CONTENT)))]
+pub async fn withdraw_comment(
+    State(app): State<App>,
+    by: Member,
+    Path((session, comment)): Path<(String, String)>,
+) -> Answer<StatusCode> {
+    let (session, comment) = session.parse().ok().zip(comment.parse().ok()).ok_or_else(Problem::not_found)?;
+    app.store.comments().withdraw(&by.scope, session, comment).await?;
+    Ok(StatusCode::NO_CONTENT)
+}

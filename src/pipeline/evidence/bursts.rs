@@ -1,0 +1,32 @@
+//! Bursts: where the motion's power lies in a band of frequencies.
+
+use super::{Adds, Errors, Question, What, nodes};
+use crate::pipeline::features::motion::{Interval, Motion};
+use crate::pipeline::features::spectrum::Bands;
+
+/// Stretches by how fast the tip moves within a band, as root mean square speed, mm/s.
+pub(super) fn within<'a>(motions: &[&Motion], (low_hz, high_hz): (f64, f64)) -> Question<'a> {
+    let own = motions[0];
+    let bands = Bands::new(own.step_s);
+    let steps = bands.length() as i64 - 1;
+    let of_span = |span: Interval| {
+        let starts =
+            (0..).map(move |k| span.first + k * (steps + 1) / 2).take_while(move |from| from + steps <= span.last);
+        starts.map(move |from| Interval { first: from, last: from + steps })
+    };
+    let proposed: Vec<Interval> = own.spans.iter().flat_map(|span| of_span(span.interval())).collect();
+    let amount = move |motions: &[&Motion], interval: Interval| {
+        Some(bands.rms_mm_s(nodes(motions.first()?, interval)?, low_hz, high_hz))
+    };
+    let squares: Vec<f64> = proposed.iter().filter_map(|at| amount(&[own], *at)).map(|rms| rms * rms).collect();
+    let total: f64 = squares.iter().sum();
+    Question {
+        what: What { name: "trembling", unit: "mm/s" },
+        usual: (total / squares.len().max(1) as f64).sqrt(),
+        proposed: proposed.into_iter().map(|interval| (interval, None)).collect(),
+        amount: Box::new(amount),
+        less_is_worse: false,
+        adds: Adds::InSquares(total),
+        errors: Errors::InSquares,
+    }
+}

@@ -1,0 +1,180 @@
+//! Rests of a tool, its slowness, and what both hands do at the same time.
+
+use super::{Adds, Amount, Cause, Errors, Question, What, nodes, steps};
+use crate::pipeline::features::FeatureSettings;
+use crate::pipeline::features::motion::{Interval, Motion, Span};
+use crate::pipeline::features::movement::{extent, movements, rests};
+use crate::pipeline::features::time::share_below;
+
+const REST: What = What { name: "rest", unit: "s" };
+const ALL_AT_REST: What = What { name: "all_at_rest", unit: "s" };
+const SLOW: What = What { name: "slow", unit: "s" };
+const ONE_HAND: What = What { name: "one_hand_alone", unit: "s" };
+const THIS_HAND: What = What { name: "this_hand_alone", unit: "s" };
+
+/// The rests of a tool whose length, in steps, is wanted; `within_own`: only between its own first and last movement.
+pub(super) fn of_tool<'a>(
+    motions: &[&Motion],
+    settings: &'a FeatureSettings,
+    within_own: bool,
+    wanted: impl Fn(i64) -> bool,
+    adds: Adds,
+) -> Question<'a> {
+    let own = motions[0];
+    let task = if within_own { extent(own, settings) } else { Some(own.interval) };
+    let inside = |rest: &Interval| task.is_some_and(|task| task.first <= rest.first && rest.last <= task.last);
+    let proposed = rests(own, settings).filter(inside).filter(|rest| wanted(rest.steps())).map(|rest| (rest, None));
+    let amount = |motions: &[&Motion], interval: Interval| Some(rests_s(motions.first()?, interval, settings));
+    plain(REST, proposed.collect(), Box::new(amount), adds)
+}
+
+/// Is a rest of so many steps as long as a pause?
+pub(super) fn is_pause(steps: i64, settings: &FeatureSettings) -> bool {
+    steps as f64 * settings.step_s >= settings.pause_min_s - 1e-9
+}
+
+/// Where no tool is in a movement, and all that are seen at all are in sight, for as long as a pause.
+pub(super) fn of_all<'a>(motions: &[&Motion], settings: &'a FeatureSettings, adds: Adds) -> Question<'a> {
+    let proposed = all_resting(&seen(motions), settings).into_iter().filter(|run| is_pause(run.steps(), settings));
+    let amount = |motions: &[&Motion], interval: Interval| {
+        let seen = seen(motions);
+        let step_s = seen.first()?.step_s;
+        Some(count(&seen, interval, settings, |at| !at.contains(&State::Moving)) * step_s)
+    };
+    plain(ALL_AT_REST, proposed.map(|run| (run, None)).collect(), Box::new(amount), adds)
+}
+
+/// Where both hands rest in sight; `share` of the time in which both are.
+pub(super) fn of_both<'a>(motions: &[&Motion], settings: &'a FeatureSettings, share: f64) -> Option<Question<'a>> {
+    let pair = motions.get(..2)?;
+    let total_s = share * count(pair, pair[0].interval, settings, |_| true) * pair[0].step_s;
+    Some(of_all(pair, settings, Adds::Up(total_s)))
+}
+
+fn seen<'m>(motions: &[&'m Motion]) -> Vec<&'m Motion> {
+    motions.iter().copied().filter(|motion| !motion.spans.is_empty()).collect()
+}
+
+/// Below the thinking speed.
+pub(super) fn slow<'a>(motions: &[&Motion], settings: &'a FeatureSettings, total_s: f64) -> Question<'a> {
+    let mut proposed: Vec<Interval> = Vec::new();
+    for span in &motions[0].spans {
+        let slow = |speed: &f64| *speed < settings.thinking_speed_mm_s;
+        for (index, _) in span.speeds().iter().enumerate().filter(|(_, speed)| slow(speed)) {
+            let instant = span.first + index as i64;
+            match proposed.last_mut() {
+                Some(run) if run.last + 1 == instant => run.last = instant,
+                _ => proposed.push(Interval { first: instant, last: instant }),
+            }
+        }
+    }
+    let proposed = proposed.into_iter().filter(|run| run.steps() > 0).map(|run| (run, None)).collect();
+    let amount = |motions: &[&Motion], interval: Interval| {
+        let own = motions.first()?;
+        let speeds = steps(nodes(own, interval)?).map(|(a, b)| (a.velocity.norm(), b.velocity.norm()));
+        Some(speeds.map(|(a, b)| share_below(a, b, settings.thinking_speed_mm_s)).sum::<f64>() * own.step_s)
+    };
+    plain(SLOW, proposed, Box::new(amount), Adds::Up(total_s))
+}
+
+/// Where one hand works alone: any, or one's own. It may pause for a moment meanwhile; only its movements count.
+pub(super) fn alone<'a>(
+    motions: &[&Motion],
+    settings: &'a FeatureSettings,
+    own: bool,
+    share: Option<f64>,
+) -> Option<Question<'a>> {
+    let pair = motions.get(..2)?;
+    let hands = if own { 0..1 } else { 0..2 };
+    let proposed = hands.flat_map(|hand| workings(pair, hand, settings)).map(|run| (run, None)).collect();
+    let total_s = |share: f64| share * count(pair, motions[0].interval, settings, |_| true) * motions[0].step_s;
+    let amount = move |motions: &[&Motion], interval: Interval| {
+        let alone = |at: &[State]| match at {
+            [State::Moving, State::Resting] => true,
+            [State::Resting, State::Moving] => !own,
+            _ => false,
+        };
+        Some(count(motions.get(..2)?, interval, settings, alone) * motions[0].step_s)
+    };
+    let what = if own { THIS_HAND } else { ONE_HAND };
+    Some(plain(what, proposed, Box::new(amount), share.map_or(Adds::Not, |share| Adds::Up(total_s(share)))))
+}
+
+fn plain<'a>(what: What, proposed: Vec<(Interval, Option<Cause>)>, amount: Amount<'a>, adds: Adds) -> Question<'a> {
+    Question { what, proposed, amount, usual: 0.0, less_is_worse: false, adds, errors: Errors::Plainly }
+}
+
+/// For how long a tool is in no movement, s.
+fn rests_s(motion: &Motion, interval: Interval, settings: &FeatureSettings) -> f64 {
+    let moving = movements(motion, settings).iter().filter_map(|movement| movement.interval().common(interval));
+    (interval.steps() - moving.map(Interval::steps).sum::<i64>()) as f64 * motion.step_s
+}
+
+/// What a tool does at an instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Unseen,
+    Resting,
+    Moving,
+}
+
+/// What each tool does at each instant of an interval, instant after instant.
+fn states(motions: &[&Motion], interval: Interval, settings: &FeatureSettings) -> Vec<State> {
+    let tools = motions.len();
+    let mut states = vec![State::Unseen; usize::try_from(interval.steps() + 1).unwrap_or(0) * tools];
+    for (tool, motion) in motions.iter().enumerate() {
+        let mut paint = |spans: &[Span], state: State| {
+            let from = spans.partition_point(|span| span.last() < interval.first);
+            for span in spans[from..].iter().take_while(|span| span.first <= interval.last) {
+                for instant in span.first.max(interval.first)..=span.last().min(interval.last) {
+                    states[(instant - interval.first) as usize * tools + tool] = state;
+                }
+            }
+        };
+        paint(&motion.spans, State::Resting);
+        paint(movements(motion, settings), State::Moving);
+    }
+    states
+}
+
+/// At how many instants all tools are seen and this holds.
+fn count(motions: &[&Motion], interval: Interval, settings: &FeatureSettings, holds: impl Fn(&[State]) -> bool) -> f64 {
+    let states = states(motions, interval, settings);
+    states.chunks_exact(motions.len()).filter(|at| !at.contains(&State::Unseen) && holds(at)).count() as f64
+}
+
+/// Stretches in which all tools rest in sight.
+fn all_resting(motions: &[&Motion], settings: &FeatureSettings) -> Vec<Interval> {
+    let Some(first) = motions.first().map(|motion| motion.interval.first) else { return Vec::new() };
+    let states = states(motions, motions[0].interval, settings);
+    let mut runs: Vec<Interval> = Vec::new();
+    for (instant, at) in (first..).zip(states.chunks_exact(motions.len())) {
+        match runs.last_mut() {
+            _ if at.iter().any(|state| *state != State::Resting) => {}
+            Some(run) if run.last + 1 == instant => run.last = instant,
+            _ => runs.push(Interval { first: instant, last: instant }),
+        }
+    }
+    runs
+}
+
+/// Stretches in which one of two hands works while the other rests in sight, without a pause of both.
+fn workings(pair: &[&Motion], hand: usize, settings: &FeatureSettings) -> Vec<Interval> {
+    let longest = (settings.pause_min_s / settings.step_s).round() as i64;
+    let first = pair[0].interval.first;
+    let (mut runs, mut goes_on) = (Vec::<Interval>::new(), false);
+    for (instant, at) in (first..).zip(states(pair, pair[0].interval, settings).chunks_exact(pair.len())) {
+        match (at[hand], at[1 - hand]) {
+            (State::Moving, State::Resting) => {
+                match runs.last_mut() {
+                    Some(run) if goes_on && instant - run.last < longest => run.last = instant,
+                    _ => runs.push(Interval { first: instant, last: instant }),
+                }
+                goes_on = true;
+            }
+            (State::Resting, State::Resting) => {}
+            _ => goes_on = false,
+        }
+    }
+    runs
+}

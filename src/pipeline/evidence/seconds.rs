@@ -1,0 +1,133 @@
+//! Single seconds: the fastest, the most unsteady, the most crooked, the farthest.
+
+use nalgebra::{Point3, Vector3};
+
+use super::{Adds, Errors, Question, What, nodes, steps};
+use crate::pipeline::features::FeatureSettings;
+use crate::pipeline::features::curvature::bend;
+use crate::pipeline::features::motion::{Interval, Motion, Node};
+use crate::pipeline::features::turning::angle;
+
+/// What a second is weighed by.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Second {
+    /// Mean speed.
+    Fast,
+    /// Mean acceleration.
+    Unsteady,
+    /// Angle about the trocar.
+    Turning(Point3<f64>),
+    /// How far the path bends where it moves.
+    Bending,
+    /// Distance from the mean place.
+    Outlying,
+}
+
+/// What a second of two tools is weighed by.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Between {
+    /// The tips are far apart.
+    Far,
+    /// They are near each other.
+    Near,
+    /// Their distance is not the usual one.
+    Unusual,
+}
+
+/// Length of a stretch, s, and how far apart two of them begin.
+const LENGTH_S: f64 = 1.0;
+const STEP_S: f64 = 0.1;
+
+/// Seconds of one tool.
+pub(super) fn of_tool<'a>(motions: &[&Motion], settings: &'a FeatureSettings, by: Second) -> Question<'a> {
+    let own = motions[0];
+    let (name, unit) = match by {
+        Second::Fast => ("fast", "mm/s"),
+        Second::Unsteady => ("unsteady", "mm/s²"),
+        Second::Turning(_) => ("turning", "rad/s"),
+        Second::Bending => ("bending", "rad/s"),
+        Second::Outlying => ("outlying", "mm"),
+    };
+    let count = own.nodes().count().max(1) as f64;
+    let middle = own.nodes().map(|node| node.position.coords).sum::<Vector3<f64>>() / count;
+    let amount = move |motions: &[&Motion], interval: Interval| {
+        let own = motions.first()?;
+        Some(weight(nodes(own, interval)?, by, middle, own.step_s, settings))
+    };
+    let parts =
+        || own.spans.iter().map(|span| (weight(&span.nodes, by, middle, own.step_s, settings), span.nodes.len()));
+    let usual =
+        parts().map(|(mean, n)| mean * n as f64).sum::<f64>() / parts().map(|(_, n)| n).sum::<usize>().max(1) as f64;
+    Question {
+        what: What { name, unit },
+        proposed: windows(own.spans.iter().map(|span| span.interval()), own.step_s),
+        amount: Box::new(amount),
+        usual,
+        less_is_worse: false,
+        adds: Adds::Not,
+        errors: if matches!(by, Second::Outlying) { Errors::Plainly } else { Errors::InSquares },
+    }
+}
+
+/// The mean of what a second is weighed by.
+fn weight(nodes: &[Node], by: Second, middle: Vector3<f64>, step_s: f64, settings: &FeatureSettings) -> f64 {
+    let mean = |of: &dyn Fn(&Node) -> f64| nodes.iter().map(of).sum::<f64>() / nodes.len() as f64;
+    match by {
+        Second::Fast => mean(&|node| node.velocity.norm()),
+        Second::Unsteady => mean(&|node| node.acceleration.norm()),
+        Second::Outlying => mean(&|node| (node.position.coords - middle).norm()),
+        Second::Bending => mean(&|node| {
+            let speed = node.velocity.norm();
+            if speed < settings.movement_speed_mm_s { 0.0 } else { bend(node) * speed }
+        }),
+        Second::Turning(trocar) => {
+            let turned = steps(nodes).map(|(a, b)| angle(a.position - trocar, b.position - trocar));
+            turned.sum::<f64>() / ((nodes.len() as f64 - 1.0).max(1.0) * step_s)
+        }
+    }
+}
+
+/// Seconds in which both tips are seen, by the distance between them.
+pub(super) fn between<'a>(motions: &[&Motion], by: Between) -> Option<Question<'a>> {
+    let [a, b, ..] = motions else { return None };
+    let both = |of_a: Interval| b.spans.iter().filter_map(move |of_b| of_a.common(of_b.interval()));
+    let seen: Vec<Interval> = a.spans.iter().flat_map(|of_a| both(of_a.interval())).collect();
+    let distances: Vec<f64> = seen.iter().filter_map(|part| distances(&[a, b], *part)).flatten().collect();
+    let mean = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
+    let spread = (distances.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / distances.len().max(1) as f64).sqrt();
+    let amount = move |motions: &[&Motion], interval: Interval| {
+        let all = self::distances(motions, interval)?;
+        let of_second = all.iter().sum::<f64>() / all.len() as f64;
+        Some(if matches!(by, Between::Unusual) { (of_second - mean).abs() } else { of_second })
+    };
+    let (name, usual) = match by {
+        Between::Far => ("far_apart", mean),
+        Between::Near => ("near_each_other", mean),
+        Between::Unusual => ("unusually_apart", spread),
+    };
+    Some(Question {
+        what: What { name, unit: "mm" },
+        proposed: windows(seen.into_iter(), a.step_s),
+        amount: Box::new(amount),
+        usual,
+        less_is_worse: matches!(by, Between::Near),
+        adds: Adds::Not,
+        errors: Errors::Plainly,
+    })
+}
+
+fn distances(motions: &[&Motion], interval: Interval) -> Option<Vec<f64>> {
+    let [a, b, ..] = motions else { return None };
+    let pairs = nodes(a, interval)?.iter().zip(nodes(b, interval)?);
+    Some(pairs.map(|(a, b)| (a.position - b.position).norm()).collect())
+}
+
+/// All seconds of these stretches, counted from the start of each.
+fn windows(stretches: impl Iterator<Item = Interval>, step_s: f64) -> Vec<(Interval, Option<super::Cause>)> {
+    let [length, step] = [LENGTH_S, STEP_S].map(|s| ((s / step_s).round() as i64).max(1));
+    let of_stretch = |Interval { first, last }: Interval| {
+        let starts = (0..).map(move |k| first + k * step).take_while(move |from| from + length <= last);
+        starts.map(move |from| (Interval { first: from, last: from + length }, None))
+    };
+    stretches.flat_map(of_stretch).collect()
+}

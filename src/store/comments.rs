@@ -1,0 +1,125 @@
+//! What people say about seconds of sessions. Who sees a session may say something; a rater reads what other members of staff say
+//! only after a rating of their own, so that nobody rates what they have read.
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found};
+use super::visibility::AskedBy;
+use super::{Scope, Store};
+use crate::domain::comment::NewComment;
+use crate::domain::text::{Name, Remark};
+use crate::ids::{CommentId, PersonId, SessionId};
+
+/// The comments.
+pub struct Comments<'s>(pub(super) &'s Store);
+
+/// Most comments on one session: nobody reads more.
+pub const MOST: i64 = 500;
+
+/// What somebody says about a second of a session, or about a stretch of it.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Comment {
+    /// Its id.
+    pub id: CommentId,
+    /// Who says it; `None` where they are here no more.
+    pub person_id: Option<PersonId>,
+    /// What they are called.
+    pub who: Option<Name>,
+    /// From which second.
+    pub from_s: f64,
+    /// To which; the same for one moment.
+    pub to_s: f64,
+    /// What they say.
+    pub text: Remark,
+    /// When, epoch ms.
+    pub created_at_ms: i64,
+}
+
+/// The comments of a session that somebody may read, and how many more there are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeenComments {
+    /// By their seconds.
+    pub items: Vec<Comment>,
+    /// Of other members of staff, to be read after a rating of one's own.
+    pub hidden: i64,
+}
+
+/// Comments of session `$3` that `$4` may read: their own and the trainee's, and all where `$5` is true. Who is here no more
+/// taught.
+macro_rules! readable {
+    () => {
+        "($5 OR coalesce(comment.person_id = $4, FALSE) OR coalesce(person.role = 'trainee', FALSE))"
+    };
+}
+
+impl Comments<'_> {
+    /// Says something. The session's own second is not checked against its length, which a recording may not tell.
+    pub async fn add(
+        &self,
+        scope: &Scope,
+        session: SessionId,
+        new: NewComment,
+        span: [f64; 2],
+    ) -> StoreResult<Comment> {
+        self.0.sessions().get(scope, session).await?;
+        let person = scope.person().ok_or(StoreError::Forbidden { what: "commenting", whom: "people" })?;
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CommentId::at(self.0.now_ms()));
+        let [from_s, to_s] = span;
+        self.0
+            .write(async move |tx| {
+                let insert = sqlx::query(
+                    "INSERT INTO comment (id, session_id, person_id, from_s, to_s, text, created_at_ms)
+                     SELECT $1, $2, $3, $4, $5, $6, $7 WHERE (SELECT count(*) FROM comment WHERE session_id = $2) < $8",
+                );
+                let insert = insert.bind(id).bind(session).bind(person).bind(from_s).bind(to_s).bind(new.text);
+                let insert = insert.bind(now_ms).bind(MOST).execute(&mut *tx).await.map_err(missing("session"))?;
+                if insert.rows_affected() == 0 {
+                    return Err(StoreError::refused(format!("the session has {MOST} comments; withdraw one first")));
+                }
+                note(tx, &by, now_ms, ("create", "comment"), id).await
+            })
+            .await?;
+        let all = self.of_session(scope, session).await?.items;
+        all.into_iter().find(|comment| comment.id == id).ok_or(not_found("comment"))
+    }
+
+    /// What may be read of a session's comments, by their seconds.
+    pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SeenComments> {
+        self.0.sessions().get(scope, session).await?;
+        let all = !scope.is_staff() || self.0.ratings().has_rated(scope, session).await?;
+        let rows = sqlx::query_as(concat!(
+            "SELECT comment.id, comment.person_id, person.name AS who, from_s, to_s, text, comment.created_at_ms
+             FROM comment LEFT JOIN person ON person.id = comment.person_id
+             WHERE $1 <> 'agent' AND session_id = $3 AND ",
+            readable!(),
+            " ORDER BY from_s, comment.id LIMIT $6"
+        ));
+        let rows = rows.asked_by(scope).bind(session).bind(scope.person()).bind(all).bind(MOST);
+        let items = rows.fetch_all(self.0.readers()).await?;
+        let count = sqlx::query_scalar(concat!(
+            "SELECT count(*) FROM comment LEFT JOIN person ON person.id = comment.person_id
+             WHERE $1 <> 'agent' AND session_id = $3 AND NOT ",
+            readable!()
+        ));
+        let count = count.asked_by(scope).bind(session).bind(scope.person()).bind(all);
+        Ok(SeenComments { items, hidden: count.fetch_one(self.0.readers()).await? })
+    }
+
+    /// Withdraws a comment of one's own. Of another's nobody learns that it is there.
+    pub async fn withdraw(&self, scope: &Scope, session: SessionId, id: CommentId) -> StoreResult<()> {
+        self.0.sessions().get(scope, session).await?;
+        let (by, now_ms, person) = (scope.clone(), self.0.now_ms(), scope.person());
+        self.0
+            .erase(|| {
+                let by = by.clone();
+                async move |tx| {
+                    let sql = "DELETE FROM comment WHERE id = $1 AND session_id = $2 AND person_id = $3";
+                    let deleted = sqlx::query(sql).bind(id).bind(session).bind(person).execute(&mut *tx).await?;
+                    if deleted.rows_affected() == 0 {
+                        return Err(not_found("comment"));
+                    }
+                    note(tx, &by, now_ms, ("withdraw", "comment"), id).await
+                }
+            })
+            .await
+    }
+}

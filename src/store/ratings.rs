@@ -1,0 +1,239 @@
+//! What raters give sessions. Rows are added and never changed; of each rater the latest on a form counts.
+//!
+//! **Blind.** A member of staff sees others' ratings on a form, and their comments, only after a rating of their own; the
+//! session's trainee sees all. Each row remembers whether it was given so: whoever rates again after others did could have read
+//! them.
+
+use std::collections::HashSet;
+
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found};
+use super::visibility::{AskedBy, require_staff, sees_trainee};
+use super::{Scope, Store};
+use crate::domain::feature::FeatureKey;
+use crate::domain::rating::{Form, Mark};
+use crate::domain::session::FeatureSpace;
+use crate::domain::text::Name;
+use crate::domain::trainee::Handedness;
+use crate::ids::{CalibrationId, PersonId, RatingId, ResultId, SessionId, TaskId, TraineeId};
+
+/// The ratings.
+pub struct Ratings<'s>(pub(super) &'s Store);
+
+/// Most ratings that one person gives one session.
+pub const MOST_OF_ONE: i64 = 20;
+
+/// Ratings of a session that are read, the newest ones.
+const MOST_READ: i64 = 1_000;
+
+/// Ratings of a task that agreement and correlations are made of at most, the newest ones.
+const MOST_RATINGS: i64 = 4_000;
+
+/// A rating.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Rating {
+    /// Its id.
+    pub id: RatingId,
+    /// Who gave it; `None` where they are here no more.
+    pub person_id: Option<PersonId>,
+    /// What they are called.
+    pub who: Option<Name>,
+    /// On which form.
+    pub form: Form,
+    /// In which wording.
+    pub form_version: i64,
+    /// The marks, in the form's order.
+    #[sqlx(json)]
+    pub items: Vec<Mark>,
+    /// Was it given before anything of others could be seen?
+    pub is_blind: bool,
+    /// When, epoch ms.
+    pub created_at_ms: i64,
+}
+
+/// The ratings of a session, as far as somebody may see them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SeenRatings {
+    /// The latest of each rater and form, newest first.
+    pub items: Vec<Rating>,
+    /// How many people have rated on each form, oneself included.
+    pub raters: Vec<(Form, usize)>,
+}
+
+/// A blind rating of a session of a task, and whose session it was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GivenRating {
+    /// Of which session.
+    pub session: SessionId,
+    /// When that was recorded, epoch ms.
+    pub recorded_at_ms: i64,
+    /// Whose it is.
+    pub trainee: TraineeId,
+    /// By whom.
+    pub rater: PersonId,
+    /// The marks, in the form's order.
+    pub items: Vec<Mark>,
+}
+
+/// A feature's value of a session's latest result.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SessionValue {
+    /// Of which session.
+    pub session: SessionId,
+    /// The hand that its trainee prefers, if said.
+    pub handedness: Option<Handedness>,
+    /// Version of the program that measured it.
+    pub pipeline: String,
+    /// The camera that it was measured with.
+    pub calibration: CalibrationId,
+    /// Of which feature.
+    pub of: FeatureKey,
+    /// The value, in the feature's unit.
+    pub value: f64,
+}
+
+type GivenRow = (SessionId, i64, TraineeId, PersonId, Json<Vec<Mark>>);
+type ResultRow = (ResultId, SessionId, Option<Handedness>, String, CalibrationId);
+type ValueRow = (ResultId, String, Option<String>, FeatureSpace, f64);
+
+/// The latest blind rating on form `$4` of each session of task `$3` and rater, newest sessions first, at most `$5`.
+macro_rules! given {
+    () => {
+        concat!(
+            "SELECT session.id, session.recorded_at_ms, session.trainee_id, rating.person_id, rating.items
+             FROM session CROSS JOIN rating ON rating.session_id = session.id AND rating.form = $4
+             WHERE session.task_id = $3 AND rating.is_blind = 1 AND rating.person_id IS NOT NULL AND ",
+            sees_trainee!("session.trainee_id"),
+            " AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)
+              AND NOT EXISTS (SELECT 1 FROM rating AS later
+                              WHERE later.session_id = rating.session_id AND later.form = rating.form
+                              AND later.person_id = rating.person_id AND later.is_blind = 1
+                              AND (later.created_at_ms, later.rowid) > (rating.created_at_ms, rating.rowid))
+             ORDER BY session.recorded_at_ms DESC, session.id DESC, rating.id LIMIT $5"
+        )
+    };
+}
+
+impl Ratings<'_> {
+    /// Gives a session a rating; an earlier one of the same rater on the same form is kept and counts no more.
+    pub async fn give(
+        &self,
+        scope: &Scope,
+        session: SessionId,
+        (form, version): (Form, i64),
+        marks: Vec<Mark>,
+    ) -> StoreResult<Rating> {
+        self.0.sessions().get(scope, session).await?;
+        require_staff(scope, "rating sessions")?;
+        let person = scope.person().ok_or(StoreError::Forbidden { what: "rating sessions", whom: "people" })?;
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), RatingId::at(self.0.now_ms()));
+        self.0
+            .write(async move |tx| {
+                let insert = sqlx::query(
+                    "INSERT INTO rating (id, session_id, person_id, form, form_version, items, is_blind, created_at_ms)
+                     SELECT $1, $2, $3, $4, $5, $6,
+                            NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3 AND form = $4)
+                                 AND EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id IS NOT $3 AND form = $4))
+                            AND NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3)
+                                     AND EXISTS (SELECT 1 FROM comment LEFT JOIN person ON person.id = comment.person_id
+                                                 WHERE session_id = $2 AND person_id IS NOT $3
+                                                       AND coalesce(person.role, 'instructor') <> 'trainee')),
+                            $7
+                     WHERE (SELECT count(*) FROM rating WHERE session_id = $2 AND person_id = $3) < $8",
+                );
+                let insert = insert.bind(id).bind(session).bind(person).bind(form).bind(version).bind(Json(marks));
+                let insert = insert.bind(now_ms).bind(MOST_OF_ONE).execute(&mut *tx).await.map_err(missing("session"))?;
+                if insert.rows_affected() == 0 {
+                    let why = format!("you have rated this session {MOST_OF_ONE} times; the last rating stands");
+                    return Err(StoreError::refused(why));
+                }
+                note(tx, &by, now_ms, ("create", "rating"), id).await
+            })
+            .await?;
+        let all = self.of_session(scope, session).await?.items;
+        all.into_iter().find(|rating| rating.id == id).ok_or(not_found("rating"))
+    }
+
+    /// What somebody may see of a session's ratings.
+    pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SeenRatings> {
+        self.0.sessions().get(scope, session).await?;
+        let rows = sqlx::query_as(
+            "SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind, rating.created_at_ms
+             FROM rating LEFT JOIN person ON person.id = rating.person_id
+             WHERE $1 <> 'agent' AND session_id = $3
+             ORDER BY rating.created_at_ms DESC, rating.rowid DESC LIMIT $4",
+        );
+        let rows = rows.asked_by(scope).bind(session).bind(MOST_READ);
+        let mut rows: Vec<Rating> = rows.fetch_all(self.0.readers()).await?;
+        let mut met = HashSet::new();
+        rows.retain(|rating| rating.person_id.is_none_or(|person| met.insert((person, rating.form))));
+        let raters =
+            Form::ALL.iter().map(|form| (*form, rows.iter().filter(|row| row.form == *form).count())).collect();
+        let own: HashSet<Form> = rows.iter().filter(|row| is_own(row, scope)).map(|row| row.form).collect();
+        rows.retain(|row| !scope.is_staff() || own.contains(&row.form));
+        Ok(SeenRatings { items: rows, raters })
+    }
+
+    /// Has who asks rated this session on any form?
+    pub async fn has_rated(&self, scope: &Scope, session: SessionId) -> StoreResult<bool> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM rating WHERE session_id = $1 AND person_id = $2)";
+        Ok(sqlx::query_scalar(sql).bind(session).bind(scope.person()).fetch_one(self.0.readers()).await?)
+    }
+
+    /// The blind ratings of a task's sessions on a form, of those that the scope sees: the last of each rater, newest sessions
+    /// first.
+    pub async fn given(&self, scope: &Scope, task: TaskId, form: Form) -> StoreResult<Vec<GivenRating>> {
+        require_staff(scope, "what raters agree on")?;
+        let rows = sqlx::query_as::<_, GivenRow>(given!());
+        let rows = rows.asked_by(scope).bind(task).bind(form).bind(MOST_RATINGS).fetch_all(self.0.readers()).await?;
+        let given = |(session, recorded_at_ms, trainee, rater, Json(items))| GivenRating {
+            session,
+            recorded_at_ms,
+            trainee,
+            rater,
+            items,
+        };
+        Ok(rows.into_iter().map(given).collect())
+    }
+
+    /// The features of these sessions' latest results, but for those that were refused; of those that the scope sees.
+    pub async fn values(&self, scope: &Scope, sessions: &[SessionId]) -> StoreResult<Vec<SessionValue>> {
+        require_staff(scope, "what ratings go with")?;
+        let results = sqlx::query_as::<_, ResultRow>(concat!(
+            "SELECT result.id, session.id, trainee.handedness, result.pipeline, result.calibration_id
+             FROM session JOIN trainee ON trainee.id = session.trainee_id
+             JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+             WHERE session.id IN (SELECT value FROM json_each($3))
+               AND json_extract(result.quality, '$.verdict') IS NOT 'refused' AND ",
+            sees_trainee!("session.trainee_id")
+        ));
+        let results = results.asked_by(scope).bind(Json(sessions)).fetch_all(self.0.readers()).await?;
+        let ids: Vec<ResultId> = results.iter().map(|row| row.0).collect();
+        let rows = sqlx::query_as::<_, ValueRow>(
+            "SELECT result_id, name, tool, space, value FROM feature
+             WHERE result_id IN (SELECT value FROM json_each($1)) AND value IS NOT NULL",
+        );
+        let rows = rows.bind(Json(ids)).fetch_all(self.0.readers()).await?;
+        let results: std::collections::HashMap<ResultId, ResultRow> =
+            results.into_iter().map(|row| (row.0, row)).collect();
+        let value = |(result, feature, tool, space, value): ValueRow| {
+            let (_, session, handedness, pipeline, calibration) = results.get(&result)?.clone();
+            Some(SessionValue {
+                session,
+                handedness,
+                pipeline,
+                calibration,
+                of: FeatureKey { feature, tool, space },
+                value,
+            })
+        };
+        Ok(rows.into_iter().filter_map(value).collect())
+    }
+}
+
+fn is_own(rating: &Rating, scope: &Scope) -> bool {
+    rating.person_id.is_some() && rating.person_id == scope.person()
+}

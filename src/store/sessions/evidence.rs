@@ -1,0 +1,41 @@
+//! The seconds that made a session's features: kept with each result, read one session at a time.
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::super::Scope;
+use super::super::error::StoreResult;
+use super::super::visibility::{AskedBy, sees_trainee};
+use super::Sessions;
+use crate::domain::evidence::EvidenceRow;
+use crate::ids::{ResultId, SessionId};
+
+impl Sessions<'_> {
+    /// The evidence of a session's latest result; `None` while there is no result, and of one that was stored without.
+    pub async fn evidence(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<Vec<EvidenceRow>>> {
+        let row = sqlx::query_scalar(concat!(
+            "SELECT evidence.rows FROM session
+             JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+             JOIN evidence ON evidence.result_id = result.id
+             WHERE session.id = $3 AND ",
+            sees_trainee!("session.trainee_id")
+        ));
+        let row: Option<Json<Vec<EvidenceRow>>> = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
+        match row {
+            Some(Json(rows)) => Ok(Some(rows)),
+            None => self.get(scope, id).await.map(|_| None),
+        }
+    }
+}
+
+/// Stores a result's evidence, in the result's own transaction.
+pub(in crate::store) async fn insert(
+    tx: &mut SqliteConnection,
+    result: ResultId,
+    rows: Vec<EvidenceRow>,
+) -> StoreResult<()> {
+    let insert = sqlx::query("INSERT INTO evidence (result_id, rows) VALUES ($1, $2)").bind(result).bind(Json(rows));
+    insert.execute(tx).await?;
+    Ok(())
+}

@@ -1,0 +1,105 @@
+//! Ratings, comments and evidence: kept with the session, erased with it, and blind where they should be.
+
+use crate::domain::comment::NewComment;
+use crate::domain::evidence::{EvidenceRow, StretchRow};
+use crate::domain::feature::FeatureKey;
+use crate::domain::rating::{Form, Mark};
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::session::{FeatureSpace, NewResult};
+use crate::domain::text::Key;
+use crate::store::testing::Centre;
+use crate::store::{PageRequest, StoreError};
+
+fn marks(mark: u8) -> Vec<Mark> {
+    vec![Mark { item: "autonomy".to_owned(), mark: Some(mark) }]
+}
+
+fn comment(text: &str) -> NewComment {
+    NewComment { from_s: 2.0, to_s: None, text: text.parse().unwrap() }
+}
+
+fn evidence() -> Vec<EvidenceRow> {
+    let stretch = StretchRow { from_s: 1.0, to_s: 2.0, amount: 1.0, share: None, cause: None };
+    let of = FeatureKey { feature: "idle_share".into(), tool: Some("orange".into()), space: FeatureSpace::Space3d };
+    vec![EvidenceRow { of, what: Some("rest".into()), unit: Some("s".into()), stretches: vec![stretch], none: None }]
+}
+
+#[tokio::test]
+async fn evidence_comes_back_as_it_was_stored_and_its_absence_is_no_empty_list() {
+    let centre = Centre::ready().await;
+    let session = centre.session(centre.trainee("Ana").await.id, "video").await;
+    let (sessions, service) = (centre.store.sessions(), Scope::service());
+    assert_eq!(sessions.evidence(&service, session.id).await.unwrap(), None);
+    let lease = centre.claim().await.unwrap();
+    let result = NewResult { evidence: evidence(), ..centre.result(session.id).await };
+    centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    assert_eq!(sessions.evidence(&service, session.id).await.unwrap(), Some(evidence()));
+    let other = centre.person("omar", Role::Instructor, None).await;
+    let hidden = sessions.evidence(&Scope::instructor(other.id), session.id).await;
+    assert!(matches!(hidden, Err(StoreError::NotFound { .. })));
+}
+
+#[tokio::test]
+async fn a_rating_is_blind_unless_the_rater_could_have_seen_anothers() {
+    let centre = Centre::ready().await;
+    let (ana, one, two) = (
+        centre.trainee("Ana").await,
+        centre.person("ines", Role::Instructor, None).await,
+        centre.person("omar", Role::Instructor, None).await,
+    );
+    centre.group("One", &[&one, &two], &[&ana]).await;
+    let session = centre.session(ana.id, "video").await.id;
+    let (one, two) = (Scope::instructor(one.id), Scope::instructor(two.id));
+    let give = async |by: &Scope, form, mark| {
+        centre.store.ratings().give(by, session, (form, 1), marks(mark)).await.unwrap().is_blind
+    };
+    assert!(give(&one, Form::Goals, 2).await);
+    assert!(give(&one, Form::Goals, 3).await, "nobody else has rated yet");
+    assert!(give(&two, Form::Goals, 5).await);
+    assert!(!give(&one, Form::Goals, 5).await, "by now the other's could be read");
+    assert!(give(&one, Form::Osats, 4).await, "of this form nobody else's could");
+    centre.store.comments().add(&two, session, comment("poor"), [2.0, 2.0]).await.unwrap();
+    assert!(!give(&one, Form::Osats, 1).await, "the other's comment could be read");
+    let given = centre.store.ratings().given(&one, centre.task.id, Form::Goals).await.unwrap();
+    let mut totals: Vec<_> = given.iter().map(|rating| rating.items[0].mark).collect();
+    totals.sort();
+    assert_eq!(totals, [Some(3), Some(5)], "the last blind rating of each");
+}
+
+#[tokio::test]
+async fn what_people_said_and_gave_goes_with_the_trainee_and_every_change_is_noted() {
+    let centre = Centre::ready().await;
+    let (ana, ines) = (centre.trainee("Ana").await, centre.person("ines", Role::Instructor, None).await);
+    centre.group("One", &[&ines], &[&ana]).await;
+    let (session, by) = (centre.session(ana.id, "video").await.id, Scope::instructor(ines.id));
+    centre.store.ratings().give(&by, session, (Form::Goals, 1), marks(3)).await.unwrap();
+    let said = centre.store.comments().add(&by, session, comment("here"), [2.0, 2.0]).await.unwrap();
+    centre.store.comments().withdraw(&by, session, said.id).await.unwrap();
+    centre.store.comments().add(&by, session, comment("there"), [2.0, 2.0]).await.unwrap();
+    let audit = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap();
+    for (action, noun) in [("create", "rating"), ("create", "comment"), ("withdraw", "comment")] {
+        assert!(
+            audit.items.iter().any(|entry| (entry.action.as_str(), entry.noun.as_str()) == (action, noun)),
+            "{action} {noun}"
+        );
+    }
+    centre.store.trainees().erase(&Scope::service(), &Key::from(&ana.id)).await.unwrap();
+    assert_eq!(centre.store.count_said().await, [0, 0]);
+    assert!(centre.store.check().await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn only_people_rate_and_only_staff() {
+    let centre = Centre::ready().await;
+    let ana = centre.trainee("Ana").await;
+    let account = centre.person("ana", Role::Trainee, Some(ana.id)).await;
+    let session = centre.session(ana.id, "video").await.id;
+    for by in [Scope::service(), Scope::trainee(account.id, ana.id)] {
+        let given = centre.store.ratings().give(&by, session, (Form::Goals, 1), marks(5)).await;
+        assert!(matches!(given, Err(StoreError::Forbidden { .. })), "{by:?}");
+    }
+    let own = Scope::trainee(account.id, ana.id);
+    assert!(centre.store.comments().add(&own, session, comment("I was lost"), [2.0, 2.0]).await.is_ok());
+    assert!(centre.store.ratings().given(&own, centre.task.id, Form::Goals).await.is_err());
+}

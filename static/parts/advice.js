@@ -1,0 +1,35 @@
+// What to work on next: at most three things, each with its number, its limit and the seconds that show it.
+import { html } from './preact.js';
+import { number, unit } from '../format.js';
+import { t } from '../texts.js';
+import { amountOf, Jump } from './seconds.js';
+
+const words = t.session.advice;
+
+export function Advice({ advice, playback }) {
+  if (!advice) return null;
+  return html`
+    <section class="card">
+      <header><h2>${words.title}</h2></header>
+      <div class="body stack">
+        ${advice.none && html`<p class="muted">${words.none[advice.none.reason] ?? advice.none.detail}</p>`}
+        ${advice.items.length > 0 && html`<ol class="advice">
+          ${advice.items.map(item => html`<li key=${`${item.feature} ${item.tool} ${item.space}`}><${Item} item=${item}
+            playback=${playback} /></li>`)}
+        </ol>`}
+      </div>
+    </section>`;
+}
+
+function Item({ item, playback }) {
+  const of = unit(item.unit) ? ` ${unit(item.unit)}` : '';
+  return html`
+    <p><strong>${words.rules[item.rule] ?? item.sentence}</strong></p>
+    <p class="small">${words.measured(item.title, item.tool, `${number(item.value)}${of}`, number(item.error.low),
+      number(item.error.high))} ${words.limit[item.better](`${number(item.limit)}${of}`)}</p>
+    <div class="row">
+      <span class="small muted">${words.look}</span>
+      ${item.stretches.map(stretch => html`<${Jump} key=${stretch.from_s} stretch=${stretch} playback=${playback}>
+        <small>${amountOf(stretch, { unit: item.amount_unit })}</small><//>`)}
+    </div>`;
+}
