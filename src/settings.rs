@@ -201,14 +201,27 @@ impl Settings {
         within("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
         within("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
         within("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;
+        within("uploads.import_bytes", uploads.import_bytes as u64, 1_024, 1 << 30)?;
+        within("uploads.import_rows", uploads.import_rows as u64, 2, 10_000_000)?;
         within("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
         within("workers", self.workers as u64, 0, 1_024)?;
+        if let Some(url) = http.public_url.as_ref().filter(|url| !is_web_address(url)) {
+            let expected = "the service's address, such as https://skills.example";
+            return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
+        }
         if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
             let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
             return Err(SettingsError::Value { key: "queue.lease_s", value: queue.lease_s.to_string(), expected });
         }
         Ok(())
     }
+}
+
+/// `http` or `https`, a host, and no more than a path.
+fn is_web_address(text: &str) -> bool {
+    let host = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | ':' | '/' | '[' | ']' | '_' | '~');
+    host.is_some_and(|host| !host.is_empty() && !host.starts_with('/') && host.chars().all(plain))
 }
 
 fn read(path: &Path) -> Result<Table, SettingsError> {

@@ -82,6 +82,11 @@ impl Paging {
         Self { limit, cursor }
     }
 
+    /// The limit that was asked for, if one was.
+    pub fn limit(&self) -> Option<u32> {
+        self.limit
+    }
+
     /// What the store understands.
     pub fn request(self, usual: u32) -> Result<PageRequest, Problem> {
         let limit = self.limit.unwrap_or(usual);

@@ -89,7 +89,7 @@ macro_rules! select_cohorts {
 
 /// What the people of cohort `$1` measured at task `$2`, in their last `$3` sessions of it, of the features `$4` (a JSON
 /// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row
-/// a person: rows cost more on their way out of SQLite than in it.
+/// a person: rows cost more on their way out of SQLite than in it. What was not measured here is compared with nobody.
 macro_rules! values_of_cohort {
     () => {
         concat!(
@@ -106,7 +106,7 @@ macro_rules! values_of_cohort {
              CROSS JOIN feature INDEXED BY feature_named
                  ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
                  AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
-             WHERE cohort.id = $1 AND feature.value IS NOT NULL AND ",
+             WHERE cohort.id = $1 AND feature.value IS NOT NULL AND result.calibration_id IS NOT NULL AND ",
             belongs!(),
             " GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"
         )

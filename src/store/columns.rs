@@ -14,10 +14,11 @@ use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::domain::self_test::Light;
 use crate::domain::session::FeatureSpace;
-use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs};
+use crate::domain::standard::SessionJudgement;
+use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SelfTestId,
+    BoxId, CalibrationId, CohortId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, RescoringId, ResultId, SelfTestId,
     SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 
@@ -53,9 +54,9 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
-    StandardId CohortId
-    Name Login Code FileName Paragraphs BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light
+    StandardId CohortId RescoringId
+    Name Login Code FileName TrackerName Paragraphs BlobHash
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light SessionJudgement
 }
 
 as_text! {

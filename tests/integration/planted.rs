@@ -115,14 +115,14 @@ impl Planter {
         let id = session_of(lease);
         let (pipeline, calibration, palette) = (pipeline.to_owned(), self.calibration, self.palette);
         let result = NewResult {
-            versions: Versions { pipeline, calibration, palette, model: None },
-            video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
+            versions: Versions { pipeline, tracked_with: None, calibration: Some(calibration), palette: Some(palette), model: None },
+            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
             tools: vec!["orange".to_owned()],
             features,
             quality: serde_json::json!({ "frames": 300, "verdict": verdict, "reasons": [], "tools": [] }),
             score: None,
             trajectory: Blob::of(format!("trajectory {id}").as_bytes()),
-            diagnostics: Blob::of(format!("diagnostics {id}").as_bytes()),
+            diagnostics: Some(Blob::of(format!("diagnostics {id}").as_bytes())),
             preview: None,
         };
         self.store.jobs().finish_track(lease, result).await.unwrap();

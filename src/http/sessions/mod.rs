@@ -1,15 +1,21 @@
 //! Recordings that are here, how they stand, and what came of them.
 
+mod features;
 mod files;
+mod import;
 mod live;
 mod read;
+mod results;
 mod send;
 mod show;
 mod trajectory;
 
+pub use features::*;
 pub use files::*;
+pub use import::*;
 pub use live::*;
 pub use read::*;
+pub use results::*;
 pub use send::*;
 pub use show::*;
 pub use trajectory::*;

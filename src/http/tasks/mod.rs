@@ -1,9 +1,11 @@
 //! What trainees do. Everybody reads tasks, staff change them.
 
+mod features;
 mod standards;
 
 use axum::extract::State;
 use axum::http::StatusCode;
+pub use features::*;
 use serde::Serialize;
 pub use standards::*;
 use utoipa::ToSchema;
