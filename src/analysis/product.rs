@@ -264,6 +264,26 @@ mod tests {
     }
 
     #[test]
+    fn what_is_stored_is_assessed_again_to_the_same_bytes_and_one_changed_bit_shows() {
+        let known = KnownBefore { calibration_rms_px: Some(0.3), ..KnownBefore::default() };
+        let first = tracked(|frame| frame % 17 != 3);
+        let stored = Paths::from_bytes(&first.paths).unwrap();
+        let again = assessed(&stored, &known).unwrap();
+        assert!(first.features.iter().filter(|row| row.error.as_ref().is_some_and(Result::is_ok)).count() > 5);
+        assert_eq!(format!("{:?}", again.features), format!("{:?}", first.features));
+        assert_eq!(again.quality.to_string(), first.quality.to_string());
+
+        let mut nudged = stored.clone();
+        nudged.smoothed[40].tip_mm[0] += 1e-9;
+        assert_ne!(assessed(&nudged, &known).unwrap().features, first.features, "a path that was rounded");
+        let mut forgetful = stored.clone();
+        forgetful.tracking.as_mut().unwrap().quality.frames_interlaced = 0;
+        assert_ne!(assessed(&forgetful, &known).unwrap().quality, first.quality, "a tracker's word that was lost");
+        let alone = Paths { tracking: None, ..stored };
+        assert!(assessed(&alone, &known).is_err(), "paths alone are not enough");
+    }
+
+    #[test]
     fn a_refused_session_is_stored_without_a_single_value() {
         let (seen, hidden) = (tracked(|_| true), tracked(|frame| frame % 5 < 2));
         let values = |tracked: &Tracked| tracked.features.iter().filter(|feature| feature.value.is_ok()).count();

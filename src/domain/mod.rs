@@ -18,6 +18,7 @@
 //! | [`blob`] | files by their content |
 //! | [`job`] | kinds and states of work, and what it is about |
 //! | [`feed`] | frames that arrive while they are recorded: records, words, numbers |
+//! | [`rescoring`] | scoring sessions again: what is ordered, what changed |
 //! | [`session`] | states of a recording, versions and features of its result |
 //! | [`xapi`] | sessions as statements for learning record stores |
 //! | [`problem`] | why something did not work, for people |
@@ -33,6 +34,7 @@ pub mod files;
 pub mod job;
 pub mod palette;
 pub mod problem;
+pub mod rescoring;
 pub mod role;
 pub mod scope;
 pub mod secret;

@@ -38,6 +38,7 @@ pub mod protect;
 mod push;
 pub mod range;
 pub mod read;
+pub mod rescorings;
 pub mod router;
 pub mod server;
 pub mod sessions;

@@ -13,7 +13,7 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{
     boxes, cohorts, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect, push,
-    sessions, tasks, tokens,
+    rescorings, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -47,6 +47,11 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(tasks::list, tasks::create))
         .routes(routes!(tasks::get, tasks::change, tasks::delete))
         .routes(routes!(tasks::features))
+        .routes(routes!(rescorings::create))
+        .routes(routes!(rescorings::list))
+        .routes(routes!(rescorings::get, rescorings::cancel))
+        .routes(routes!(rescorings::sessions))
+        .routes(routes!(rescorings::trainees))
         .routes(routes!(tasks::standards, tasks::set_standard))
         .routes(routes!(tasks::propose_standard))
         .routes(routes!(tasks::presets))

@@ -87,6 +87,11 @@ impl Paging {
         self.limit
     }
 
+    /// The same with no more items than these.
+    pub fn at_most(self, most: u32) -> Self {
+        Self { limit: self.limit.map(|limit| limit.min(most)), ..self }
+    }
+
     /// What the store understands.
     pub fn request(self, usual: u32) -> Result<PageRequest, Problem> {
         let limit = self.limit.unwrap_or(usual);

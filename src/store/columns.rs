@@ -10,6 +10,7 @@ use crate::domain::calibration::CalibrationSource;
 use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
+use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::domain::self_test::Light;
@@ -56,7 +57,7 @@ as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
     StandardId CohortId RescoringId
     Name Login Code FileName TrackerName Paragraphs BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light SessionJudgement
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light SessionJudgement RescoringSource RescoringItemState
 }
 
 as_text! {

@@ -42,6 +42,7 @@ mod open;
 mod page;
 mod palettes;
 mod people;
+mod rescorings;
 mod self_tests;
 mod sessions;
 mod standards;
@@ -73,6 +74,9 @@ pub use jobs::{Job, Jobs, Lease, QueueCounts, Swept};
 pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
+pub use rescorings::{
+    Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings,
+};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
 pub use sessions::{
     Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,
@@ -263,6 +267,8 @@ rooms! {
     feeds: Feeds;
     /// Recordings that are here, and what came of them.
     sessions: Sessions;
+    /// Orders to score sessions again.
+    rescorings: Rescorings;
     /// Work that waits, runs or has ended.
     jobs: Jobs;
     /// Which files the database refers to.

@@ -72,6 +72,8 @@ pub struct Source {
 pub struct Video {
     /// Its length; `null` while it arrives.
     bytes: Option<u64>,
+    /// Its fingerprint, 64 hexadecimal digits; `null` while it arrives.
+    sha256: Option<String>,
     media_type: String,
     /// Width as displayed, pixels; known once it was decoded, like the following.
     width: Option<u32>,
@@ -128,6 +130,7 @@ impl Session {
         let facts = result.as_ref().map(|result| result.video);
         let video = Video {
             bytes: session.video_blob().map(|blob| blob.bytes),
+            sha256: session.video.map(|hash| hash.to_string()),
             media_type: session.media_type.clone(),
             width: facts.and_then(|facts| facts.width),
             height: facts.and_then(|facts| facts.height),

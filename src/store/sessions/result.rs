@@ -152,10 +152,11 @@ impl Sessions<'_> {
         Ok(found.iter().map(known).collect())
     }
 
-    /// Is a session of this box being tracked at this moment that came before this place?
+    /// Is a session of this box being tracked at this moment that came before this place? Not one that has a result and is only
+    /// scored or tracked again: a long rescoring must not hold up what is new.
     pub async fn is_tracked_before(&self, of: BoxId, before: SessionPlace) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
-                   WHERE job.state = 'running' AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
+                   WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
         let SessionPlace(created_at_ms, session) = before;
         let found = sqlx::query_scalar(sql).bind(of).bind(created_at_ms).bind(session);
         Ok(found.fetch_one(self.0.readers()).await?)

@@ -5,6 +5,7 @@ mod flow;
 mod full_disk;
 mod isolation;
 mod queue;
+mod rescorings;
 mod schema;
 mod self_tests;
 mod sign_in;

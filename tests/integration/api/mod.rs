@@ -11,6 +11,7 @@ mod playback;
 mod process;
 mod progress;
 mod progress_load;
+mod rescoring;
 mod roles;
 mod self_tests;
 mod sign_in;
