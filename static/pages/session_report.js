@@ -10,8 +10,8 @@ import { ProgressPlot } from '../parts/progress_plot.js';
 import { Facts, limitOf, measured, Provenance, Sheet } from '../parts/report.js';
 
 const words = t.report;
-const MOST_TARGETS = 12; // Of one sheet; what does not fit is said.
-const MOST_ROWS = 18;
+const MOST_TARGETS = 10; // Of one sheet; what does not fit is said.
+const MOST_ROWS = 15; // Of both tables together, which with the longest words still leaves room for the rest.
 const MOST_REASONS = 3;
 
 export default function SessionReport({ route }) {
@@ -71,7 +71,7 @@ function Targets({ features }) {
   return html`
     <section>
       <h2>${words.targets}</h2>
-      <table>
+      <table class="targets">
         <thead><tr><th scope="col">${t.session.feature}</th><th scope="col">${words.target}</th>
           <th scope="col">${words.measured}</th><th scope="col">${words.judgement}</th></tr></thead>
         <tbody>${judged.slice(0, MOST_TARGETS).map(one => html`
@@ -93,7 +93,7 @@ function Values({ session }) {
   const all = featureRows(session.features.filter(feature => !feature.target), '3d');
   const rows = all.filter(row => [...row.byTool.values()].some(one => one.value !== null));
   const targets = Math.min(MOST_TARGETS, session.features.filter(feature => feature.target).length);
-  const shown = rows.slice(0, Math.max(4, MOST_ROWS - targets));
+  const shown = rows.slice(0, Math.max(0, MOST_ROWS - Math.ceil(1.5 * targets)));
   const columns = [...session.tools, null].filter(tool => shown.some(row => row.byTool.has(tool)));
   if (!shown.length) return null;
   return html`

@@ -10,7 +10,7 @@ import { ProgressWords } from '../parts/progress_words.js';
 import { Facts, limitOf, measured, Provenance, Sheet } from '../parts/report.js';
 
 const words = t.report;
-const MOST_SESSIONS = 12; // The last ones; how many came before is said.
+const MOST_SESSIONS = 14; // The last ones; how many came before is said.
 const MOST_FEATURES = 3;
 
 export default function TraineeReport({ route }) {
@@ -35,7 +35,7 @@ export default function TraineeReport({ route }) {
         [words.period, `${date(sessions[0].recorded_at)} – ${date(sessions[sessions.length - 1].recorded_at)}`],
         [words.sessions, words.counted(data.earlier + sessions.length, counted)],
       ]} />
-      <section class="words">${series[0] && html`<${ProgressWords} progress=${data} series=${series[0]} />`}</section>
+      <section class=${data.cohort ? 'words' : 'words alone'}>${series[0] && html`<${ProgressWords} progress=${data} series=${series[0]} />`}</section>
       <${Curves} series=${series} sessions=${sessions} />
       <${Sessions} sessions=${sessions} series=${series} earlier=${data.earlier} />
       <${Provenance} of=${[

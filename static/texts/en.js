@@ -912,7 +912,7 @@ export default {
     people: (name, n) => `${name}, ${plural(n, 'person', 'people')}`,
     traineeId: 'Trainee',
     taskId: 'Task',
-    printed: when => `Printed ${when}. Values are given with half the range in which the true value lies in 95 of 100 sessions.`,
+    printed: when => `Printed ${when}. ±: half the range in which the true value lies in 95 of 100 sessions.`,
   },
   form: { save: 'Save', saving: 'Saving …', cancel: 'Cancel', close: 'Close', optional: 'optional', remove: 'Delete' },
   units: { none: '' },
