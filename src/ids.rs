@@ -83,6 +83,8 @@ ids! {
     CommentId;
     /// A recording that arrives frame by frame; its sender makes the id.
     FeedId;
+    /// An order to score a task's sessions again.
+    RescoringId;
     /// A resumable upload.
     UploadId;
     /// A piece of work in the queue.

@@ -17,7 +17,7 @@
 //! | 1 pure | [`pipeline`] [`simulation`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, serde |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
-//! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`cohorts`] [`events`] [`upkeep`] | axum, sqlx, ffmpeg |
+//! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`cohorts`] [`rescoring`] [`events`] [`upkeep`] | axum, sqlx, ffmpeg |
 //! | 5 rim | [`http`] [`commands`] [`settings`] | sqlx in `http`; `http` never calls `pipeline` |
 //!
 //! # Invariants, as absences
@@ -54,6 +54,7 @@ pub mod events;
 pub mod intake;
 pub mod live;
 pub mod queue;
+pub mod rescoring;
 pub mod upkeep;
 
 pub mod commands;

@@ -23,6 +23,7 @@ use crate::http::settings::HttpSettings;
 use crate::intake::UploadSettings;
 use crate::live::LiveSettings;
 use crate::queue::QueueSettings;
+use crate::rescoring::RescoringSettings;
 use crate::store::StoreSettings;
 
 /// Everything that can be set.
@@ -47,6 +48,8 @@ pub struct Settings {
     pub uploads: UploadSettings,
     /// Recordings that arrive frame by frame.
     pub live: LiveSettings,
+    /// Sessions that are scored again.
+    pub rescoring: RescoringSettings,
     /// Clearing up behind the work.
     pub upkeep: UpkeepSettings,
 }
@@ -72,6 +75,7 @@ impl Default for Settings {
             analysis: AnalysisSettings::default(),
             uploads: UploadSettings::default(),
             live: LiveSettings::default(),
+            rescoring: RescoringSettings::default(),
             upkeep: UpkeepSettings::default(),
         }
     }
@@ -180,7 +184,7 @@ impl Settings {
     }
 
     fn check(&self) -> Result<(), SettingsError> {
-        let Settings { store, queue, http, uploads, upkeep, .. } = self;
+        let Settings { store, queue, http, uploads, rescoring, upkeep, .. } = self;
         within("store.readers", store.readers.into(), 1, 64)?;
         within("store.waiting_writes", store.waiting_writes as u64, 1, 100_000)?;
         within("store.writes_per_commit", store.writes_per_commit as u64, 1, 10_000)?;
@@ -201,14 +205,29 @@ impl Settings {
         within("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
         within("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;
         within("uploads.max_unfinished", uploads.max_unfinished, 1, 1_000_000)?;
+        within("uploads.import_bytes", uploads.import_bytes as u64, 1_024, 1 << 30)?;
+        within("uploads.import_rows", uploads.import_rows as u64, 2, 10_000_000)?;
+        within("rescoring.open", rescoring.open.into(), 1, 1_000)?;
+        within("rescoring.look_ms", rescoring.look_ms, 1, 3_600_000)?;
         within("upkeep.collect_s", upkeep.collect_s, 1, 86_400)?;
         within("workers", self.workers as u64, 0, 1_024)?;
+        if let Some(url) = http.public_url.as_ref().filter(|url| !is_web_address(url)) {
+            let expected = "the service's address, such as https://skills.example";
+            return Err(SettingsError::Value { key: "http.public_url", value: url.clone(), expected });
+        }
         if queue.lease_s < 2 * queue.heartbeat_s || queue.lease_s > 86_400 {
             let expected = "at least two heartbeats (queue.heartbeat_s) and at most a day";
             return Err(SettingsError::Value { key: "queue.lease_s", value: queue.lease_s.to_string(), expected });
         }
         Ok(())
     }
+}
+
+/// `http` or `https`, a host, and no more than a path.
+fn is_web_address(text: &str) -> bool {
+    let host = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | ':' | '/' | '[' | ']' | '_' | '~');
+    host.is_some_and(|host| !host.is_empty() && !host.starts_with('/') && host.chars().all(plain))
 }
 
 fn read(path: &Path) -> Result<Table, SettingsError> {

@@ -141,6 +141,7 @@ export const api = {
     /** What its frames show while it arrives. */
     watch: (id, query) => new WebSocket(socketAddress(['sessions', id, 'live'], query)),
     videoAddress: id => address(['sessions', id, 'video']),
+    featuresAddress: (id, format) => address(['sessions', id, 'features'], { format }),
     trajectoryAddress: (id, format) => address(['sessions', id, 'trajectory'], { format, kind: 'smoothed' }),
   },
   /** tus 1.0.0; the protocol itself is tus-js-client's. */

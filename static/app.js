@@ -24,6 +24,11 @@ const PAGES = [
     at: path => path[0] === 'sessions' && path.length === 2,
     load: () => import('./pages/session.js'),
   },
+  {
+    name: 'sessions',
+    at: path => path[0] === 'sessions' && path.length === 3 && path[2] === 'report',
+    load: () => import('./pages/session_report.js'),
+  },
   { name: 'wall', at: path => path[0] === 'live', load: () => import('./pages/wall.js'), needs: 'watch' },
   { name: 'upload', at: path => path[0] === 'upload', load: () => import('./pages/upload.js') },
   { name: 'record', at: path => path[0] === 'record', load: () => import('./pages/record.js') },
@@ -37,6 +42,11 @@ const PAGES = [
     name: 'trainees',
     at: path => path[0] === 'trainees' && path.length === 2,
     load: () => import('./pages/trainee.js'),
+  },
+  {
+    name: 'trainees',
+    at: path => path[0] === 'trainees' && path.length === 3 && path[2] === 'report',
+    load: () => import('./pages/trainee_report.js'),
   },
   { name: 'tasks', at: path => path[0] === 'tasks', load: () => import('./pages/tasks.js'), needs: 'edit_tasks' },
   {

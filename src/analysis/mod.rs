@@ -5,7 +5,8 @@
 //!    ▲                                     │ records
 //!    └── save (one transaction) ◀── assess ◀── receipt (checks every record)
 //! ```
-//! Pixels are touched in the child alone; the parent sees numbers, and believes none of them unchecked.
+//! Pixels are touched in the child alone; the parent sees numbers, and believes none of them unchecked. A path that lies here already, or
+//! that another tracker sent, has no pixels: `again.rs` assesses it without a child.
 
 pub mod calibration;
 pub mod child;
@@ -14,6 +15,7 @@ pub mod paths;
 pub mod protocol;
 pub mod self_test;
 
+mod again;
 mod attempt;
 mod diagnostics;
 mod orders;

@@ -52,8 +52,13 @@ pub(super) struct KnownBefore {
 }
 
 impl Orders {
-    /// Looks up what a job needs.
-    pub(super) async fn for_job(job: &JobInput, store: &Store, vault: &Vault, now: &str) -> Result<Self, WorkError> {
+    /// Looks up what a job needs; `None` where there is nothing to decode and so nothing for a child ([`super::again`]).
+    pub(super) async fn for_job(
+        job: &JobInput,
+        store: &Store,
+        vault: &Vault,
+        now: &str,
+    ) -> Result<Option<Self>, WorkError> {
         let blobs = job.blobs();
         if blobs.len() > MOST_INPUTS {
             return Err(too_many_files(blobs.len()).into());
@@ -67,18 +72,16 @@ impl Orders {
             JobInput::Track(input) => {
                 let camera = store.calibrations().get(&Scope::service(), input.calibration).await?;
                 known.calibration_rms_px = camera.rms_px;
-                let session = store.sessions().get(&Scope::service(), input.session).await?;
-                let before = SessionPlace(session.created_at_ms, session.id);
-                let (of, calibration) = (session.box_id, input.calibration);
-                earlier = Some(Earlier { of, calibration, before, open_before: before });
+                earlier = Some(Earlier::than(input.session, input.calibration, store).await?);
                 Work::Track(track(input, camera.camera.camera().into(), store).await?)
             }
+            JobInput::Import(_) | JobInput::Rescore(_) => return Ok(None),
             JobInput::Palette(input) => Work::Palette(palette(input)?),
             JobInput::Advice(_) => Work::Advise,
             JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
             JobInput::SelfTest(input) => Work::SelfTest(self_test(input, store).await?),
         };
-        Ok(Self { work, inputs, known, earlier })
+        Ok(Some(Self { work, inputs, known, earlier }))
     }
 }
 
@@ -88,6 +91,13 @@ async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result
 }
 
 impl Earlier {
+    /// Those before this session.
+    pub(super) async fn than(id: SessionId, calibration: CalibrationId, store: &Store) -> Result<Self, StoreError> {
+        let session = store.sessions().get(&Scope::service(), id).await?;
+        let before = SessionPlace(session.created_at_ms, session.id);
+        Ok(Self { of: session.box_id, calibration, before, open_before: before })
+    }
+
     /// Where trocars were in them; `None` while one is being tracked that may tell: what a session is held against must not
     /// depend on which worker was quicker. Those that wait in the queue, as after a crash, are not waited for: there may be
     /// no worker for them.

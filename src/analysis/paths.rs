@@ -1,13 +1,17 @@
-//! The stored form of a session's three paths: one blob, exact to the last bit, read back one path at a time.
+//! The stored form of a session's three paths, with what the tracker said of how they came about: one blob, exact to the last bit,
+//! read back one path at a time. It holds all that a session is scored by, so that scoring it again gives the same bytes.
 
 use serde::{Deserialize, Serialize};
 
-use super::protocol::{PathRow, decode, encode};
+use super::protocol::{PathRow, QualityShape, decode, encode};
 pub use crate::pipeline::trajectory::Kind;
 use crate::pipeline::trajectory::{self, Sample, Trajectory};
 
 /// Begins every blob of this form; the last byte is its version.
-const MAGIC: [u8; 8] = *b"trocarP\x01";
+const MAGIC: [u8; 8] = *b"trocarP\x02";
+
+/// The form without the tracker's words, which ends where they begin: written up to pipeline version 8.
+const MAGIC_OF_PATHS_ALONE: [u8; 8] = *b"trocarP\x01";
 
 /// Why a blob gives no path.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +40,17 @@ pub struct Paths {
     pub filtered: Vec<PathRow>,
     /// Smoother.
     pub smoothed: Vec<PathRow>,
+    /// How the tracker fared; `None` where another tracker made the path, and in blobs from before this was kept.
+    pub tracking: Option<Tracked>,
+}
+
+/// How a recording was tracked, as far as its score depends on it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tracked {
+    /// Counts, gaps, colours, light.
+    pub quality: QualityShape,
+    /// Frames that the container announced, if it did.
+    pub frames_expected: Option<u64>,
 }
 
 impl Paths {
@@ -48,6 +63,9 @@ impl Paths {
 
     /// From a blob.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PathsError> {
+        if let Some(content) = bytes.strip_prefix(&MAGIC_OF_PATHS_ALONE) {
+            return decode(&[content, &[0]].concat()).map_err(PathsError::Damaged); // an absent value is one zero
+        }
         let content = bytes.strip_prefix(&MAGIC).ok_or(PathsError::NotPaths)?;
         decode(content).map_err(PathsError::Damaged)
     }
@@ -109,11 +127,20 @@ mod tests {
                 raw: vec![],
                 filtered: smoothed.clone(),
                 smoothed,
+                tracking: None,
             };
             let read = Paths::from_bytes(&paths.to_bytes().unwrap()).unwrap();
             prop_assert_eq!(&read, &paths);
             let rows: Vec<PathRow> = read.trajectory(Kind::Smoothed).samples.iter().map(PathRow::from).collect();
             prop_assert_eq!(rows, paths.smoothed);
+        }
+
+        #[test]
+        fn a_blob_from_before_the_trackers_words_were_kept_still_gives_its_paths(rows in prop::collection::vec(row(), 0..20)) {
+            let (tools, times): (Vec<String>, Vec<f64>) = (vec!["orange".into()], vec![0.5]);
+            let content = encode(&(&tools, &times, &rows, &rows, &rows)).unwrap();
+            let read = Paths::from_bytes(&[&MAGIC_OF_PATHS_ALONE[..], &content].concat()).unwrap();
+            prop_assert_eq!((read.smoothed, read.tracking), (rows, None));
         }
 
         #[test]

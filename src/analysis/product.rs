@@ -1,10 +1,11 @@
-//! From what a child said to what is stored: assessed, coded, named by the versions that made it.
+//! From what a child said to what is stored: assessed, coded, named by the versions that made it. What is stored is assessed again
+//! in the same way ([`super::again`]).
 
 use serde_json::Value;
 
 use super::diagnostics::Diagnostics;
 use super::orders::KnownBefore;
-use super::paths::{Paths, PathsError};
+use super::paths::{self, Paths, PathsError};
 use super::protocol::{PaletteShape, encode};
 use super::receipt::Heard;
 use crate::domain::boxes::BoxTool;
@@ -18,12 +19,12 @@ use crate::domain::palette::{LabelCount, NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
 use crate::domain::session::{FeatureError, FeatureRow, Versions, VideoFacts};
 use crate::pipeline::PIPELINE_VERSION;
-use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
+use crate::pipeline::assessment::{AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
 use crate::pipeline::features::errors::ErrorBar;
 use crate::pipeline::quality::{self, Evidence};
-use crate::pipeline::tracker::{MotionSettings, ToolQuality};
-use crate::pipeline::trajectory::{Kind, Trajectory};
+use crate::pipeline::tracker::{MotionSettings, Quality, ToolQuality};
+use crate::pipeline::trajectory::{Kind, SampleState, Trajectory};
 
 /// Why what a child said makes no result, although each record was in order.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +70,6 @@ impl Tracked {
     ) -> Result<Self, ProductError> {
         let (width, height) = heard.size.ok_or(ProductError::Missing("a picture size"))?;
         let summary = heard.quality.ok_or(ProductError::Missing("a summary"))?;
-        let (counts, frames_interlaced) = (summary.quality(&tools), Some(summary.frames_interlaced));
         let diagnostics = Diagnostics::new((width, height), &tools, &heard.seen).to_json()?;
         let video = facts(width, height, &heard.times_s);
         let paths = Paths {
@@ -78,26 +78,15 @@ impl Tracked {
             raw: heard.raw,
             filtered: heard.filtered,
             smoothed: heard.smoothed,
+            tracking: Some(paths::Tracked { quality: summary, frames_expected: heard.frames_expected }),
         };
-        let smoothed = paths.trajectory(Kind::Smoothed);
-        let figures = quality::measure(&Evidence {
-            smoothed: &smoothed,
-            others: Some(&paths),
-            tracker: Some(&counts),
-            motion: MotionSettings::default(),
-            calibration_rms_px: known.calibration_rms_px,
-            frames_expected: heard.frames_expected,
-            frames_interlaced,
-            ports: Some(&known.ports),
-        });
-        let verdict = quality::judge(&figures);
-        let assessment = assessed(&smoothed, &counts.tools, verdict.is_refused());
+        let Assessed { features, evidence, quality } = assessed(&paths, known)?;
         Ok(Self {
             versions: versions(input),
             video,
-            features: assessment.features.iter().map(|value| feature_row(value, &tools)).collect(),
-            evidence: assessment.evidence.iter().take(MOST_ROWS).map(|of| EvidenceRow::of(of, &tools)).collect(),
-            quality: serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?,
+            features,
+            evidence,
+            quality,
             paths: paths.to_bytes()?,
             diagnostics,
             preview: heard.preview,
@@ -106,20 +95,77 @@ impl Tracked {
     }
 }
 
+/// What is made of a session's paths, and nothing else.
+#[derive(Debug, PartialEq)]
+pub(super) struct Assessed {
+    pub(super) features: Vec<FeatureRow>,
+    pub(super) evidence: Vec<EvidenceRow>,
+    pub(super) quality: Value,
+}
+
+impl Assessed {
+    /// Every feature and what made it; without their values where the session is refused.
+    fn of(path: &Trajectory, tools: &[ToolQuality], is_refused: bool, quality: Value) -> Self {
+        let assessment = assess(path, tools, &AssessmentSettings::default());
+        let assessment = if is_refused { assessment.withheld() } else { assessment };
+        Self {
+            features: assessment.features.iter().map(|value| feature_row(value, &path.tools)).collect(),
+            evidence: assessment.evidence.iter().take(MOST_ROWS).map(|of| EvidenceRow::of(of, &path.tools)).collect(),
+            quality,
+        }
+    }
+}
+
+/// Judges and assesses paths that were tracked here: the same paths and the same knowledge give the same bytes.
+pub(super) fn assessed(paths: &Paths, known: &KnownBefore) -> Result<Assessed, ProductError> {
+    let tracking = paths.tracking.as_ref().ok_or(ProductError::Missing("how it was tracked"))?;
+    let counts = tracking.quality.quality(&paths.tools);
+    let smoothed = paths.trajectory(Kind::Smoothed);
+    let figures = quality::measure(&Evidence {
+        smoothed: &smoothed,
+        others: Some(paths),
+        tracker: Some(&counts),
+        motion: MotionSettings::default(),
+        calibration_rms_px: known.calibration_rms_px,
+        frames_expected: tracking.frames_expected,
+        frames_interlaced: Some(tracking.quality.frames_interlaced),
+        ports: Some(&known.ports),
+    });
+    let verdict = quality::judge(&figures);
+    let quality = serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?;
+    Ok(Assessed::of(&smoothed, &counts.tools, verdict.is_refused(), quality))
+}
+
+/// Judges and assesses rows that came alone: nothing is known of how they were measured, so the gate judges by the path, and a
+/// value has an error bar only where the rows state how far they may be off.
+pub(super) fn assessed_rows(path: &Trajectory, frames: u64) -> Result<Assessed, ProductError> {
+    let figures = quality::measure(&Evidence::of_path(path));
+    let verdict = quality::judge(&figures);
+    let of_tool = |(tool, name): (usize, &String)| {
+        let count = |state| path.of_tool(tool).filter(|sample| sample.state == state).count() as u64;
+        let (observed, predicted) = (count(SampleState::Observed), count(SampleState::Predicted));
+        let missing = frames.saturating_sub(observed + predicted);
+        ToolQuality { tool: name.clone(), observed, predicted, missing, ..ToolQuality::default() }
+    };
+    let counts = Quality { frames, tools: path.tools.iter().enumerate().map(of_tool).collect(), light: Vec::new() };
+    let quality = serde_json::to_value(QualityDocument::new(&counts, &figures, &verdict))?;
+    Ok(Assessed::of(path, &[], verdict.is_refused(), quality))
+}
+
 fn versions(input: &TrackInput) -> Versions {
     let TrackInput { calibration, palette, .. } = *input;
-    Versions { pipeline: PIPELINE_VERSION.to_owned(), calibration, palette, model: None }
+    Versions {
+        pipeline: PIPELINE_VERSION.to_owned(),
+        tracked_with: None,
+        calibration: Some(calibration),
+        palette: Some(palette),
+        model: None,
+    }
 }
 
 fn facts(width: u32, height: u32, times_s: &[f64]) -> VideoFacts {
     let duration_s = times_s.last().zip(times_s.first()).map_or(0.0, |(last, first)| last - first);
-    VideoFacts { width, height, frames: times_s.len() as u64, duration_s }
-}
-
-/// Every feature and what made it; without their values where the session is refused.
-fn assessed(path: &Trajectory, tools: &[ToolQuality], is_refused: bool) -> Assessment {
-    let assessment = assess(path, tools, &AssessmentSettings::default());
-    if is_refused { assessment.withheld() } else { assessment }
+    VideoFacts { width: Some(width), height: Some(height), frames: times_s.len() as u64, duration_s }
 }
 
 fn feature_row(value: &FeatureValue, tools: &[String]) -> FeatureRow {
@@ -221,6 +267,26 @@ mod tests {
         let known = KnownBefore { calibration_rms_px: Some(0.3), ..KnownBefore::default() };
         let input = TrackInput { session, video, calibration, palette };
         Tracked::new(&input, vec!["orange".into()], &known, heard).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn what_is_stored_is_assessed_again_to_the_same_bytes_and_one_changed_bit_shows() {
+        let known = KnownBefore { calibration_rms_px: Some(0.3), ..KnownBefore::default() };
+        let first = tracked(|frame| frame % 17 != 3);
+        let stored = Paths::from_bytes(&first.paths).unwrap();
+        let again = assessed(&stored, &known).unwrap();
+        assert!(first.features.iter().filter(|row| row.error.as_ref().is_some_and(Result::is_ok)).count() > 5);
+        assert_eq!(format!("{:?}", again.features), format!("{:?}", first.features));
+        assert_eq!(again.quality.to_string(), first.quality.to_string());
+
+        let mut nudged = stored.clone();
+        nudged.smoothed[40].tip_mm[0] += 1e-9;
+        assert_ne!(assessed(&nudged, &known).unwrap().features, first.features, "a path that was rounded");
+        let mut forgetful = stored.clone();
+        forgetful.tracking.as_mut().unwrap().quality.frames_interlaced = 0;
+        assert_ne!(assessed(&forgetful, &known).unwrap().quality, first.quality, "a tracker's word that was lost");
+        let alone = Paths { tracking: None, ..stored };
+        assert!(assessed(&alone, &known).is_err(), "paths alone are not enough");
     }
 
     #[test]

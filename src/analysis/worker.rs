@@ -105,7 +105,8 @@ impl Workshop {
     async fn attend(&self, mut held: Held, shutdown: &Shutdown) -> Result<(), WorkError> {
         let now = to_rfc3339(self.clock.now_ms());
         let orders = match Orders::for_job(&held.job().input, &self.store, &self.vault, &now).await {
-            Ok(orders) => orders,
+            Ok(Some(orders)) => orders,
+            Ok(None) => return self.score_again(held, shutdown).await,
             Err(error) => return self.stumble(held, error).await,
         };
         let (tools, known, earlier) = (tool_names(&orders.work), orders.known.clone(), orders.earlier);
@@ -123,7 +124,7 @@ impl Workshop {
     }
 
     /// A job that cannot be done fails. Where the machine failed, the job is handed back and nothing is counted against it.
-    async fn stumble(&self, held: Held, error: WorkError) -> Result<(), WorkError> {
+    pub(super) async fn stumble(&self, held: Held, error: WorkError) -> Result<(), WorkError> {
         match error {
             WorkError::Impossible(problem) => Ok(held.fail(problem).await.map(drop)?),
             WorkError::Store(StoreError::NotFound { what }) => Ok(held.fail(gone(what)).await.map(drop)?),
@@ -176,7 +177,7 @@ impl Workshop {
     }
 
     /// Where trocars were in earlier sessions, once all of them that are being tracked have ended; `None` if the service ends.
-    async fn ports(
+    pub(super) async fn ports(
         &self,
         held: &Held,
         earlier: Option<Earlier>,
@@ -217,6 +218,7 @@ impl Workshop {
                 let assess = move || Tracked::new(&input, tools, &known, heard);
                 self.save_tracking(held, tokio::task::spawn_blocking(assess).await).await
             }
+            JobInput::Import(_) | JobInput::Rescore(_) => Ok(held.give_back().await?), // no child speaks of these
             JobInput::Palette(input) => match product::palette(&input.annotations, heard) {
                 Ok(new) => {
                     held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await?;
@@ -281,7 +283,7 @@ impl Workshop {
             quality: tracked.quality,
             score: None,
             trajectory: trajectory.blob(),
-            diagnostics: diagnostics.blob(),
+            diagnostics: Some(diagnostics.blob()),
             preview: preview.as_ref().map(Kept::blob),
         };
         Ok((result, [Some(trajectory), Some(diagnostics), preview].into_iter().flatten().collect()))
@@ -320,7 +322,7 @@ fn tool_names(work: &Work) -> Vec<String> {
     }
 }
 
-fn crashed(reason: &str) -> Problem {
+pub(super) fn crashed(reason: &str) -> Problem {
     let detail = format!("the process that worked on it {reason}; after three times it is not tried again by itself");
     Problem::new("analysis-crashed", "The analysis did not survive this file", detail)
 }

@@ -107,7 +107,7 @@ fn place(
     let like = Like {
         of,
         pipeline: &outcome.pipeline,
-        calibration: Some(outcome.calibration),
+        calibration: outcome.calibration,
         handedness: whom.handedness,
         without: Some(whom.trainee),
     };

@@ -31,6 +31,7 @@ use crate::http::{router, server};
 use crate::intake::Intake;
 use crate::live::{self, Feeds, OpenFeeds};
 use crate::queue::Queue;
+use crate::rescoring::{self, RescoringSettings};
 use crate::sandbox::{self, Program};
 use crate::settings::{Flags, Settings, UpkeepSettings};
 use crate::shutdown::Shutdown;
@@ -226,6 +227,7 @@ pub async fn start(
     };
     let app = App::new(parts);
     keep_up(&app, &settings.upkeep);
+    keep_rescoring(&app, settings.rescoring);
     workshop(&app, settings.analysis, child).open(settings.workers, &shutdown);
     let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
     let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
@@ -254,6 +256,14 @@ fn keep_up(app: &App, settings: &UpkeepSettings) {
     let (app, every) = (app.clone(), Duration::from_secs(settings.collect_s.max(1)));
     let stop = app.shutdown.clone();
     stop.clone().spawn(async move { upkeep::keep(&app.store, &app.vault, every, app.clock.clone(), &stop).await });
+}
+
+/// Starts what looks after orders to score sessions again.
+fn keep_rescoring(app: &App, settings: RescoringSettings) {
+    let (app, stop) = (app.clone(), app.shutdown.clone());
+    stop.clone().spawn(async move {
+        rescoring::keep(&app.store, &app.queue, &settings, app.clock.clone(), &stop).await;
+    });
 }
 
 /// Where the workers work.

@@ -18,13 +18,18 @@ use super::blob::Blob;
 use super::calibration::BoardSize;
 use super::files::annotations::AnnotationsFile;
 use super::named;
-use crate::ids::{BoxId, CalibrationId, PaletteId, PersonId, SessionId};
+use super::text::TrackerName;
+use crate::ids::{BoxId, CalibrationId, PaletteId, PersonId, ResultId, SessionId};
 
 named! {
     /// What kind of work.
     JobKind: "job kind" {
         /// Track a session's recording and score it.
         Track = "track",
+        /// Score a path that another tracker measured.
+        Import = "import",
+        /// Score a session's stored path again.
+        Rescore = "rescore",
         /// Make a box's next calibration from pictures of a checkerboard.
         Calibrate = "calibrate",
         /// Collect a box's next colour samples from marked frames, or find out which tapes suit it.
@@ -50,12 +55,27 @@ named! {
     }
 }
 
+/// Whose turn comes first; among equals, who has waited longest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Turn {
+    /// Work about boxes: sessions wait for it.
+    Box = 0,
+    /// New sessions: people wait for them.
+    Session = 1,
+    /// Sessions that have a result already.
+    Again = 2,
+}
+
 /// What a job works on, as it is stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum JobInput {
     /// Track a session.
     Track(TrackInput),
+    /// Score a path that came alone.
+    Import(ImportInput),
+    /// Score a stored path again.
+    Rescore(RescoreInput),
     /// Calibrate a box's camera.
     Calibrate(CalibrateInput),
     /// Collect a box's colour samples.
@@ -78,6 +98,28 @@ pub struct TrackInput {
     pub calibration: CalibrationId,
     /// With which colour samples.
     pub palette: PaletteId,
+}
+
+/// Rows of another tracker.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImportInput {
+    /// Whose.
+    pub session: SessionId,
+    /// The table as it was sent.
+    pub table: Blob,
+    /// Who measured it.
+    pub tracker: TrackerName,
+}
+
+/// A session's result, whose path is scored as the present program does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RescoreInput {
+    /// Whose.
+    pub session: SessionId,
+    /// Which of its results.
+    pub result: ResultId,
+    /// The paths of that result.
+    pub trajectory: Blob,
 }
 
 /// Pictures of a checkerboard.
@@ -158,9 +200,20 @@ impl JobInput {
     pub fn kind(&self) -> JobKind {
         match self {
             JobInput::Track(_) => JobKind::Track,
+            JobInput::Import(_) => JobKind::Import,
+            JobInput::Rescore(_) => JobKind::Rescore,
             JobInput::Calibrate(_) => JobKind::Calibrate,
             JobInput::Palette(_) | JobInput::Advice(_) => JobKind::Palette,
             JobInput::SelfTest(_) => JobKind::SelfTest,
+        }
+    }
+
+    /// Whose turn it is for.
+    pub fn turn(&self) -> Turn {
+        match self {
+            JobInput::Track(_) | JobInput::Import(_) => Turn::Session,
+            JobInput::Rescore(_) => Turn::Again,
+            JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) | JobInput::SelfTest(_) => Turn::Box,
         }
     }
 
@@ -168,6 +221,8 @@ impl JobInput {
     pub fn session(&self) -> Option<SessionId> {
         match self {
             JobInput::Track(track) => Some(track.session),
+            JobInput::Import(import) => Some(import.session),
+            JobInput::Rescore(rescore) => Some(rescore.session),
             JobInput::Calibrate(_) | JobInput::Palette(_) | JobInput::Advice(_) | JobInput::SelfTest(_) => None,
         }
     }
@@ -175,7 +230,7 @@ impl JobInput {
     /// The box it is about, if it is about one.
     pub fn of_box(&self) -> Option<BoxId> {
         match self {
-            JobInput::Track(_) => None,
+            JobInput::Track(_) | JobInput::Import(_) | JobInput::Rescore(_) => None,
             JobInput::Calibrate(calibrate) => Some(calibrate.of),
             JobInput::Palette(palette) => Some(palette.of),
             JobInput::Advice(advice) => Some(advice.of),
@@ -187,6 +242,8 @@ impl JobInput {
     pub fn blobs(&self) -> Vec<Blob> {
         match self {
             JobInput::Track(track) => vec![track.video],
+            JobInput::Import(import) => vec![import.table],
+            JobInput::Rescore(rescore) => vec![rescore.trajectory],
             JobInput::Advice(advice) => vec![advice.picture.blob],
             JobInput::SelfTest(test) => vec![test.file.blob],
             JobInput::Calibrate(CalibrateInput { files, .. }) | JobInput::Palette(PaletteInput { files, .. }) => {

@@ -22,9 +22,11 @@
 //! | [`blob`] | files by their content |
 //! | [`job`] | kinds and states of work, and what it is about |
 //! | [`feed`] | frames that arrive while they are recorded: records, words, numbers |
+//! | [`rescoring`] | scoring sessions again: what is ordered, what changed |
 //! | [`session`] | states of a recording, versions and features of its result |
+//! | [`xapi`] | sessions as statements for learning record stores |
 //! | [`problem`] | why something did not work, for people |
-//! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, truth |
+//! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, features, truth |
 
 pub mod advice;
 pub mod blob;
@@ -40,6 +42,7 @@ pub mod job;
 pub mod palette;
 pub mod problem;
 pub mod rating;
+pub mod rescoring;
 pub mod role;
 pub mod scope;
 pub mod secret;
@@ -49,6 +52,7 @@ pub mod standard;
 pub mod task;
 pub mod text;
 pub mod trainee;
+pub mod xapi;
 
 /// An enumeration whose values have one name each, in files, API and database alike.
 macro_rules! named {

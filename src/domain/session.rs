@@ -7,9 +7,9 @@ use super::blob::Blob;
 use super::evidence::EvidenceRow;
 use super::job::JobState;
 use super::named;
-use super::text::FileName;
-use crate::ids::{BoxId, CalibrationId, PaletteId, TaskId, TraineeId};
-use crate::pipeline::features;
+use super::text::{FileName, TrackerName};
+use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, TaskId, TraineeId};
+use crate::pipeline::{PIPELINE_VERSION, features};
 
 named! {
     /// How a session stands, for people.
@@ -58,27 +58,36 @@ pub struct NewSession {
     pub media_type: String,
 }
 
+/// What names a result's version where the path came from another tracker: numbers of different trackers are no more mixed
+/// unknowingly than those of different versions of this one.
+pub fn version_of_rows(tracker: &TrackerName) -> String {
+    format!("{PIPELINE_VERSION} on rows by {tracker}")
+}
+
 /// Everything that a result depends on besides the recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Versions {
-    /// [`crate::pipeline::PIPELINE_VERSION`] of the program that made it.
+    /// [`crate::pipeline::PIPELINE_VERSION`] of the program that made it; with the tracker's name, where it is of another tracker's
+    /// rows ([`version_of_rows`]).
     pub pipeline: String,
-    /// The box's camera.
-    pub calibration: CalibrationId,
-    /// The box's colours.
-    pub palette: PaletteId,
+    /// The same of the program that tracked, where a later one has scored its path again; `null`: `pipeline`.
+    pub tracked_with: Option<String>,
+    /// The box's camera; `null` where it was not measured here.
+    pub calibration: Option<CalibrationId>,
+    /// The box's colours; `null` where it was not measured here.
+    pub palette: Option<PaletteId>,
     /// The model that scored it, if one did.
     pub model: Option<String>,
 }
 
-/// What decoding a recording showed.
+/// What decoding a recording showed, or the rows of another tracker.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VideoFacts {
-    /// Width as displayed, pixels.
-    pub width: u32,
+    /// Width as displayed, pixels; `None` without a picture.
+    pub width: Option<u32>,
     /// Height as displayed, pixels.
-    pub height: u32,
-    /// Decoded frames.
+    pub height: Option<u32>,
+    /// Decoded frames; of rows, those that any tool has a row on.
     pub frames: u64,
     /// Presentation time from the first frame to the last, s.
     pub duration_s: f64,
@@ -150,6 +159,23 @@ named! {
     }
 }
 
+/// What scoring a session's stored path again gave. All else is that of the result that it was made from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewScore {
+    /// Whose path was scored.
+    pub from: ResultId,
+    /// Version of the program that scored it.
+    pub pipeline: String,
+    /// Version of the program that tracked it, if that is another one.
+    pub tracked_with: Option<String>,
+    /// Features, in the order in which people read them.
+    pub features: Vec<FeatureRow>,
+    /// The seconds that made them.
+    pub evidence: Vec<EvidenceRow>,
+    /// Counts and reasons per tool; an object.
+    pub quality: Value,
+}
+
 /// What tracking a session gave, to be stored in one transaction. Its files lie in the vault already.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewResult {
@@ -169,8 +195,8 @@ pub struct NewResult {
     pub score: Option<Value>,
     /// Raw, filtered and smoothed paths, in the analysis' own form.
     pub trajectory: Blob,
-    /// What the tracker saw on every frame.
-    pub diagnostics: Blob,
+    /// What the tracker saw on every frame; `None` where it was not tracked here.
+    pub diagnostics: Option<Blob>,
     /// A JPEG of one frame.
     pub preview: Option<Blob>,
 }

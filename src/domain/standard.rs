@@ -9,7 +9,7 @@ mod order;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-pub use judgement::{Judgement, ToJudge};
+pub use judgement::{Judgement, SessionJudgement, ToJudge};
 pub use order::{MOST_TARGETS, NewStandard, NewTarget, Preset, Way};
 
 use super::feature::FeatureKey;

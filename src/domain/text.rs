@@ -78,6 +78,8 @@ text! {
     Code: code;
     /// The name that a recording had where it came from: 1 to 255 characters; folders before it are dropped.
     FileName: file_name;
+    /// What a program that measures paths is called: 1 to 40 characters on one line.
+    TrackerName: tracker;
     /// Some paragraphs, at most 10,000 characters.
     Paragraphs: |text| lines("text", text, 10_000);
     /// What somebody says about a moment: 1 to 2000 characters, in lines.
@@ -175,6 +177,15 @@ fn login(text: &str) -> Result<String, Invalid> {
     let text = line("login", text, 1, 64)?.to_ascii_lowercase();
     let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '.' | '_' | '-' | '@' | '+');
     if text.chars().all(allowed) { Ok(text) } else { Err(Invalid::new("login", "expected only a–z 0–9 . _ - @ +")) }
+}
+
+/// It goes into tables, where `=…` is a formula to a spreadsheet.
+fn tracker(text: &str) -> Result<String, Invalid> {
+    let text = line("tracker", text, 1, 40)?;
+    match text.chars().next().is_some_and(char::is_alphanumeric) {
+        true => Ok(text),
+        false => Err(Invalid::new("tracker", "expected a name that begins with a letter or a digit")),
+    }
 }
 
 fn code(text: &str) -> Result<String, Invalid> {

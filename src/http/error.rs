@@ -258,6 +258,9 @@ impl From<IntakeError> for Problem {
             IntakeError::Known { session } => Refusal::DuplicateRecording
                 .with("The same recording of the same trainee, task and box is a session already; see `session`.")
                 .member("session", format!("/api/v1/sessions/{session}")),
+            IntakeError::Table(problem) => Problem::invalid("table", problem),
+            IntakeError::Importing { most } => busy(&format!("{most} tables are being read. Try again in a moment.")),
+            IntakeError::Broken(cause) => Problem::internal("reading a table", cause),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),
         }

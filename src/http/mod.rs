@@ -7,6 +7,7 @@
 //! | [`auth`] | who asks: the one place that makes a [`Scope`](crate::domain::scope::Scope) |
 //! | [`read`] [`show`] | bodies, queries and ids in; JSON, pages and times out |
 //! | a noun each | what a client can do with it, each function one route |
+//! | [`export`] | tables of features, of any length |
 //! | [`server`] [`pace`] [`settings`] | connections and bodies that can neither be silent nor too many nor too long |
 //! | [`protect`] [`observe`] | headers, a log line and numbers for every answer |
 //! | [`dashboard`] [`docs`] [`openapi`] | the pages, and the interface's description |
@@ -21,11 +22,13 @@ pub mod dashboard;
 pub mod docs;
 pub mod error;
 pub mod events;
+pub mod export;
 pub mod features;
 mod feed;
 pub mod file;
 pub mod groups;
 pub mod health;
+mod home;
 pub mod jobs;
 pub mod observe;
 pub mod openapi;
@@ -35,6 +38,7 @@ pub mod protect;
 mod push;
 pub mod range;
 pub mod read;
+pub mod rescorings;
 pub mod router;
 pub mod server;
 pub mod sessions;

@@ -13,7 +13,7 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{
     boxes, cohorts, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect, push,
-    sessions, tasks, tokens,
+    rescorings, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -43,8 +43,15 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(trainees::list, trainees::create))
         .routes(routes!(trainees::get, trainees::change, trainees::erase))
         .routes(routes!(trainees::progress))
+        .routes(routes!(trainees::xapi))
         .routes(routes!(tasks::list, tasks::create))
         .routes(routes!(tasks::get, tasks::change, tasks::delete))
+        .routes(routes!(tasks::features))
+        .routes(routes!(rescorings::create))
+        .routes(routes!(rescorings::list))
+        .routes(routes!(rescorings::get, rescorings::cancel))
+        .routes(routes!(rescorings::sessions))
+        .routes(routes!(rescorings::trainees))
         .routes(routes!(tasks::standards, tasks::set_standard))
         .routes(routes!(tasks::propose_standard))
         .routes(routes!(tasks::presets))
@@ -55,10 +62,14 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(cohorts::get, cohorts::replace, cohorts::delete))
         .routes(routes!(cohorts::members))
         .routes(routes!(sessions::list, sessions::send))
+        .routes(routes!(sessions::import))
         .routes(routes!(sessions::get, sessions::erase))
+        .routes(routes!(sessions::results))
         .routes(routes!(sessions::retry))
         .routes(routes!(sessions::live))
         .routes(routes!(sessions::trajectory))
+        .routes(routes!(sessions::features))
+        .routes(routes!(sessions::xapi))
         .routes(routes!(sessions::video))
         .routes(routes!(sessions::preview))
         .routes(routes!(sessions::diagnostics))

@@ -31,6 +31,9 @@ pub struct HttpSettings {
     pub attempts_per_min: u32,
     /// Event streams open at once.
     pub max_event_streams: usize,
+    /// Address under which the service is known, such as `https://skills.example`: what xAPI names accounts and tasks by. Without it,
+    /// as the request names it: then the same person has as many accounts as the service has addresses.
+    pub public_url: Option<String>,
     /// Items of a list's page when the request names no limit.
     pub page_items: u32,
 }
@@ -49,6 +52,7 @@ impl Default for HttpSettings {
             sign_in_h: 12,
             attempts_per_min: 5,
             max_event_streams: 256,
+            public_url: None,
             page_items: 50,
         }
     }

@@ -82,6 +82,16 @@ impl Paging {
         Self { limit, cursor }
     }
 
+    /// The limit that was asked for, if one was.
+    pub fn limit(&self) -> Option<u32> {
+        self.limit
+    }
+
+    /// The same with no more items than these.
+    pub fn at_most(self, most: u32) -> Self {
+        Self { limit: self.limit.map(|limit| limit.min(most)), ..self }
+    }
+
     /// What the store understands.
     pub fn request(self, usual: u32) -> Result<PageRequest, Problem> {
         let limit = self.limit.unwrap_or(usual);

@@ -1,5 +1,6 @@
 //! Why a recording was not taken.
 
+use crate::domain::files::trajectory::ImportProblem;
 use crate::store::StoreError;
 use crate::vault::VaultError;
 
@@ -65,6 +66,18 @@ pub enum IntakeError {
         /// The session's id.
         session: String,
     },
+    /// It is no table of a tracker's rows.
+    #[error(transparent)]
+    Table(#[from] ImportProblem),
+    /// Other tables are being read.
+    #[error("{most} tables are being read")]
+    Importing {
+        /// How many at a time.
+        most: usize,
+    },
+    /// The thread that read a table did not come back.
+    #[error("reading a table: {0}")]
+    Broken(#[from] tokio::task::JoinError),
     /// The store refused.
     #[error(transparent)]
     Store(#[from] StoreError),

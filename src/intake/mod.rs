@@ -16,6 +16,7 @@
 //! | `senders.rs` | a sender who comes back takes over from their own broken connection |
 //! | `finish.rs` | a whole upload becomes a session |
 //! | `whole.rs` | a recording in one call |
+//! | `import.rs` | a table of rows that another tracker measured |
 //! | [`container`] | a recording's media type by its first bytes |
 
 mod append;
@@ -23,6 +24,7 @@ mod begin;
 pub mod container;
 mod error;
 mod finish;
+mod import;
 mod senders;
 mod settings;
 pub mod tus;
@@ -32,10 +34,13 @@ pub use append::{Piece, Received};
 pub use begin::{About, Recording};
 pub use error::{IntakeError, IntakeResult};
 pub use finish::finish;
+pub use import::Room;
 pub use settings::UploadSettings;
 
 use std::sync::Arc;
 use std::time::Duration;
+
+use tokio::sync::Semaphore;
 
 use crate::events::{Event, Events};
 use crate::queue::Queue;
@@ -60,6 +65,8 @@ pub struct Intake {
     shutdown: Shutdown,
     settings: UploadSettings,
     senders: Arc<Senders>,
+    /// Places for tables that are being read.
+    imports: Arc<Semaphore>,
 }
 
 impl Intake {
@@ -72,7 +79,8 @@ impl Intake {
         settings: UploadSettings,
     ) -> Self {
         let senders = Senders::new(clock.clone());
-        Self { store, vault, queue, events, clock, shutdown, settings, senders }
+        let imports = Arc::new(Semaphore::new(import::AT_A_TIME));
+        Self { store, vault, queue, events, clock, shutdown, settings, senders, imports }
     }
 
     /// Longest recording, bytes.

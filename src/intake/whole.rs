@@ -50,7 +50,7 @@ impl Intake {
     }
 }
 
-fn known(error: StoreError) -> IntakeError {
+pub(super) fn known(error: StoreError) -> IntakeError {
     match error {
         StoreError::Taken { existing: Some(session), .. } => IntakeError::Known { session },
         other => other.into(),

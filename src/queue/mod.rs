@@ -24,6 +24,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tokio::sync::Notify;
 
+use crate::domain::job::{JobKind, JobState};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
 use crate::events::{Event, Events};
@@ -167,8 +168,12 @@ impl Queue {
         let Job { id, kind, state, progress, .. } = *job;
         self.inner.events.tell(Event::Job { id, kind, state, progress, trainee });
         if let Some(session) = session {
-            let (trainee, status) = (session.trainee_id, Some(state).into());
-            self.inner.events.tell(Event::Session { id: session.id, trainee, status, progress });
+            // What is only scored again stands as it stood; there is news of it once another result counts.
+            let is_again = kind == JobKind::Rescore;
+            let (trainee, status) = (session.trainee_id, if is_again { session.status() } else { Some(state).into() });
+            if !is_again || state == JobState::Done {
+                self.inner.events.tell(Event::Session { id: session.id, trainee, status, progress });
+            }
         }
         self.inner.events.tell(Event::Queue);
     }

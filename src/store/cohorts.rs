@@ -89,8 +89,9 @@ macro_rules! select_cohorts {
 }
 
 /// What the people of cohort `$1`, at most `$5` of them, measured at task `$2`, in their last `$3` sessions of it, of the
-/// features `$4` (a JSON array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row
-/// a person: rows cost more on their way out of SQLite than in it.
+/// features `$4` (a JSON array of keys): from each person to their sessions, and to each session's latest result, along
+/// indices alone. One row a person: rows cost more on their way out of SQLite than in it. What was not measured here is compared
+/// with nobody.
 macro_rules! values_of_cohort {
     () => {
         concat!(
@@ -109,7 +110,7 @@ macro_rules! values_of_cohort {
              CROSS JOIN feature INDEXED BY feature_named
                  ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
                  AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
-             WHERE feature.value IS NOT NULL
+             WHERE feature.value IS NOT NULL AND result.calibration_id IS NOT NULL
              GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space"
         )
     };

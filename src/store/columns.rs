@@ -11,15 +11,17 @@ use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::rating::Form;
+use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::domain::self_test::Light;
 use crate::domain::session::FeatureSpace;
-use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark};
+use crate::domain::standard::SessionJudgement;
+use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
     BoxId, CalibrationId, CohortId, CommentId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, RatingId,
-    ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.
@@ -54,9 +56,9 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
-    StandardId CohortId RatingId CommentId
-    Name Login Code FileName Paragraphs Remark BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form
+    StandardId CohortId RatingId CommentId RescoringId
+    Name Login Code FileName TrackerName Paragraphs Remark BlobHash
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form SessionJudgement RescoringSource RescoringItemState
 }
 
 as_text! {

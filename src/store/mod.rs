@@ -46,6 +46,7 @@ mod page;
 mod palettes;
 mod people;
 mod ratings;
+mod rescorings;
 mod self_tests;
 mod sessions;
 mod standards;
@@ -79,6 +80,9 @@ pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
 pub use ratings::{GivenRating, Rating, Ratings, SeenRatings, SessionValue};
+pub use rescorings::{
+    Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings,
+};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
 pub use sessions::{
     Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,
@@ -273,6 +277,8 @@ rooms! {
     ratings: Ratings;
     /// What people say about seconds of sessions.
     comments: Comments;
+    /// Orders to score sessions again.
+    rescorings: Rescorings;
     /// Work that waits, runs or has ended.
     jobs: Jobs;
     /// Which files the database refers to.

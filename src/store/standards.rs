@@ -3,7 +3,7 @@
 use sqlx::types::Json;
 
 use super::audit::note;
-use super::error::{StoreResult, missing};
+use super::error::{StoreResult, missing, not_found};
 use super::visibility::{AskedBy, require_staff};
 use super::{Scope, Store};
 use crate::domain::standard::Definition;
@@ -61,13 +61,22 @@ impl Standards<'_> {
             })
             .await?;
         let last = self.in_use(scope, of).await?;
-        last.ok_or(super::error::not_found("standard"))
+        last.ok_or(not_found("standard"))
     }
 
     /// The version in use, if the task has one.
     pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<Standard>> {
         let row = sqlx::query_as(select_standards!()).asked_by(scope).bind(of).bind(1);
         Ok(row.fetch_optional(self.0.readers()).await?)
+    }
+
+    /// One version.
+    pub async fn get(&self, scope: &Scope, id: StandardId) -> StoreResult<Standard> {
+        let row = sqlx::query_as(
+            "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
+             FROM standard LEFT JOIN person ON person.id = standard.person_id WHERE standard.id = $3 AND $1 <> 'agent'",
+        );
+        row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("standard"))
     }
 
     /// The last hundred versions, newest first.

@@ -139,8 +139,8 @@ impl Centre {
         let calibration = self.store.calibrations().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
         let palette = self.store.palettes().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
         NewResult {
-            versions: Versions { pipeline: "1".to_owned(), calibration, palette, model: None },
-            video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
+            versions: Versions { pipeline: "1".to_owned(), tracked_with: None, calibration: Some(calibration), palette: Some(palette), model: None },
+            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
             tools: vec!["orange".to_owned()],
             features: vec![
                 feature("path_length", Ok(123.456_789_012_345)),
@@ -150,7 +150,7 @@ impl Centre {
             quality: serde_json::json!({ "frames": 300 }),
             score: None,
             trajectory: Blob::of(format!("trajectory of {session}").as_bytes()),
-            diagnostics: Blob::of(format!("diagnostics of {session}").as_bytes()),
+            diagnostics: Some(Blob::of(format!("diagnostics of {session}").as_bytes())),
             preview: None,
         }
     }

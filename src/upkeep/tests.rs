@@ -40,7 +40,7 @@ impl Bench {
         let trajectory = self.vault.put(format!("trajectory of {}", session.id).as_bytes()).await.unwrap();
         let diagnostics = self.vault.put(format!("diagnostics of {}", session.id).as_bytes()).await.unwrap();
         let mut result = self.centre.result(session.id).await;
-        (result.trajectory, result.diagnostics) = (trajectory.blob(), diagnostics.blob());
+        (result.trajectory, result.diagnostics) = (trajectory.blob(), Some(diagnostics.blob()));
         self.centre.store.jobs().finish_track(&lease, result).await.unwrap();
     }
 

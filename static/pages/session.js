@@ -56,6 +56,7 @@ const isScored = session => ['queued', 'tracking'].includes(session.status);
 
 const Lead = ({ session, person }) => html`
   ${dateTime(session.recorded_at ?? session.created_at)} · ${session.box?.name} · ${session.filename}
+  ${session.source?.kind === 'import' && ` · ${words.imported(session.source.tracker)}`}
   ${' '}${(may(person, 'see_trainees') || person.trainee) && session.trainee &&
     html`· <a href=${href(['trainees', session.trainee.id])}>${t.trainee.progress}</a>`}`;
 
@@ -93,7 +94,8 @@ function Actions({ session, person, onChange }) {
   const remove = () => api.sessions.remove(session.id).then(() => go(['sessions']));
   return html`
     <${StatusPill} state=${stateOf(session)} />
-    ${!isMoving(session) && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
+    ${session.status === 'done' && html`<a class="button" href=${href(['sessions', session.id, 'report'])}>${t.report.open}</a>`}
+    ${!isMoving(session) && session.source?.kind !== 'import' && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
       : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy
       : words.retry}</button>`}
     ${may(person, 'delete') && !isMoving(session) && html`<button class="button" type="button"

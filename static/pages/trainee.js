@@ -36,7 +36,8 @@ export default function Trainee({ route }) {
   const { trainee, tasks } = base;
   const level = t.trainees.levels[trainee.level];
   return html`
-    <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')} />
+    <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')}>
+      <a class="button" href=${href(['trainees', id, 'report'], { task: route.query.get('task'), cohort: cohortOf(route) })}>${t.report.open}</a><//>
     ${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
       : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
 }
@@ -87,6 +88,9 @@ function Progress({ id, base, route }) {
     </section>
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
 }
+
+/** The cohort that the address names, if it names one. */
+const cohortOf = route => (route.query.get('cohort') === NOBODY ? undefined : route.query.get('cohort'));
 
 /** Which series, in the address. */
 const keyOf = one => [one.feature, one.tool ?? '', one.space].join('|');

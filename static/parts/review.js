@@ -8,6 +8,7 @@ import { t } from '../texts.js';
 import { Advice } from './advice.js';
 import { Comments } from './comments.js';
 import { Features } from './features.js';
+import { Notice } from './notice.js';
 import { Path3d } from './path3d.js';
 import { Playback } from './playback.js';
 import { pageKeys, Player } from './player.js';
@@ -54,10 +55,11 @@ export function Review({ session, person, trajectory, diagnostics, start }) {
     <div class="review">
       <div class="stack">
         <section class="card first">
-          <${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
-            playback=${playback} hidden=${hidden} />
+          ${session.source?.kind === 'import' ? html`<div class="body"><${Notice} title=${words.noRecording}>${
+            words.noRecordingBody(session.source.tracker)}<//></div>` : html`<${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
+            playback=${playback} hidden=${hidden} />`}
           ${track && html`<${Readouts} track=${track} playback=${playback} />`}
-          <p class="small muted keys">${words.keys}</p>
+          ${session.source?.kind !== 'import' && html`<p class="small muted keys">${words.keys}</p>`}
         </section>
         ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback}
           hidden=${hidden} /><//>`}
@@ -157,6 +159,11 @@ function Made({ session }) {
           <span class="label">${words.download}</span>
           ${FORMATS.map(format => html`<a key=${format} class="button" download
             href=${api.sessions.trajectoryAddress(session.id, format)}>${words.formats[format]}</a>`)}
+        </div>
+        <div class="row">
+          <span class="label">${words.downloadFeatures}</span>
+          ${FORMATS.map(format => html`<a key=${format} class="button" download
+            href=${api.sessions.featuresAddress(session.id, format)}>${words.formats[format]}</a>`)}
         </div>`}
     </div>`;
 }

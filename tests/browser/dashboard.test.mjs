@@ -6,7 +6,7 @@
 // that box's self-test with a board of 9x6 corners and 21 mm), TROCAR_SCREENSHOTS (a folder), TROCAR_CHROMIUM
 // (/usr/bin/chromium), TROCAR_PATIENCE_S (how long a score may take, 180).
 import assert from 'node:assert/strict';
-import { mkdirSync, statSync } from 'node:fs';
+import { mkdirSync, statSync, writeFileSync } from 'node:fs';
 import { basename, join } from 'node:path';
 import { after, before, test } from 'node:test';
 
@@ -360,6 +360,45 @@ test('a trainee’s page holds the sessions against the task’s standard, and s
   await page.waitForURL('**/sessions/*');
 });
 
+test('a session and a trainee print on one side of A4, black on white, with what made the numbers', async () => {
+  const { trainee, versions, features } = await ask(`sessions/${session}`);
+  await page.goto(`${url}/sessions/${session}`);
+  await page.getByRole('link', { name: 'Report' }).click();
+  await page.waitForURL('**/report');
+  for (const [name, path] of [
+    ['session', `/sessions/${session}/report`],
+    ['trainee', `/trainees/${trainee.id}/report?cohort=everybody`],
+  ]) {
+    await page.goto(url + path);
+    await page.locator('.report svg.progress-plot').first().waitFor();
+    await page.getByRole('button', { name: 'Print' }).waitFor();
+    const said = await page.locator('.report').innerText();
+    for (const words of [trainee.name, trainee.code, 'Peg transfer', 'at most 60 s', 'version 1', versions.pipeline])
+      assert.ok(said.includes(words), `${name} lacks ${words}: ${said}`);
+    if (name === 'session') {
+      const judged = features.find(feature => feature.target);
+      assert.ok(said.includes({ pass: 'Kept', fail: 'Missed' }[judged.judgement] ?? 'Undecided'), said);
+      assert.ok(said.includes(versions.calibration) && /SHA-256\s+[0-9a-f]{64}/.test(said), said);
+    }
+    await picture(`report-${name}`);
+    for (const colorScheme of ['light', 'dark']) {
+      await page.emulateMedia({ colorScheme, media: 'print' });
+      const look = await page.locator('.report').evaluate(sheet => {
+        const { color, backgroundColor } = getComputedStyle(sheet);
+        return [color, backgroundColor, getComputedStyle(document.querySelector('.top')).display];
+      });
+      assert.deepEqual(look, ['rgb(0, 0, 0)', 'rgb(255, 255, 255)', 'none'], colorScheme);
+    }
+    const pdf = await page.pdf({ preferCSSPageSize: true });
+    if (shots) writeFileSync(join(shots, `report-${name}.pdf`), pdf);
+    assert.equal(pagesOf(pdf), 1, `the report of the ${name} has so many pages`);
+    await page.emulateMedia({ colorScheme: 'light', media: 'screen' });
+  }
+});
+
+/** How many pages a PDF has: one object of the type Page for each. */
+const pagesOf = pdf => pdf.toString('latin1').match(/\/Type\s*\/Page\b(?!s)/g)?.length ?? 0;
+
 test('every page is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
   const { trainee, box } = await ask(`sessions/${session}`);
   const pages = {
@@ -371,6 +410,8 @@ test('every page is shown in both themes on a desk and on a tablet, and none is 
     upload: '/upload',
     trainees: '/trainees',
     trainee: `/trainees/${trainee.id}`,
+    'session-report': `/sessions/${session}/report`,
+    'trainee-report': `/trainees/${trainee.id}/report`,
     tasks: '/tasks',
     boxes: '/boxes',
     box: `/boxes/${box.id}`,

@@ -48,6 +48,7 @@ const ROOMS: &[Room] = &[
     Room { name: "live", layer: 4, banned: SERVICE },
     Room { name: "capture", layer: 4, banned: SERVICE },
     Room { name: "cohorts", layer: 4, banned: SERVICE },
+    Room { name: "rescoring", layer: 4, banned: SERVICE },
     Room { name: "events", layer: 4, banned: SERVICE },
     Room { name: "upkeep", layer: 4, banned: SERVICE },
     Room { name: "settings", layer: 5, banned: &["axum", "sqlx", "ffmpeg_next"] },

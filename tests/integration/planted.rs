@@ -12,7 +12,10 @@ use trocar::domain::files::camera::CameraFile;
 use trocar::domain::job::{JobInput, PaletteInput};
 use trocar::domain::palette::{NewPalette, PaletteReport};
 use trocar::domain::scope::Scope;
-use trocar::domain::session::{FeatureError, FeatureRow, FeatureSpace, NewResult, NewSession, Versions, VideoFacts};
+use trocar::domain::problem::Problem;
+use trocar::domain::session::{
+    FeatureError, FeatureRow, FeatureSpace, NewResult, NewScore, NewSession, Versions, VideoFacts,
+};
 use trocar::domain::text::Key;
 use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
 use trocar::pipeline::PIPELINE_VERSION;
@@ -97,6 +100,44 @@ impl Planter {
         join_all(finish).await;
     }
 
+    /// Works on the next job of a rescoring, once there is one: another version of the program makes this of the old duration.
+    pub async fn rescore(&self, pipeline: &str, of: impl Fn(f64) -> FeatureRow) {
+        let lease = self.claim_when_there().await;
+        let JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
+        let old = self.store.sessions().result_of(&Scope::service(), input.session, input.result).await.unwrap();
+        let score = NewScore {
+            from: old.id,
+            pipeline: pipeline.to_owned(),
+            tracked_with: Some(old.versions.pipeline),
+            features: old.features.iter().map(|row| of(*row.value.as_ref().unwrap())).collect(),
+            quality: old.quality,
+        };
+        self.store.jobs().finish_rescore(&lease, score).await.unwrap();
+    }
+
+    /// The same, but the stored path cannot be scored again.
+    pub async fn refuse_rescoring(&self) {
+        let lease = self.claim_when_there().await;
+        self.store.jobs().fail(&lease, Problem::new("path-alone", "It cannot be scored again", "because")).await.unwrap();
+    }
+
+    /// What kind of work is next.
+    pub async fn next_kind(&self) -> &'static str {
+        self.claim().await.job.kind.name()
+    }
+
+    async fn claim_when_there(&self) -> Lease {
+        let claimed = async {
+            loop {
+                if let Some(lease) = self.store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap() {
+                    return lease;
+                }
+                tokio::task::yield_now().await;
+            }
+        };
+        crate::support::soon("a job", claimed).await
+    }
+
     async fn create(&self, trainee: TraineeId, recorded_at_ms: i64) -> SessionId {
         let new = NewSession {
             trainee,
@@ -118,15 +159,15 @@ impl Planter {
         let id = session_of(lease);
         let (pipeline, calibration, palette) = (pipeline.to_owned(), self.calibration, self.palette);
         let result = NewResult {
-            versions: Versions { pipeline, calibration, palette, model: None },
-            video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
+            versions: Versions { pipeline, tracked_with: None, calibration: Some(calibration), palette: Some(palette), model: None },
+            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
             tools: vec!["orange".to_owned()],
             features,
             evidence: self.evidence.clone(),
             quality: serde_json::json!({ "frames": 300, "verdict": verdict, "reasons": [], "tools": [] }),
             score: None,
             trajectory: Blob::of(format!("trajectory {id}").as_bytes()),
-            diagnostics: Blob::of(format!("diagnostics {id}").as_bytes()),
+            diagnostics: Some(Blob::of(format!("diagnostics {id}").as_bytes())),
             preview: None,
         };
         self.store.jobs().finish_track(lease, result).await.unwrap();

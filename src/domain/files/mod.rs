@@ -3,6 +3,7 @@
 pub mod annotations;
 pub mod calibration;
 pub mod camera;
+pub mod features;
 pub mod quality;
 pub mod trajectory;
 pub mod truth;

@@ -1,8 +1,11 @@
 //! What a value is worth against a target.
 
-use super::Target;
+use super::{Definition, Target};
+use crate::domain::feature::FeatureKey;
 use crate::domain::named;
+use crate::domain::session::FeatureRow;
 use crate::domain::trainee::Handedness;
+use crate::pipeline::score::Trial;
 use crate::pipeline::score::interval::{Interval, Measured};
 use crate::pipeline::score::standard;
 
@@ -54,6 +57,36 @@ impl Target {
     }
 }
 
+named! {
+    /// What a session is worth against a standard.
+    SessionJudgement: "judgement" {
+        /// All targets were kept.
+        Pass = "pass",
+        /// One was missed.
+        Fail = "fail",
+        /// Nobody knows.
+        Unknown = "unknown",
+    }
+}
+
+impl Definition {
+    /// Judges a session by all targets, as its progress does.
+    pub fn judge(&self, features: &[FeatureRow], pipeline: &str, handedness: Option<Handedness>) -> SessionJudgement {
+        let judged = |target: &Target| {
+            let Some(row) = features.iter().find(|row| FeatureKey::from(*row) == target.of) else {
+                return standard::Judgement::NotMeasured;
+            };
+            let bar = row.error.as_ref().and_then(|error| error.as_ref().ok()).map(|error| [error.low, error.high]);
+            target.judge(ToJudge { value: row.value.as_ref().ok().copied(), bar, pipeline, handedness }).into()
+        };
+        match Trial::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()) {
+            Trial::Passed => SessionJudgement::Pass,
+            Trial::Failed => SessionJudgement::Fail,
+            Trial::Unknown => SessionJudgement::Unknown,
+        }
+    }
+}
+
 impl ToJudge<'_> {
     /// The value with its bar.
     pub fn measured(&self) -> Option<Measured> {
@@ -90,7 +123,6 @@ impl From<Judgement> for standard::Judgement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::feature::FeatureKey;
     use crate::domain::session::FeatureSpace;
     use crate::domain::standard::MadeFrom;
     use crate::pipeline::features::{self, Direction};

@@ -6,6 +6,7 @@ use axum::response::Response;
 
 use crate::domain::blob::BlobHash;
 use crate::domain::scope::Scope;
+use crate::domain::text::TrackerName;
 use crate::http::auth::signed_in::Member;
 use crate::http::error::{Answer, Problem, ProblemDocument, Refusal};
 use crate::http::file::{StoredFile, disposition};
@@ -21,6 +22,9 @@ use crate::store::SessionResult;
         (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json", body = ProblemDocument)))]
 pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, headers: HeaderMap) -> Answer<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
+    if let Some(tracker) = session.tracker {
+        return Err(no_picture(&tracker));
+    }
     let disposition = disposition("inline", session.filename.as_str());
     let video = session.video.ok_or_else(Problem::not_found)?;
     app.stored(video, session.media_type, disposition).await?.answer(&method, &headers).await
@@ -55,8 +59,16 @@ pub async fn diagnostics(
     headers: HeaderMap,
 ) -> Answer<Response> {
     let result = app.result(&by.scope, at.id()?).await?;
+    let diagnostics = result.diagnostics.ok_or_else(Problem::not_found)?;
     let disposition = disposition("inline", "diagnostics.json");
-    app.stored(result.diagnostics, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
+    app.stored(diagnostics, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
+}
+
+/// A session of another tracker's rows has no recording.
+fn no_picture(tracker: &TrackerName) -> Problem {
+    Refusal::Conflict.with(format!(
+        "The session was imported from {tracker} and has no video. Its path is at `trajectory`, its features are in the session."
+    ))
 }
 
 impl App {

@@ -2,20 +2,26 @@
 
 mod comments;
 mod evidence;
+mod features;
 mod files;
+mod import;
 mod live;
 mod ratings;
 mod read;
+mod results;
 mod send;
 mod show;
 mod trajectory;
 
 pub use comments::*;
 pub use evidence::*;
+pub use features::*;
 pub use files::*;
+pub use import::*;
 pub use live::*;
 pub use ratings::*;
 pub use read::*;
+pub use results::*;
 pub use send::*;
 pub use show::*;
 pub use trajectory::*;

@@ -9,10 +9,11 @@ use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
 use crate::domain::standard::{Better, Judgement, ToJudge};
+use crate::domain::text::TrackerName;
 use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
 use crate::http::show::{Named, Time};
-use crate::ids::SessionId;
+use crate::ids::{ResultId, SessionId};
 use crate::store;
 
 /// One recording of one trainee doing one task in one box, how it stands, and what came of it.
@@ -32,6 +33,7 @@ pub struct Session {
     progress: f64,
     /// Place in the queue, from 1, while it waits there.
     queue_position: Option<i64>,
+    source: Source,
     /// Why it does not go on, or did not.
     error: Option<ProblemDocument>,
     /// Whoever tracked it died or fell silent too often; staff may try again.
@@ -51,6 +53,18 @@ pub struct Session {
     quality: Option<Value>,
     /// What the result was made with.
     versions: Option<Versions>,
+    /// Which of the session's results this is: the latest counts, `GET /sessions/{id}/results` lists all.
+    result: Option<ResultId>,
+}
+
+/// Where a session's path comes from.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Source {
+    /// `recording`: tracked here. `import`: rows of another tracker, not measured by Trocar; there is no video, and error bars are
+    /// those that the rows state, if they do.
+    kind: &'static str,
+    /// What that tracker is called; `null` of a recording.
+    tracker: Option<TrackerName>,
 }
 
 /// A recording.
@@ -58,6 +72,8 @@ pub struct Session {
 pub struct Video {
     /// Its length; `null` while it arrives.
     bytes: Option<u64>,
+    /// Its fingerprint, 64 hexadecimal digits; `null` while it arrives.
+    sha256: Option<String>,
     media_type: String,
     /// Width as displayed, pixels; known once it was decoded, like the following.
     width: Option<u32>,
@@ -114,9 +130,10 @@ impl Session {
         let facts = result.as_ref().map(|result| result.video);
         let video = Video {
             bytes: session.video_blob().map(|blob| blob.bytes),
+            sha256: session.video.map(|hash| hash.to_string()),
             media_type: session.media_type.clone(),
-            width: facts.map(|facts| facts.width),
-            height: facts.map(|facts| facts.height),
+            width: facts.and_then(|facts| facts.width),
+            height: facts.and_then(|facts| facts.height),
             frames: facts.map(|facts| facts.frames),
             duration_s: facts.map(|facts| facts.duration_s),
         };
@@ -124,6 +141,10 @@ impl Session {
             id: session.id,
             progress: progress(status, session.job_progress),
             queue_position: session.queue_position,
+            source: Source {
+                kind: if session.tracker.is_some() { "import" } else { "recording" },
+                tracker: session.tracker.clone(),
+            },
             error: session.problem().map(ProblemDocument::from),
             quarantined: session.is_quarantined(),
             trainee: named(session.trainee_id, session.trainee_name, session.trainee_code),
@@ -140,6 +161,7 @@ impl Session {
             score: None,
             quality: None,
             versions: None,
+            result: None,
         };
         if let Some(result) = result {
             shown.add(result);
@@ -166,6 +188,7 @@ impl Session {
         self.score = result.score;
         self.quality = Some(result.quality);
         self.versions = Some(result.versions);
+        self.result = Some(result.id);
     }
 }
 

@@ -9,7 +9,7 @@ use utoipa::{IntoParams, ToSchema};
 use crate::analysis::paths::{Kind, Paths};
 use crate::domain::files::trajectory::{to_json_columns, write_csv, write_parquet};
 use crate::http::auth::signed_in::Member;
-use crate::http::error::{Answer, Problem};
+use crate::http::error::{Answer, Problem, Refusal};
 use crate::http::file::disposition;
 use crate::http::read::{At, Params};
 use crate::http::state::App;
@@ -71,6 +71,9 @@ pub async fn trajectory(
 ) -> Answer<Response> {
     let id = at.id()?;
     let result = app.result(&by.scope, id).await?;
+    if result.versions.calibration.is_none() && !matches!(wanted.kind, Smoothness::Smoothed) {
+        return Err(Refusal::Conflict.with("An imported path has one form only. Ask for it with `kind=smoothed`."));
+    }
     let stored = app.vault.read(result.trajectory, MOST).await?;
     // A long session takes seconds to write: not on a thread that serves others.
     let written = tokio::task::spawn_blocking(move || write(&stored, wanted));

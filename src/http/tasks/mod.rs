@@ -1,11 +1,13 @@
 //! What trainees do. Everybody reads tasks, staff change them.
 
 mod raters;
+mod features;
 mod standards;
 
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use raters::*;
+pub use features::*;
 use serde::Serialize;
 pub use standards::*;
 use utoipa::ToSchema;

@@ -1,12 +1,14 @@
 //! Who trains. A scope sees its own; staff register, change and erase.
 
 mod progress;
+mod xapi;
 
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use progress::*;
 use serde::Serialize;
 use utoipa::ToSchema;
+pub use xapi::*;
 
 use super::auth::signed_in::{Member, Staff};
 use super::error::Answer;

@@ -5,18 +5,29 @@ use sqlx::sqlite::SqliteConnection;
 use super::super::blobs;
 use super::super::error::{StoreResult, missing};
 use crate::domain::blob::{Blob, BlobHash};
-use crate::domain::job::{JobInput, JobKind, TrackInput};
+use crate::domain::job::{JobInput, JobKind, TrackInput, Turn};
 use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, SessionId};
 use crate::pipeline::PIPELINE_VERSION;
 
 /// Inserts a job, or finds the one with the same natural key (kind, input, versions); a failed or quarantined one is
 /// queued again.
-pub(super) async fn insert(
+pub(in crate::store) async fn insert(
     tx: &mut SqliteConnection,
     input: &JobInput,
     versions: &str,
     now_ms: i64,
     max_attempts: u32,
+) -> StoreResult<JobId> {
+    insert_for(tx, input, input.turn(), versions, (now_ms, max_attempts)).await
+}
+
+/// The same for another turn than the work's own.
+async fn insert_for(
+    tx: &mut SqliteConnection,
+    input: &JobInput,
+    turn: Turn,
+    versions: &str,
+    (now_ms, max_attempts): (i64, u32),
 ) -> StoreResult<JobId> {
     let text = serde_json::to_string(input).unwrap_or_default(); // plain data; the schema refuses an empty text
     let key = (input.kind(), Blob::of(text.as_bytes()).hash, versions);
@@ -30,12 +41,13 @@ pub(super) async fn insert(
     }
     let id = JobId::at(now_ms);
     let insert = sqlx::query(
-        "INSERT INTO job (id, kind, input, input_hash, versions, session_id, box_id, state, max_attempts,
+        "INSERT INTO job (id, kind, input, input_hash, versions, session_id, box_id, turn, state, max_attempts,
                           created_at_ms, queued_at_ms)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, 'queued', $8, $9, $9)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'queued', $9, $10, $10)",
     );
     let insert = insert.bind(id).bind(key.0).bind(text).bind(key.1).bind(versions);
-    let insert = insert.bind(input.session()).bind(input.of_box()).bind(max_attempts).bind(now_ms);
+    let insert = insert.bind(input.session()).bind(input.of_box()).bind(turn as i64);
+    let insert = insert.bind(max_attempts).bind(now_ms);
     insert.execute(&mut *tx).await.map_err(missing("box"))?;
     for blob in input.blobs() {
         blobs::record(tx, blob, now_ms).await?;
@@ -56,10 +68,21 @@ pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -
 }
 
 /// Queues the tracking of a session with its box's latest camera and colours; `None` if the box lacks one of them, or the recording
-/// is still arriving.
+/// is still arriving or was measured elsewhere.
 pub(in crate::store) async fn enqueue_track(
     tx: &mut SqliteConnection,
     session: SessionId,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<Option<JobId>> {
+    enqueue_track_for(tx, session, Turn::Session, now_ms, max_attempts).await
+}
+
+/// The same for a turn of its own.
+pub(in crate::store) async fn enqueue_track_for(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+    turn: Turn,
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<Option<JobId>> {
@@ -74,13 +97,14 @@ pub(in crate::store) async fn enqueue_track(
         "SELECT blob.hash, blob.bytes,
                 (SELECT id FROM calibration WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS calibration,
                 (SELECT id FROM palette WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS palette
-         FROM session JOIN blob ON blob.hash = session.video WHERE session.id = $1",
+         FROM session JOIN blob ON blob.hash = session.video
+         WHERE session.id = $1 AND session.tracker IS NULL",
     );
     let Some(row): Option<Row> = row.bind(session).fetch_optional(&mut *tx).await? else { return Ok(None) };
     let (Some(calibration), Some(palette)) = (row.calibration, row.palette) else { return Ok(None) };
     let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
     let input = JobInput::Track(TrackInput { session, video, calibration, palette });
-    insert(tx, &input, &format!("pipeline {PIPELINE_VERSION}"), now_ms, max_attempts).await.map(Some)
+    insert_for(tx, &input, turn, &present(), (now_ms, max_attempts)).await.map(Some)
 }
 
 /// Queues the sessions of a box that have waited for its camera or colours.
@@ -103,13 +127,20 @@ pub(in crate::store) async fn enqueue_waiting_sessions(
     Ok(())
 }
 
+/// What else the result of work about a session depends on: the program that does it.
+pub(in crate::store) fn present() -> String {
+    format!("pipeline {PIPELINE_VERSION}")
+}
+
 /// What else the result of work about a box depends on: which versions came before. The same photos sent twice in a row
 /// are one job; sent again after another calibration they are a new one.
 pub(super) async fn versions_so_far(tx: &mut SqliteConnection, kind: JobKind, of: BoxId) -> StoreResult<String> {
     let sql = match kind {
-        JobKind::SelfTest => return Ok(format!("pipeline {PIPELINE_VERSION}")), // its input names both versions
+        JobKind::SelfTest => return Ok(present()), // its input names both versions
         JobKind::Palette => "SELECT coalesce(max(version), 0) FROM palette WHERE box_id = $1",
-        JobKind::Calibrate | JobKind::Track => "SELECT coalesce(max(version), 0) FROM calibration WHERE box_id = $1",
+        JobKind::Calibrate | JobKind::Track | JobKind::Import | JobKind::Rescore => {
+            "SELECT coalesce(max(version), 0) FROM calibration WHERE box_id = $1"
+        }
     };
     let version: i64 = sqlx::query_scalar(sql).bind(of).fetch_one(tx).await?;
     Ok(format!("after {version}"))

@@ -14,10 +14,12 @@ use super::enqueue::enqueue_waiting_sessions;
 use super::lease::end_as_done;
 use super::{Jobs, Lease};
 use crate::domain::calibration::NewCalibration;
+use crate::domain::evidence::EvidenceRow;
 use crate::domain::palette::{NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
-use crate::domain::session::{FeatureRow, NewResult};
-use crate::ids::{BoxId, ResultId, SessionId};
+use crate::domain::session::{FeatureRow, NewResult, NewScore};
+use crate::ids::{BoxId, JobId, ResultId, SessionId};
+use crate::store::sessions::latest_result;
 
 impl Jobs<'_> {
     /// Stores what tracking a session gave. If this session has a result of the same versions already, that one stays:
@@ -28,7 +30,24 @@ impl Jobs<'_> {
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                insert_result(tx, session, result, now_ms).await
+                insert_result(tx, (session, id), result, now_ms).await
+            })
+            .await
+    }
+
+    /// Stores what scoring a stored path again gave, beside what is there. If another result counts by now, the path of the old one
+    /// is out of date and nothing is stored.
+    pub async fn finish_rescore(&self, held: &Lease, score: NewScore) -> StoreResult<()> {
+        let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
+        let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                end_as_done(tx, id, token, now_ms).await?;
+                let latest: Option<ResultId> = sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(&mut *tx).await?;
+                match latest == Some(score.from) {
+                    true => insert_score(tx, id, score, now_ms).await,
+                    false => Ok(()),
+                }
             })
             .await
     }
@@ -99,14 +118,20 @@ fn wrong_kind(expected: &str) -> StoreError {
     StoreError::refused(format!("this result is of work about {expected}, which the job is not"))
 }
 
-async fn insert_result(tx: &mut SqliteConnection, session: SessionId, new: NewResult, now_ms: i64) -> StoreResult<()> {
-    for blob in [Some(new.trajectory), Some(new.diagnostics), new.preview].into_iter().flatten() {
+async fn insert_result(
+    tx: &mut SqliteConnection,
+    (session, job): (SessionId, JobId),
+    new: NewResult,
+    now_ms: i64,
+) -> StoreResult<()> {
+    for blob in [Some(new.trajectory), new.diagnostics, new.preview].into_iter().flatten() {
         blobs::record(tx, blob, now_ms).await?;
     }
     let insert = sqlx::query_scalar(
         "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
-                             duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17)
+                             duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms,
+                             tracked_with)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18)
          ON CONFLICT DO NOTHING RETURNING id",
     );
     let insert = insert.bind(ResultId::at(now_ms)).bind(session);
@@ -114,17 +139,44 @@ async fn insert_result(tx: &mut SqliteConnection, session: SessionId, new: NewRe
     let insert = insert.bind(versions.pipeline).bind(versions.calibration).bind(versions.palette).bind(versions.model);
     let insert = insert.bind(new.video.width).bind(new.video.height).bind(integer(new.video.frames));
     let insert = insert.bind(new.video.duration_s).bind(Json(new.tools)).bind(Json(new.quality));
-    let insert = insert.bind(new.score.map(Json)).bind(new.trajectory.hash).bind(new.diagnostics.hash);
-    let insert = insert.bind(new.preview.map(|blob| blob.hash)).bind(now_ms);
+    let insert = insert.bind(new.score.map(Json)).bind(new.trajectory.hash).bind(new.diagnostics.map(|blob| blob.hash));
+    let insert = insert.bind(new.preview.map(|blob| blob.hash)).bind(now_ms).bind(versions.tracked_with);
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
-    if let Some(result) = inserted {
-        insert_features(tx, result, new.features).await?;
-        evidence::insert(tx, result, new.evidence).await?;
+    match inserted {
+        Some(result) => insert_assessed(tx, job, result, new.features, new.evidence).await,
+        None => Ok(()),
     }
-    Ok(())
 }
 
-async fn insert_features(tx: &mut SqliteConnection, result: ResultId, features: Vec<FeatureRow>) -> StoreResult<()> {
+/// A result of another's path: its files, its facts, the versions of its camera and colours.
+async fn insert_score(tx: &mut SqliteConnection, job: JobId, new: NewScore, now_ms: i64) -> StoreResult<()> {
+    let insert = sqlx::query_scalar(
+        "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
+                             duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms,
+                             tracked_with)
+         SELECT $1, session_id, $2, calibration_id, palette_id, NULL, width, height, frames,
+                duration_s, tools, $3, NULL, trajectory, diagnostics, preview, $4, $5 FROM result WHERE id = $6
+         ON CONFLICT DO NOTHING RETURNING id",
+    );
+    let insert = insert.bind(ResultId::at(now_ms)).bind(new.pipeline).bind(Json(new.quality)).bind(now_ms);
+    let inserted: Option<ResultId> = insert.bind(new.tracked_with).bind(new.from).fetch_optional(&mut *tx).await?;
+    match inserted {
+        Some(result) => insert_assessed(tx, job, result, new.features, new.evidence).await,
+        None => Ok(()),
+    }
+}
+
+/// A new result's features and the seconds that made them; where a rescoring has ordered the work, it is told what came of it.
+async fn insert_assessed(
+    tx: &mut SqliteConnection,
+    job: JobId,
+    result: ResultId,
+    features: Vec<FeatureRow>,
+    evidence: Vec<EvidenceRow>,
+) -> StoreResult<()> {
+    evidence::insert(tx, result, evidence).await?;
+    let told = sqlx::query("UPDATE rescoring_item SET new_result_id = $2 WHERE job_id = $1").bind(job).bind(result);
+    told.execute(&mut *tx).await?;
     for (position, feature) in features.into_iter().enumerate() {
         let insert = sqlx::query(
             "INSERT INTO feature (result_id, position, name, title, unit, tool, space, value, not_enough,

@@ -11,7 +11,7 @@ mod enqueue;
 mod finish;
 mod lease;
 
-pub(super) use enqueue::{enqueue_track, enqueue_waiting_sessions};
+pub(super) use enqueue::{enqueue_track, enqueue_track_for, enqueue_waiting_sessions, insert, present};
 pub use lease::{Lease, Swept};
 
 use super::audit::note;
@@ -91,7 +91,7 @@ pub(super) use job_columns;
 /// The job whose turn it is. The order is that of the index `job_waiting`.
 macro_rules! next_in_queue {
     () => {
-        "SELECT id FROM job WHERE state = 'queued' ORDER BY kind = 'track', queued_at_ms, id LIMIT 1"
+        "SELECT id FROM job WHERE state = 'queued' ORDER BY turn, queued_at_ms, id LIMIT 1"
     };
 }
 pub(super) use next_in_queue;

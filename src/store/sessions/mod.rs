@@ -27,9 +27,17 @@ use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::domain::session::SessionStatus;
-use crate::domain::text::{Code, FileName, Key, Name};
+use crate::domain::text::{Code, FileName, Key, Name, TrackerName};
 use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
+
+/// The result of session `$1` that counts.
+macro_rules! latest_result {
+    () => {
+        "SELECT id FROM result WHERE session_id = $1 ORDER BY created_at_ms DESC, id DESC LIMIT 1"
+    };
+}
+pub(in crate::store) use latest_result;
 
 /// The sessions.
 pub struct Sessions<'s>(pub(super) &'s Store);
@@ -66,11 +74,14 @@ pub struct Session {
     /// The recording; `None` while it arrives.
     pub video: Option<BlobHash>,
     video_bytes: Option<i64>,
+    /// Whose rows it is, where it was not measured here; its recording is then the table as it was sent.
+    pub tracker: Option<TrackerName>,
     /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
     /// When it was whole here, epoch ms.
     pub created_at_ms: i64,
-    /// The latest job on it; `None` while its box lacks a camera or colours.
+    /// The latest job that it stands by: tracking or import, for what is only scored again has a result all the while; `None` while
+    /// its box lacks a camera or colours.
     pub job_id: Option<JobId>,
     /// How that job stands.
     pub job_state: Option<JobState>,
@@ -143,7 +154,7 @@ macro_rules! select_sessions {
                 trainee.handedness AS trainee_handedness,
                 session.task_id, task.name AS task_name, task.code AS task_code,
                 session.box_id, training_box.name AS box_name, training_box.code AS box_code,
-                session.filename, session.media_type, session.video, blob.bytes AS video_bytes,
+                session.filename, session.media_type, session.video, blob.bytes AS video_bytes, session.tracker,
                 session.recorded_at_ms, session.created_at_ms,
                 job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
                 EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
@@ -153,7 +164,8 @@ macro_rules! select_sessions {
          JOIN task ON task.id = session.task_id
          JOIN training_box ON training_box.id = session.box_id
          LEFT JOIN blob ON blob.hash = session.video
-         LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = session.id
+         LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest
+                                    WHERE latest.session_id = session.id AND latest.kind <> 'rescore'
                                     ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)"
     };
 }

@@ -16,14 +16,14 @@ use crate::ids::JobId;
 macro_rules! places_in_queue {
     () => {
         "WITH asked AS (
-             SELECT id, queued_at_ms AS at_ms,
+             SELECT id, turn, queued_at_ms AS at_ms,
                     lag(queued_at_ms, 1, -1) OVER queue AS last_ms, lag(id, 1, '') OVER queue AS last
              FROM job WHERE id IN (SELECT value FROM json_each($1)) AND state = 'queued'
-             WINDOW queue AS (ORDER BY queued_at_ms, id))
-         SELECT id, (SELECT count(*) FROM job WHERE state = 'queued' AND (kind = 'track') = 0)
-                    + sum((SELECT count(*) FROM job AS ahead WHERE ahead.state = 'queued' AND (ahead.kind = 'track') = 1
+             WINDOW queue AS (PARTITION BY turn ORDER BY queued_at_ms, id))
+         SELECT id, (SELECT count(*) FROM job WHERE state = 'queued' AND turn < asked.turn)
+                    + sum((SELECT count(*) FROM job AS ahead WHERE ahead.state = 'queued' AND ahead.turn = asked.turn
                            AND (ahead.queued_at_ms, ahead.id) > (asked.last_ms, asked.last)
-                           AND (ahead.queued_at_ms, ahead.id) <= (asked.at_ms, +asked.id))) OVER (ORDER BY at_ms, id)
+                           AND (ahead.queued_at_ms, ahead.id) <= (asked.at_ms, +asked.id))) OVER (PARTITION BY turn ORDER BY at_ms, id)
          FROM asked"
     };
 }

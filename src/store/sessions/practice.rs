@@ -44,8 +44,8 @@ pub struct Practised {
 pub struct Outcome {
     /// Version of the program that made it.
     pub pipeline: String,
-    /// The camera that it was made with.
-    pub calibration: CalibrationId,
+    /// The camera that it was made with; `None` where it was not measured here.
+    pub calibration: Option<CalibrationId>,
     /// Did the quality gate refuse it?
     pub refused: bool,
 }
@@ -84,7 +84,8 @@ macro_rules! practised {
                     result.id AS result_id, result.pipeline, result.calibration_id,
                     json_extract(result.quality, '$.verdict') = 'refused' AS refused, count(*) OVER () AS in_all
              FROM session
-             LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest WHERE latest.session_id = session.id
+             LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest
+                                    WHERE latest.session_id = session.id AND latest.kind <> 'rescore'
                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              LEFT JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
@@ -148,13 +149,13 @@ impl Sessions<'_> {
 
 impl Row {
     fn with(self, measured: &mut HashMap<ResultId, Vec<Measurement>>) -> Practised {
-        let outcome = |(pipeline, calibration)| Outcome { pipeline, calibration, refused: self.refused == Some(true) };
+        let (calibration, refused) = (self.calibration_id, self.refused == Some(true));
         Practised {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
             measured: self.result_id.and_then(|result| measured.remove(&result)).unwrap_or_default(),
-            result: self.pipeline.zip(self.calibration_id).map(outcome),
+            result: self.pipeline.map(|pipeline| Outcome { pipeline, calibration, refused }),
         }
     }
 }

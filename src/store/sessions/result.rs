@@ -5,7 +5,7 @@ use sqlx::FromRow;
 use sqlx::sqlite::SqliteRow;
 use sqlx::types::Json;
 
-use super::super::error::StoreResult;
+use super::super::error::{StoreResult, not_found};
 use super::super::visibility::{AskedBy, sees_trainee};
 use super::Sessions;
 use crate::domain::blob::BlobHash;
@@ -32,8 +32,8 @@ pub struct SessionResult {
     pub score: Option<Value>,
     /// Raw, filtered and smoothed paths: a file in the vault.
     pub trajectory: BlobHash,
-    /// What the tracker saw on every frame: a file in the vault.
-    pub diagnostics: BlobHash,
+    /// What the tracker saw on every frame: a file in the vault; `None` where it was not tracked here.
+    pub diagnostics: Option<BlobHash>,
     /// A JPEG of one frame: a file in the vault.
     pub preview: Option<BlobHash>,
     /// When it was stored, epoch ms.
@@ -46,11 +46,12 @@ pub struct SessionResult {
 struct Row {
     id: ResultId,
     pipeline: String,
-    calibration_id: CalibrationId,
-    palette_id: PaletteId,
+    tracked_with: Option<String>,
+    calibration_id: Option<CalibrationId>,
+    palette_id: Option<PaletteId>,
     model: Option<String>,
-    width: u32,
-    height: u32,
+    width: Option<u32>,
+    height: Option<u32>,
     #[sqlx(try_from = "i64")]
     frames: u64,
     duration_s: f64,
@@ -61,7 +62,7 @@ struct Row {
     #[sqlx(json(nullable))]
     score: Option<Value>,
     trajectory: BlobHash,
-    diagnostics: BlobHash,
+    diagnostics: Option<BlobHash>,
     preview: Option<BlobHash>,
     created_at_ms: i64,
 }
@@ -106,6 +107,32 @@ impl Sessions<'_> {
         }
     }
 
+    /// One result of a session, whether it counts or not.
+    pub async fn result_of(&self, scope: &Scope, id: SessionId, result: ResultId) -> StoreResult<SessionResult> {
+        let row = sqlx::query_as::<_, Row>(concat!(
+            "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND result.id = $4 AND ",
+            sees_trainee!("session.trainee_id"),
+        ));
+        let row = row.asked_by(scope).bind(id).bind(result).fetch_optional(self.0.readers()).await?;
+        let row = row.ok_or(not_found("result"))?;
+        let features = self.features(row.id).await?;
+        Ok(row.with(features))
+    }
+
+    /// All results of a session without their features, the one that counts first; at most so many.
+    pub async fn results(&self, scope: &Scope, id: SessionId, most: u32) -> StoreResult<Vec<SessionResult>> {
+        let rows = sqlx::query_as::<_, Row>(concat!(
+            "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
+            sees_trainee!("session.trainee_id"),
+            " ORDER BY result.created_at_ms DESC, result.id DESC LIMIT $4"
+        ));
+        let rows = rows.asked_by(scope).bind(id).bind(most).fetch_all(self.0.readers()).await?;
+        if rows.is_empty() {
+            self.get(scope, id).await?;
+        }
+        Ok(rows.into_iter().map(|row| row.with(Vec::new())).collect())
+    }
+
     /// Where the trocars were in a box's sessions with this calibration, the first that came first: of those that know it and were not
     /// refused, and in which nothing had moved, so that what has moved stays so until the box is calibrated again.
     /// Of those that came before this place; at most so many, each with its own place.
@@ -125,10 +152,11 @@ impl Sessions<'_> {
         Ok(found.iter().map(known).collect())
     }
 
-    /// Is a session of this box being tracked at this moment that came before this place?
+    /// Is a session of this box being tracked at this moment that came before this place? Not one that has a result and is only
+    /// scored or tracked again: a long rescoring must not hold up what is new.
     pub async fn is_tracked_before(&self, of: BoxId, before: SessionPlace) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
-                   WHERE job.state = 'running' AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
+                   WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
         let SessionPlace(created_at_ms, session) = before;
         let found = sqlx::query_scalar(sql).bind(of).bind(created_at_ms).bind(session);
         Ok(found.fetch_one(self.0.readers()).await?)
@@ -149,6 +177,7 @@ impl Row {
             id: self.id,
             versions: Versions {
                 pipeline: self.pipeline,
+                tracked_with: self.tracked_with,
                 calibration: self.calibration_id,
                 palette: self.palette_id,
                 model: self.model,

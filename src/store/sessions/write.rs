@@ -4,12 +4,13 @@ use sqlx::sqlite::SqliteConnection;
 
 use super::super::audit::note;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
-use super::super::jobs::enqueue_track;
+use super::super::jobs::{self, enqueue_track};
 use super::super::visibility::{require_staff, require_trainee};
 use super::super::{Scope, blobs};
 use super::{Session, Sessions};
-use crate::domain::job::JobState;
+use crate::domain::job::{ImportInput, JobInput, JobState};
 use crate::domain::session::NewSession;
+use crate::domain::text::TrackerName;
 use crate::ids::{JobId, SessionId};
 
 impl Sessions<'_> {
@@ -21,10 +22,30 @@ impl Sessions<'_> {
         self.get(scope, id).await
     }
 
+    /// Makes a session of rows that another tracker measured, which lie in the vault as they were sent, and queues their
+    /// scoring, in one transaction. The same table of the same trainee, task and box is [`StoreError::Taken`].
+    pub async fn import(&self, scope: &Scope, new: NewSession, tracker: TrackerName) -> StoreResult<Session> {
+        let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        let id = self
+            .0
+            .write(async move |tx| {
+                let table = new.video;
+                let session = insert_whole(tx, &by, new, Some(&tracker), now_ms).await?;
+                let input = JobInput::Import(ImportInput { session, table, tracker });
+                jobs::insert(tx, &input, &jobs::present(), now_ms, attempts).await?;
+                note(tx, &by, now_ms, ("import", "session"), session).await?;
+                Ok(session)
+            })
+            .await?;
+        self.get(scope, id).await
+    }
+
     /// Tracks a session again: after a failure, or because pipeline, camera or colours have a newer version. Nothing to
     /// do while it waits or runs.
     pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
-        self.get(scope, id).await?;
+        if self.get(scope, id).await?.tracker.is_some() {
+            return Err(StoreError::refused("it was not tracked here: its rows are scored again with its task's others"));
+        }
         require_staff(scope, "tracking a session again")?;
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
@@ -66,19 +87,32 @@ pub(in crate::store) async fn insert(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<SessionId> {
+    let id = insert_whole(tx, scope, new, None, now_ms).await?;
+    enqueue_track(tx, id, now_ms, max_attempts).await?;
+    note(tx, scope, now_ms, ("create", "session"), id).await?;
+    Ok(id)
+}
+
+/// Inserts a session whose content is here.
+async fn insert_whole(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    new: NewSession,
+    tracker: Option<&TrackerName>,
+    now_ms: i64,
+) -> StoreResult<SessionId> {
     require_trainee(tx, scope, new.trainee).await?;
     refuse_twice(tx, &new).await?;
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
     let insert = sqlx::query(
-        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
+        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms,
+                              tracker)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     );
     let insert = insert.bind(id).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.filename);
     let insert = insert.bind(new.media_type).bind(new.video.hash).bind(new.recorded_at_ms.unwrap_or(now_ms));
-    insert.bind(now_ms).execute(&mut *tx).await.map_err(missing("task or box"))?;
-    enqueue_track(tx, id, now_ms, max_attempts).await?;
-    note(tx, scope, now_ms, ("create", "session"), id).await?;
+    insert.bind(now_ms).bind(tracker).execute(&mut *tx).await.map_err(missing("task or box"))?;
     Ok(id)
 }
 

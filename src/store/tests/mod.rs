@@ -6,6 +6,7 @@ mod full_disk;
 mod isolation;
 mod queue;
 mod ratings;
+mod rescorings;
 mod schema;
 mod self_tests;
 mod sign_in;

@@ -57,7 +57,7 @@ async fn places_in_the_queue_are_counted_along_the_index() {
     let centre = Centre::ready().await;
     let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", places_in_queue!())).await;
     let from_place_to_place =
-        "SEARCH ahead USING INDEX job_waiting (<expr>=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
+        "SEARCH ahead USING INDEX job_waiting (turn=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
     assert!(plan.iter().any(|line| line == from_place_to_place), "{plan:#?}");
     assert!(!plan.iter().any(|line| line.starts_with("SCAN job")), "{plan:#?}");
 }

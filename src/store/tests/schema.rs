@@ -16,6 +16,7 @@ const FILES: [&str; 6] = [
     include_str!("../../../migrations/0007_self_tests.sql"),
     include_str!("../../../migrations/0011_standards.sql"),
     include_str!("../../../migrations/0013_evidence_ratings.sql"),
+    include_str!("../../../migrations/0014_rescoring.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -77,11 +78,20 @@ async fn nonsense_is_refused_whoever_writes_it() {
         "DELETE FROM calibration",
         "INSERT INTO upload SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', NULL, trainee_id, task_id, box_id, 'f',
          '', NULL, 10, 11, NULL, 1, 2 FROM session",
-        "INSERT INTO session SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', trainee_id, task_id, box_id, filename, media_type,
+        "UPDATE job SET turn = 0 WHERE kind = 'track'",
+        "UPDATE job SET kind = 'rescore' WHERE kind = 'palette'",
+        "UPDATE session SET tracker = ''",
+        "INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, created_at_ms)
+         SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', trainee_id, task_id, box_id, filename, media_type,
          video, recorded_at_ms, created_at_ms FROM session",
-        "INSERT INTO result SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', session_id, pipeline, calibration_id, palette_id,
+        "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames, duration_s, tools,
+         quality, score, trajectory, diagnostics, preview, created_at_ms)
+         SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', session_id, pipeline, calibration_id, palette_id,
          model, width, height, frames, duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms
          FROM result",
+        "UPDATE result SET width = 0",
+        "INSERT INTO rescoring VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', (SELECT id FROM task), 'memory', 1, '8', NULL, NULL, 1,
+         NULL, NULL)",
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 0, '{}', NULL, 1 FROM task",
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1 FROM task",
         "UPDATE evidence SET rows = 'no json'",

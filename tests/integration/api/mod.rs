@@ -3,6 +3,7 @@
 mod advice;
 pub mod centre;
 mod documents;
+mod exchange;
 mod full_disk;
 mod hostile;
 mod nouns;
@@ -11,6 +12,7 @@ mod process;
 mod progress;
 mod progress_load;
 mod ratings;
+mod rescoring;
 mod roles;
 mod self_tests;
 mod sign_in;

@@ -159,13 +159,13 @@ async fn a_recording_becomes_features_path_diagnostics_and_picture() {
     assert_eq!((stands.status(), stands.problem()), (SessionStatus::Done, None));
     let result = centre.store.sessions().result(&service, session).await.unwrap().unwrap();
     assert_eq!(result.versions.pipeline, trocar::pipeline::PIPELINE_VERSION);
-    assert_eq!((result.video.width, result.video.height), (scene.camera.width, scene.camera.height));
+    assert_eq!((result.video.width, result.video.height), (Some(scene.camera.width), Some(scene.camera.height)));
     assert!(result.features.iter().any(|f| f.value.is_ok()), "{:?}", result.features);
     let paths = Paths::from_bytes(&centre.vault.read(result.trajectory, 1 << 30).await.unwrap()).unwrap();
     assert_eq!(paths.tools, result.tools);
     assert_eq!(paths.frame_times_s.len() as u64, result.video.frames);
     assert!(paths.trajectory(Kind::Smoothed).samples.len() as u64 > result.video.frames / 2);
-    let diagnostics = centre.vault.read(result.diagnostics, 1 << 30).await.unwrap();
+    let diagnostics = centre.vault.read(result.diagnostics.unwrap(), 1 << 30).await.unwrap();
     let diagnostics: serde_json::Value = serde_json::from_slice(&diagnostics).unwrap();
     assert!(diagnostics["columns"]["tip_u_px"].as_array().unwrap().iter().any(|tip| tip.is_number()));
     let preview = centre.vault.read(result.preview.unwrap(), 1 << 20).await.unwrap();
@@ -245,14 +245,14 @@ fn beside(versions: Versions, number: u64) -> NewResult {
     let tools = [tool("left", [-88.8, 108.7, 64.9]), tool("right", [150.6, 97.0, 54.1])];
     NewResult {
         versions,
-        video: VideoFacts { width: 640, height: 480, frames: 300, duration_s: 9.97 },
+        video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
         tools: vec!["left".into(), "right".into()],
         features: vec![],
         evidence: vec![],
         quality: serde_json::json!({"verdict": "valid", "reasons": [], "tools": tools}),
         score: None,
         trajectory: Blob::of(format!("trajectory {number}").as_bytes()),
-        diagnostics: Blob::of(format!("diagnostics {number}").as_bytes()),
+        diagnostics: Some(Blob::of(format!("diagnostics {number}").as_bytes())),
         preview: None,
     }
 }
@@ -280,7 +280,7 @@ async fn what_a_session_is_held_against_does_not_depend_on_which_worker_was_quic
     let finish = async |number: usize| {
         let JobInput::Track(input) = leases[number].job.input.clone() else { panic!("a session") };
         let TrackInput { calibration, palette, .. } = input;
-        let versions = Versions { pipeline: "1".into(), calibration, palette, model: None };
+        let versions = Versions { pipeline: "1".into(), tracked_with: None, calibration: Some(calibration), palette: Some(palette), model: None };
         store.jobs().finish_track(&leases[number], beside(versions, number as u64)).await.unwrap();
     };
     finish(0).await;

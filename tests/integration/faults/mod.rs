@@ -8,6 +8,7 @@
 //! | `order.rs` | no acknowledgement leaves before its bytes and names were synced |
 //! | `power.rs` | nothing acknowledged is lost when the power is cut |
 //! | `pushes.rs` | what came of a pushed stream is a session, whoever dies |
+//! | `rescoring.rs` | what is scored again gives the same bytes, whoever dies |
 //! | `slow.rs` | a thousand slow clients hurt nobody else |
 //! | `unprivileged.rs` | the service needs no privilege, and says what it lacks |
 //!
@@ -20,6 +21,7 @@ mod kills;
 mod order;
 mod power;
 mod pushes;
+mod rescoring;
 mod slow;
 mod unprivileged;
 

@@ -7,10 +7,12 @@
 //! Every form is written; only CSV is read, because that is how trajectories of other programs arrive.
 
 mod columns;
+mod import;
 mod parquet;
 mod read;
 mod write;
 
+pub use import::{ImportLimits, ImportProblem, ImportedTable, read_import};
 pub use columns::{TrajectoryColumns, to_json_columns};
 pub use parquet::{ParquetProblem, write_parquet};
 pub use read::{TrajectoryProblem, read_csv};

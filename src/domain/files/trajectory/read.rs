@@ -35,6 +35,12 @@ pub enum TrajectoryProblem {
     /// Not CSV in UTF-8, or a line with too few or too many fields, or an unreadable stream.
     #[error("not a CSV table: {0}")]
     Syntax(String),
+    /// More rows than are read.
+    #[error("more than {most} rows; send a shorter recording")]
+    TooMany {
+        /// Most rows.
+        most: usize,
+    },
     /// A field that cannot be meant.
     #[error("line {line}: `{column}` is `{text}`; expected {expected}")]
     Field {
@@ -91,25 +97,37 @@ fn required() -> String {
     COLUMNS[..REQUIRED].join(",")
 }
 
+/// Samples with the line that each came from, ordered by frame, then tool.
+pub(super) type Lines = Vec<(Sample, u64)>;
+
 /// Reads a table of rows. Tools are numbered in the order in which they first appear in the file; samples come out
 /// ordered by frame, then tool. Unknown columns are ignored; without a column `state` every row counts as observed.
 ///
 /// A header without rows is a trajectory in which nothing was tracked. Frames on which no tool was tracked leave no
 /// row, so `frame_times_s` stays empty.
 pub fn read_csv(input: impl Read) -> Result<Trajectory, TrajectoryProblem> {
+    let (tools, rows) = read_lines(input, usize::MAX)?;
+    let samples = rows.into_iter().map(|(sample, _)| sample).collect();
+    Ok(Trajectory { tools, samples, frame_times_s: Vec::new() })
+}
+
+/// The same with the lines, of a table of at most so many rows.
+pub(super) fn read_lines(input: impl Read, most: usize) -> Result<(Vec<String>, Lines), TrajectoryProblem> {
     let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
     let columns = Positions::find(table.headers().map_err(syntax)?)?;
     let mut tools = Tools::default();
     let mut rows = Vec::new();
     for record in table.records() {
+        if rows.len() == most {
+            return Err(TrajectoryProblem::TooMany { most });
+        }
         let record = record.map_err(syntax)?;
         let row = Fields { record: &record, columns: &columns, line: record.position().map_or(0, csv::Position::line) };
         rows.push((row.sample(&mut tools)?, row.line));
     }
     rows.sort_by_key(|(sample, _)| (sample.frame, sample.tool));
     check_order(&rows, &tools.names)?;
-    let samples = rows.into_iter().map(|(sample, _)| sample).collect();
-    Ok(Trajectory { tools: tools.names, samples, frame_times_s: Vec::new() })
+    Ok((tools.names, rows))
 }
 
 fn syntax(error: csv::Error) -> TrajectoryProblem {

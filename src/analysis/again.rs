@@ -1,0 +1,175 @@
+//! Scoring without tracking: the stored path of a session by the present program, and the rows of another tracker. The same
+//! assessment as after tracking, on numbers that were checked when they came; no pixels, so no child.
+
+use super::orders::{Earlier, KnownBefore};
+use super::paths::{Kind, Paths, PathsError};
+use super::product::{self, Assessed, ProductError};
+use super::protocol::PathRow;
+use super::worker::{WorkError, Workshop, crashed};
+use crate::domain::files::trajectory::{ImportedTable, TrajectoryProblem, read_csv};
+use crate::domain::job::{ImportInput, JobInput, RescoreInput};
+use crate::domain::problem::Problem;
+use crate::domain::scope::Scope;
+use crate::domain::session::{NewResult, NewScore, Versions, VideoFacts, version_of_rows};
+use crate::pipeline::PIPELINE_VERSION;
+use crate::queue::Held;
+use crate::shutdown::Shutdown;
+use crate::store::SessionResult;
+
+/// Longest stored paths that are scored again, bytes: about four hours of two tools.
+const MOST_BYTES: u64 = 512 * 1024 * 1024;
+
+/// Why what lies here makes no result.
+#[derive(Debug, thiserror::Error)]
+enum AgainError {
+    #[error(transparent)]
+    Product(#[from] ProductError),
+    #[error(transparent)]
+    Paths(#[from] PathsError),
+    #[error(transparent)]
+    Rows(#[from] TrajectoryProblem),
+    /// The program before the present one did not keep how it had tracked.
+    #[error("the stored path does not say how it was tracked")]
+    PathsAlone,
+}
+
+/// What scoring rows gave: with their path as a blob of ours.
+struct Rows {
+    assessed: Assessed,
+    tools: Vec<String>,
+    paths: Vec<u8>,
+    facts: VideoFacts,
+}
+
+impl Workshop {
+    /// Scores what a job names and stores the result beside those that are there.
+    pub(super) async fn score_again(&self, held: Held, ending: &Shutdown) -> Result<(), WorkError> {
+        let done = match held.job().input.clone() {
+            JobInput::Import(input) => self.score_rows(&held, input, ending).await,
+            JobInput::Rescore(input) => self.score_paths(&held, input, ending).await,
+            _ => Ok(()),
+        };
+        match done {
+            Ok(()) => Ok(()),
+            Err(error) => self.stumble(held, error).await,
+        }
+    }
+
+    async fn score_rows(&self, held: &Held, input: ImportInput, ending: &Shutdown) -> Result<(), WorkError> {
+        let table = self.vault.read(input.table.hash, MOST_BYTES).await?;
+        let Some(scored) = self.beside(held, ending, move || score_table(&table)).await? else {
+            return Ok(());
+        };
+        let versions = Versions {
+            pipeline: version_of_rows(&input.tracker),
+            tracked_with: None,
+            calibration: None,
+            palette: None,
+            model: None,
+        };
+        let kept = self.vault.put(&scored.paths).await?;
+        let result = NewResult {
+            versions,
+            video: scored.facts,
+            tools: scored.tools,
+            features: scored.assessed.features,
+            evidence: scored.assessed.evidence,
+            quality: scored.assessed.quality,
+            score: None,
+            trajectory: kept.blob(),
+            diagnostics: None,
+            preview: None,
+        };
+        Ok(held.finish(async |store, lease| store.jobs().finish_track(lease, result).await).await?)
+    }
+
+    async fn score_paths(&self, held: &Held, input: RescoreInput, ending: &Shutdown) -> Result<(), WorkError> {
+        let service = Scope::service();
+        let session = self.store.sessions().get(&service, input.session).await?;
+        let old = self.store.sessions().result_of(&service, input.session, input.result).await?;
+        let mut known = KnownBefore::default();
+        if let Some(calibration) = old.versions.calibration {
+            known.calibration_rms_px = self.store.calibrations().get(&service, calibration).await?.rms_px;
+            let earlier = Earlier::than(input.session, calibration, &self.store).await?;
+            let Some(ports) = self.ports(held, Some(earlier), ending).await? else {
+                return Ok(held.give_back().await?);
+            };
+            known.ports = ports;
+        }
+        let blob = self.vault.read(input.trajectory.hash, MOST_BYTES).await?;
+        let (is_import, frames) = (session.tracker.is_some(), old.video.frames);
+        let work = move || if is_import { score_stored_rows(&blob, frames) } else { score_stored(&blob, &known) };
+        let Some(assessed) = self.beside(held, ending, work).await? else { return Ok(()) };
+        let pipeline = session.tracker.as_ref().map_or_else(|| PIPELINE_VERSION.to_owned(), version_of_rows);
+        let score = again(&old, pipeline, assessed);
+        Ok(held.finish(async |store, lease| store.jobs().finish_rescore(lease, score).await).await?)
+    }
+
+    /// Works on a thread of its own and meanwhile keeps the lease; `None` if the job has ended otherwise: the service ends, or the
+    /// work cannot be done.
+    async fn beside<T: Send + 'static>(
+        &self,
+        held: &Held,
+        ending: &Shutdown,
+        work: impl FnOnce() -> Result<T, AgainError> + Send + 'static,
+    ) -> Result<Option<T>, WorkError> {
+        let mut work = tokio::task::spawn_blocking(work);
+        let ended = loop {
+            tokio::select! {
+                ended = &mut work => break ended,
+                () = ending.begun() => {
+                    held.give_back().await?;
+                    return Ok(None);
+                }
+                () = self.clock.sleep(held.heartbeat()) => held.beat().await?,
+            }
+        };
+        match ended {
+            Ok(Ok(scored)) => return Ok(Some(scored)),
+            Ok(Err(AgainError::PathsAlone)) => held.fail(paths_alone()).await?,
+            Ok(Err(error)) => held.crashed(crashed(&error.to_string())).await?,
+            Err(panic) => held.crashed(crashed(&panic.to_string())).await?,
+        };
+        Ok(None)
+    }
+}
+
+/// What was made of an old result's path now.
+fn again(old: &SessionResult, pipeline: String, assessed: Assessed) -> NewScore {
+    let tracked_with = old.versions.tracked_with.as_ref().unwrap_or(&old.versions.pipeline);
+    let tracked_with = (*tracked_with != pipeline).then(|| tracked_with.clone());
+    let Assessed { features, evidence, quality } = assessed;
+    NewScore { from: old.id, tracked_with, pipeline, features, evidence, quality }
+}
+
+/// The paths of a recording that was tracked here.
+fn score_stored(blob: &[u8], known: &KnownBefore) -> Result<Assessed, AgainError> {
+    let paths = Paths::from_bytes(blob)?;
+    if paths.tracking.is_none() {
+        return Err(AgainError::PathsAlone);
+    }
+    Ok(product::assessed(&paths, known)?)
+}
+
+/// The path of rows that another tracker measured.
+fn score_stored_rows(blob: &[u8], frames: u64) -> Result<Assessed, AgainError> {
+    let path = Paths::from_bytes(blob)?.trajectory(Kind::Smoothed);
+    Ok(product::assessed_rows(&path, frames)?)
+}
+
+/// A table that was read once already when it came.
+fn score_table(table: &[u8]) -> Result<Rows, AgainError> {
+    let ImportedTable { trajectory, frames, duration_s } = ImportedTable::of(read_csv(table)?);
+    let assessed = product::assessed_rows(&trajectory, frames)?;
+    let smoothed = trajectory.samples.iter().map(PathRow::from).collect();
+    let (raw, filtered, frame_times_s) = (Vec::new(), Vec::new(), Vec::new());
+    let paths = Paths { tools: trajectory.tools, frame_times_s, raw, filtered, smoothed, tracking: None };
+    let facts = VideoFacts { width: None, height: None, frames, duration_s };
+    Ok(Rows { assessed, paths: paths.to_bytes()?, tools: paths.tools, facts })
+}
+
+fn paths_alone() -> Problem {
+    let detail = "the program that tracked it did not keep all that a score depends on; order the rescoring with \
+                  `from=recording`, so that it is tracked again";
+    Problem::new("path-alone", "The stored path cannot be scored again", detail)
+}

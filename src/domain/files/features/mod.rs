@@ -1,0 +1,130 @@
+//! Features as files: one row per session, tool and feature, as CSV, as JSON and as Parquet, written as the rows come.
+//!
+//! | column | holds |
+//! |---|---|
+//! | `session` `trainee` `task` `box` | whose and where: ids or codes |
+//! | `recorded_at` | RFC 3339, UTC |
+//! | `tracker` | who measured it; absent: Trocar |
+//! | `verdict` | of the quality gate |
+//! | `feature` `tool` `space` `unit` | what; no tool: of the session as a whole |
+//! | `value` `low` `high` | the value, and between what the true one lies in 95 of 100 sessions |
+//! | `not_enough` `no_error` | why there is no value, or no error bar |
+//! | `pipeline` `tracked_with` `calibration` `palette` `model` | what made it |
+//!
+//! What is absent is an empty field, `null`, or a null. A number is written in the shortest form that reads back to the same.
+
+mod parquet;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use table::{FeatureTable, TableFormat, TableProblem};
+
+use serde::Serialize;
+
+use crate::domain::session::{FeatureRow, Versions};
+
+/// Names of the columns, in order.
+pub const COLUMNS: [&str; 21] = [
+    "session",
+    "trainee",
+    "task",
+    "box",
+    "recorded_at",
+    "tracker",
+    "verdict",
+    "feature",
+    "tool",
+    "space",
+    "unit",
+    "value",
+    "low",
+    "high",
+    "not_enough",
+    "no_error",
+    "pipeline",
+    "tracked_with",
+    "calibration",
+    "palette",
+    "model",
+];
+
+/// A session, as each of its rows names it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Whose {
+    /// The session's id.
+    pub session: String,
+    /// Who trained: an id or a code, never a name.
+    pub trainee: String,
+    /// What they did: a code.
+    pub task: String,
+    /// Where: a code.
+    pub in_box: String,
+    /// When it was recorded, RFC 3339.
+    pub recorded_at: String,
+    /// Who measured it, if not Trocar.
+    pub tracker: Option<String>,
+    /// Of the quality gate, where it gave one.
+    pub verdict: Option<String>,
+    /// What made the numbers.
+    pub versions: Versions,
+}
+
+/// One row, in the order of [`COLUMNS`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[allow(missing_docs)] // the module's table is the documentation
+pub struct ExportRow {
+    pub session: String,
+    pub trainee: String,
+    pub task: String,
+    #[serde(rename = "box")]
+    pub in_box: String,
+    pub recorded_at: String,
+    pub tracker: Option<String>,
+    pub verdict: Option<String>,
+    pub feature: String,
+    pub tool: Option<String>,
+    pub space: &'static str,
+    pub unit: String,
+    pub value: Option<f64>,
+    pub low: Option<f64>,
+    pub high: Option<f64>,
+    pub not_enough: Option<String>,
+    pub no_error: Option<String>,
+    pub pipeline: String,
+    pub tracked_with: Option<String>,
+    pub calibration: Option<String>,
+    pub palette: Option<String>,
+    pub model: Option<String>,
+}
+
+impl ExportRow {
+    /// One feature of a session.
+    pub fn new(whose: &Whose, feature: &FeatureRow) -> Self {
+        let Whose { session, trainee, task, in_box, recorded_at, tracker, verdict, versions } = whose.clone();
+        let bar = feature.error.as_ref().and_then(|error| error.as_ref().ok());
+        Self {
+            session,
+            trainee,
+            task,
+            in_box,
+            recorded_at,
+            tracker,
+            verdict,
+            feature: feature.name.clone(),
+            tool: feature.tool.clone(),
+            space: feature.space.name(),
+            unit: feature.unit.clone(),
+            value: feature.value.as_ref().ok().copied(),
+            low: bar.map(|bar| bar.low),
+            high: bar.map(|bar| bar.high),
+            not_enough: feature.value.as_ref().err().cloned(),
+            no_error: feature.error.as_ref().and_then(|error| error.as_ref().err()).cloned(),
+            pipeline: versions.pipeline,
+            tracked_with: versions.tracked_with,
+            calibration: versions.calibration.map(|id| id.to_string()),
+            palette: versions.palette.map(|id| id.to_string()),
+            model: versions.model,
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Features → Parquet, for programs that read columns (pandas, DuckDB, Arrow): a row group for each part that is written.
+
+use std::io::{self, Write};
+use std::mem;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use parquet::basic::Compression;
+use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::schema::parser::parse_message_type;
+
+use super::ExportRow;
+
+const SCHEMA: &str = "message features {
+    REQUIRED BYTE_ARRAY session (STRING);
+    REQUIRED BYTE_ARRAY trainee (STRING);
+    REQUIRED BYTE_ARRAY task (STRING);
+    REQUIRED BYTE_ARRAY box (STRING);
+    REQUIRED BYTE_ARRAY recorded_at (STRING);
+    OPTIONAL BYTE_ARRAY tracker (STRING);
+    OPTIONAL BYTE_ARRAY verdict (STRING);
+    REQUIRED BYTE_ARRAY feature (STRING);
+    OPTIONAL BYTE_ARRAY tool (STRING);
+    REQUIRED BYTE_ARRAY space (STRING);
+    REQUIRED BYTE_ARRAY unit (STRING);
+    OPTIONAL DOUBLE value;
+    OPTIONAL DOUBLE low;
+    OPTIONAL DOUBLE high;
+    OPTIONAL BYTE_ARRAY not_enough (STRING);
+    OPTIONAL BYTE_ARRAY no_error (STRING);
+    REQUIRED BYTE_ARRAY pipeline (STRING);
+    OPTIONAL BYTE_ARRAY tracked_with (STRING);
+    OPTIONAL BYTE_ARRAY calibration (STRING);
+    OPTIONAL BYTE_ARRAY palette (STRING);
+    OPTIONAL BYTE_ARRAY model (STRING);
+}";
+
+/// Where the writer puts its bytes, and whoever sends them takes them.
+#[derive(Clone, Default)]
+struct Sink(Arc<Mutex<Vec<u8>>>);
+
+impl Sink {
+    fn take(&self) -> Vec<u8> {
+        mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A file that grows.
+pub struct ParquetTable {
+    file: SerializedFileWriter<Sink>,
+    sink: Sink,
+}
+
+impl ParquetTable {
+    pub(super) fn new() -> Result<Self, ParquetError> {
+        let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
+        let sink = Sink::default();
+        let schema = Arc::new(parse_message_type(SCHEMA)?);
+        Ok(Self { file: SerializedFileWriter::new(sink.clone(), schema, Arc::new(properties))?, sink })
+    }
+
+    pub(super) fn write(&mut self, rows: &[ExportRow]) -> Result<Vec<u8>, ParquetError> {
+        if !rows.is_empty() {
+            let mut group = self.file.next_row_group()?;
+            write_columns(&mut group, rows)?;
+            group.close()?;
+        }
+        Ok(self.sink.take())
+    }
+
+    pub(super) fn finish(self) -> Result<Vec<u8>, ParquetError> {
+        self.file.close()?;
+        Ok(self.sink.take())
+    }
+}
+
+/// The columns in the schema's order: the format knows no other way to address them.
+fn write_columns(group: &mut SerializedRowGroupWriter<'_, Sink>, rows: &[ExportRow]) -> Result<(), ParquetError> {
+    required(group, rows, |row| &row.session)?;
+    required(group, rows, |row| &row.trainee)?;
+    required(group, rows, |row| &row.task)?;
+    required(group, rows, |row| &row.in_box)?;
+    required(group, rows, |row| &row.recorded_at)?;
+    optional(group, rows, |row| row.tracker.as_deref())?;
+    optional(group, rows, |row| row.verdict.as_deref())?;
+    required(group, rows, |row| &row.feature)?;
+    optional(group, rows, |row| row.tool.as_deref())?;
+    required(group, rows, |row| row.space)?;
+    required(group, rows, |row| &row.unit)?;
+    for number in [|row: &ExportRow| row.value, |row: &ExportRow| row.low, |row: &ExportRow| row.high] {
+        let (values, present) = present(rows, number);
+        write::<DoubleType>(group, &values, Some(&present))?;
+    }
+    optional(group, rows, |row| row.not_enough.as_deref())?;
+    optional(group, rows, |row| row.no_error.as_deref())?;
+    required(group, rows, |row| &row.pipeline)?;
+    optional(group, rows, |row| row.tracked_with.as_deref())?;
+    optional(group, rows, |row| row.calibration.as_deref())?;
+    optional(group, rows, |row| row.palette.as_deref())?;
+    optional(group, rows, |row| row.model.as_deref())
+}
+
+fn required(
+    group: &mut SerializedRowGroupWriter<'_, Sink>,
+    rows: &[ExportRow],
+    of: impl Fn(&ExportRow) -> &str,
+) -> Result<(), ParquetError> {
+    let values: Vec<ByteArray> = rows.iter().map(|row| ByteArray::from(of(row))).collect();
+    write::<ByteArrayType>(group, &values, None)
+}
+
+fn optional(
+    group: &mut SerializedRowGroupWriter<'_, Sink>,
+    rows: &[ExportRow],
+    of: impl Fn(&ExportRow) -> Option<&str>,
+) -> Result<(), ParquetError> {
+    let (values, present) = present(rows, |row| of(row).map(ByteArray::from));
+    write::<ByteArrayType>(group, &values, Some(&present))
+}
+
+fn present<T>(rows: &[ExportRow], of: impl Fn(&ExportRow) -> Option<T>) -> (Vec<T>, Vec<i16>) {
+    let present = rows.iter().map(|row| i16::from(of(row).is_some())).collect();
+    (rows.iter().filter_map(of).collect(), present)
+}
+
+fn write<T: DataType>(
+    group: &mut SerializedRowGroupWriter<'_, Sink>,
+    values: &[T::T],
+    present: Option<&[i16]>,
+) -> Result<(), ParquetError> {
+    let column = group.next_column()?;
+    let mut column = column.ok_or_else(|| ParquetError::General("the schema has too few columns".to_owned()))?;
+    column.typed::<T>().write_batch(values, present, None)?;
+    column.close()
+}

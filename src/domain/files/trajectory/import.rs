@@ -1,0 +1,256 @@
+//! CSV → trajectory of a tracker that is not ours, to be kept and scored beside our own: stricter than [`read_csv`], which
+//! reads what somebody scores for themselves.
+//!
+//! What is stored is shown to others and held against them, so that a table must be one that a tracker could have written:
+//! times that count from 0, tools that the box knows, a path of at least two rows for each, and numbers of a size that a box
+//! has. The first line that is not so is named, with its column.
+//!
+//! [`read_csv`]: super::read_csv
+
+use super::read::{Lines, TrajectoryProblem, read_lines};
+use crate::pipeline::trajectory::{Sample, Trajectory};
+
+/// Largest magnitude of a number beside the position: as far outside any picture in pixels, or as fast in mm/s, as nothing
+/// is.
+const LARGEST: f64 = 1e7;
+
+/// How far the length of a direction may be from 1: what three decimals of its parts leave.
+const UNIT: f64 = 0.005;
+
+/// Longest name of a tool, characters: what the box's own may have.
+const LONGEST_NAME: usize = 64;
+
+/// How much of a table is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImportLimits {
+    /// Most rows.
+    pub rows: usize,
+    /// Most tools.
+    pub tools: usize,
+    /// Largest frame number.
+    pub frames: u64,
+    /// Latest time, s.
+    pub duration_s: f64,
+}
+
+/// Why a table cannot be taken. Lines count from 1, the header being the first.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ImportProblem {
+    /// It is no trajectory.
+    #[error(transparent)]
+    Table(#[from] TrajectoryProblem),
+    /// It is no text.
+    #[error("line {line}: not UTF-8; export the table as UTF-8")]
+    NotUtf8 {
+        /// Where.
+        line: u64,
+    },
+    /// No rows, or of one tool only one.
+    #[error("line {line}: `tool` is `{tool}`, which has one row only; a path needs at least two")]
+    OneRow {
+        /// Where it stands.
+        line: u64,
+        /// Whose.
+        tool: String,
+    },
+    /// A header without rows.
+    #[error("the table has a header and no rows; a path needs at least two")]
+    NoRows,
+    /// A tool that the box does not have.
+    #[error("line {line}: `tool` is `{tool}`, which the box does not have; its tools are {known}")]
+    UnknownTool {
+        /// Where it stands first.
+        line: u64,
+        /// Its name.
+        tool: String,
+        /// The names that the box knows.
+        known: String,
+    },
+    /// More tools than a session can have.
+    #[error("line {line}: `tool` is `{tool}`, the first beyond {most} tools")]
+    TooManyTools {
+        /// Where it stands first.
+        line: u64,
+        /// Its name.
+        tool: String,
+        /// Most of them.
+        most: usize,
+    },
+    /// A number that no recording has.
+    #[error("line {line}: `{column}` is {value}; expected {expected}")]
+    Beyond {
+        /// Where.
+        line: u64,
+        /// Which column.
+        column: &'static str,
+        /// The number.
+        value: String,
+        /// What it should be.
+        expected: String,
+    },
+}
+
+/// A table that was taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportedTable {
+    /// Its path.
+    pub trajectory: Trajectory,
+    /// Frames on which any tool has a row.
+    pub frames: u64,
+    /// From the first row to the last, s.
+    pub duration_s: f64,
+}
+
+/// Reads a table of another tracker. `known`: the names of the box's tools; empty while the box has none, and then any name
+/// will do.
+pub fn read_import(bytes: &[u8], known: &[String], limits: &ImportLimits) -> Result<ImportedTable, ImportProblem> {
+    if let Err(error) = std::str::from_utf8(bytes) {
+        let before = &bytes[..error.valid_up_to()];
+        return Err(ImportProblem::NotUtf8 { line: 1 + before.iter().filter(|byte| **byte == b'\n').count() as u64 });
+    }
+    let (tools, rows) = read_lines(bytes, limits.rows)?;
+    check_tools(&tools, &rows, known, limits)?;
+    rows.iter().try_for_each(|(sample, line)| check_numbers(sample, *line, limits))?;
+    if rows.is_empty() {
+        return Err(ImportProblem::NoRows);
+    }
+    let samples = rows.into_iter().map(|(sample, _)| sample).collect();
+    Ok(ImportedTable::of(Trajectory { tools, samples, frame_times_s: Vec::new() }))
+}
+
+impl ImportedTable {
+    /// What the rows of a path tell of its recording.
+    pub fn of(trajectory: Trajectory) -> Self {
+        let frames = trajectory.samples.chunk_by(|a, b| a.frame == b.frame).count() as u64;
+        let ends = trajectory.samples.first().zip(trajectory.samples.last());
+        let duration_s = ends.map_or(0.0, |(first, last)| last.time_s - first.time_s);
+        Self { trajectory, frames, duration_s }
+    }
+}
+
+fn check_tools(tools: &[String], rows: &Lines, known: &[String], limits: &ImportLimits) -> Result<(), ImportProblem> {
+    for (index, tool) in tools.iter().enumerate() {
+        let mut lines = rows.iter().filter(|(sample, _)| sample.tool == index).map(|(_, line)| *line);
+        let (line, second) = (lines.next().unwrap_or_default(), lines.next());
+        let tool = tool.clone();
+        if index >= limits.tools {
+            return Err(ImportProblem::TooManyTools { line, tool, most: limits.tools });
+        }
+        if !known.is_empty() && !known.contains(&tool) {
+            let known = known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+            return Err(ImportProblem::UnknownTool { line, tool, known });
+        }
+        let begins_well = tool.chars().next().is_some_and(char::is_alphanumeric); // `=…` is a formula to a spreadsheet
+        if tool.chars().count() > LONGEST_NAME || tool.chars().any(char::is_control) || !begins_well {
+            let expected = format!("a name of at most {LONGEST_NAME} characters that begins with a letter or a digit");
+            let value = format!("`{}…`", tool.escape_debug().take(LONGEST_NAME).collect::<String>());
+            return Err(ImportProblem::Beyond { line, column: "tool", value, expected });
+        }
+        if second.is_none() {
+            return Err(ImportProblem::OneRow { line, tool });
+        }
+    }
+    Ok(())
+}
+
+fn check_numbers(sample: &Sample, line: u64, limits: &ImportLimits) -> Result<(), ImportProblem> {
+    let beyond = |column, value: String, expected: String| ImportProblem::Beyond { line, column, value, expected };
+    if sample.frame >= limits.frames {
+        let expected = format!("a frame number below {}", limits.frames);
+        return Err(beyond("frame", sample.frame.to_string(), expected));
+    }
+    if !(0.0..=limits.duration_s).contains(&sample.time_s) {
+        let expected = format!("seconds from 0 to {}", limits.duration_s);
+        return Err(beyond("time_s", sample.time_s.to_string(), expected));
+    }
+    if let Some(axis) = sample.axis.filter(|axis| (axis.norm() - 1.0).abs() > UNIT) {
+        let value = format!("part of a vector of length {}", axis.norm());
+        return Err(beyond("axis_x", value, "a vector of length 1".to_owned()));
+    }
+    let vector = |columns: [&'static str; 3], v: Option<nalgebra::Vector3<f64>>| {
+        columns.into_iter().zip(v.into_iter().flat_map(|v| [v.x, v.y, v.z])).collect::<Vec<_>>()
+    };
+    let pixel = sample.tip_px.into_iter().flat_map(|p| [("tip_u_px", p.x), ("tip_v_px", p.y)]);
+    let sigma = [("sigma_xy_mm", sample.sigma_xy_mm), ("sigma_z_mm", sample.sigma_z_mm)];
+    let numbers = vector(["vx_mm_s", "vy_mm_s", "vz_mm_s"], sample.velocity_mm_s).into_iter();
+    let numbers = numbers.chain(vector(["axis_x", "axis_y", "axis_z"], sample.axis)).chain(pixel);
+    let numbers = numbers.chain(sigma.into_iter().filter_map(|(column, sigma)| Some((column, sigma?))));
+    let too_large = numbers.into_iter().find(|(_, value)| value.abs() > LARGEST);
+    too_large.map_or(Ok(()), |(column, value)| {
+        Err(beyond(column, value.to_string(), format!("a number within {LARGEST} of 0")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: ImportLimits = ImportLimits { rows: 6, tools: 2, frames: 100, duration_s: 60.0 };
+    const HEAD: &str = "frame,time_s,tool,x_mm,y_mm,z_mm\n";
+
+    fn read(rows: &str) -> Result<ImportedTable, ImportProblem> {
+        read_import(format!("{HEAD}{rows}").as_bytes(), &["left".to_owned(), "right".to_owned()], &LIMITS)
+    }
+
+    fn refused(rows: &str) -> String {
+        read(rows).expect_err(rows).to_string()
+    }
+
+    #[test]
+    fn a_table_of_two_tools_is_taken_with_its_frames_and_its_time() {
+        let table = read("0,0.5,left,1,2,150\n1,1,left,1,2,150\n1,1,right,1,2,150\n3,2.0,right,1,2,150\n").unwrap();
+        assert_eq!((table.frames, table.duration_s), (3, 1.5));
+        assert_eq!(table.trajectory.tools, ["left", "right"]);
+        assert_eq!(table.trajectory.samples.len(), 4);
+    }
+
+    #[test]
+    fn each_table_that_no_tracker_writes_is_refused_with_its_line_and_column() {
+        let two = "0,0,left,1,2,150\n1,1,left,1,2,150\n";
+        for (rows, words) in [
+            ("", "no rows"),
+            ("0,0,left,1,2,150\n", "line 2: `tool` is `left`, which has one row only"),
+            (&format!("{two}1,1,right,1,2,150\n"), "line 4: `tool` is `right`, which has one row only"),
+            ("0,0,left,NaN,2,150\n1,1,left,1,2,150\n", "line 2: `x_mm` is `NaN`"),
+            ("0,0,left,1,2,150\n1,inf,left,1,2,150\n", "line 3: `time_s` is `inf`"),
+            ("0,1,left,1,2,150\n1,0,left,1,2,150\n", "line 3: frame 1 at 0 s contradicts line 2"),
+            ("0,0,left,1,2,150\n0,0,left,3,2,150\n", "line 3: tool `left` already has a row on frame 0"),
+            ("0,0,green,1,2,150\n1,1,green,1,2,150\n", "line 2: `tool` is `green`, which the box does not have"),
+            ("0,-1,left,1,2,150\n1,1,left,1,2,150\n", "line 2: `time_s` is -1; expected seconds from 0 to 60"),
+            ("0,0,left,1,2,150\n1,61,left,1,2,150\n", "line 3: `time_s` is 61"),
+            ("0,0,left,1,2,150\n100,1,left,1,2,150\n", "line 3: `frame` is 100; expected a frame number below 100"),
+            ("0,0,left,1,2\n", "line: 2"),
+            (&format!("{two}2,2,left,1,2,150\n").repeat(3), "more than 6 rows"),
+        ] {
+            let refused = refused(rows);
+            assert!(refused.contains(words), "{rows}: {refused}");
+        }
+        let long = format!("{}frame", "x".repeat(9));
+        assert!(read_import(long.as_bytes(), &[], &LIMITS).unwrap_err().to_string().contains("no column `frame`"));
+        let odd = [HEAD.as_bytes(), b"0,0,l\xe9ft,1,2,150\n"].concat();
+        assert_eq!(read_import(&odd, &[], &LIMITS), Err(ImportProblem::NotUtf8 { line: 2 }));
+    }
+
+    #[test]
+    fn a_box_without_colours_takes_any_two_tools_and_no_more() {
+        let rows = |tool: &str| format!("0,0,{tool},1,2,150\n1,1,{tool},1,2,150\n");
+        let table = format!("{HEAD}{}{}", rows("a"), rows("b"));
+        assert_eq!(read_import(table.as_bytes(), &[], &LIMITS).unwrap().trajectory.tools, ["a", "b"]);
+        let refused = read_import((table + &rows("c")).as_bytes(), &[], &LIMITS).unwrap_err().to_string();
+        assert!(refused.starts_with("line 6: `tool` is `c`, the first beyond 2 tools"), "{refused}");
+    }
+
+    #[test]
+    fn a_direction_that_is_none_is_refused() {
+        let table = "frame,time_s,tool,x_mm,y_mm,z_mm,axis_x,axis_y,axis_z\n0,0,a,1,2,150,0,0,1\n1,1,a,1,2,150,0,3,4\n";
+        let refused = read_import(table.as_bytes(), &[], &LIMITS).unwrap_err().to_string();
+        assert!(refused.starts_with("line 3: `axis_x` is part of a vector of length 5"), "{refused}");
+    }
+
+    #[test]
+    fn a_number_beside_the_position_that_nothing_has_is_refused() {
+        let table = "frame,time_s,tool,x_mm,y_mm,z_mm,sigma_z_mm\n0,0,a,1,2,150,1\n1,1,a,1,2,150,1e300\n";
+        let refused = read_import(table.as_bytes(), &[], &LIMITS).unwrap_err().to_string();
+        assert!(refused.starts_with("line 3: `sigma_z_mm` is"), "{refused}");
+    }
+}

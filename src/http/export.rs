@@ -1,0 +1,150 @@
+//! Features as a table: of one session, or of many, page by page, so that a table of any length needs the memory of one page.
+
+use std::collections::HashSet;
+
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use futures_util::stream::try_unfold;
+use serde::Deserialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::error::{Answer, Problem};
+use super::file::disposition;
+use super::state::App;
+use crate::domain::files::features::{ExportRow, FeatureTable, TableFormat, TableProblem, Whose};
+use crate::domain::scope::Scope;
+use crate::ids::TraineeId;
+use crate::store::{PageRequest, Session, SessionFilter, SessionResult, StoreError};
+use crate::time::to_rfc3339;
+
+/// Sessions that are read at a time: some thousands of rows.
+const SESSIONS: u32 = 50;
+
+/// How people are called in a table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum CalledBy {
+    /// By their id, which tells nobody outside the centre who it is.
+    #[default]
+    Id,
+    /// By their code, which is made of their name where nobody chose another.
+    Code,
+}
+
+/// Why a table broke off; its reader sees the connection close before the end.
+#[derive(Debug, thiserror::Error)]
+enum Broken {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Table(#[from] TableProblem),
+    #[error(transparent)]
+    Thread(#[from] tokio::task::JoinError),
+}
+
+/// A session's rows.
+pub fn rows(session: &Session, result: &SessionResult, called: CalledBy) -> Vec<ExportRow> {
+    let whose = Whose {
+        session: session.id.to_string(),
+        trainee: match called {
+            CalledBy::Id => session.trainee_id.to_string(),
+            CalledBy::Code => session.trainee_code.to_string(),
+        },
+        task: session.task_code.to_string(),
+        in_box: session.box_code.to_string(),
+        recorded_at: to_rfc3339(session.recorded_at_ms),
+        tracker: session.tracker.as_ref().map(ToString::to_string),
+        verdict: result.quality.get("verdict").and_then(Value::as_str).map(str::to_owned),
+        versions: result.versions.clone(),
+    };
+    result.features.iter().map(|feature| ExportRow::new(&whose, feature)).collect()
+}
+
+/// One session's table.
+pub async fn of_session(rows: Vec<ExportRow>, format: TableFormat, name: &str) -> Answer<Response> {
+    let written = tokio::task::spawn_blocking(move || {
+        let mut table = FeatureTable::new(format)?;
+        let mut bytes = table.write(&rows)?;
+        bytes.extend(table.finish()?);
+        Ok::<_, TableProblem>(bytes)
+    });
+    let bytes = written.await.map_err(|cause| Problem::internal("writing features", cause))?;
+    let bytes = bytes.map_err(|cause| Problem::internal("writing features", cause))?;
+    Ok((StatusCode::OK, headers(format, name), bytes).into_response())
+}
+
+/// Which sessions a long table is of.
+pub struct Many {
+    /// Of whom and what.
+    pub filter: SessionFilter,
+    /// Only of these people.
+    pub only: Option<HashSet<TraineeId>>,
+    /// How they are called.
+    pub called: CalledBy,
+}
+
+/// Where a long table has come to.
+enum Place {
+    Page(Option<String>, FeatureTable),
+    End,
+}
+
+/// The table of many sessions, sent while it is read: nothing is read before the part before it is sent.
+pub async fn of_many(app: App, scope: Scope, many: Many, format: TableFormat, name: &str) -> Answer<Response> {
+    let table = FeatureTable::new(format).map_err(|cause| Problem::internal("writing features", cause))?;
+    let parts = try_unfold((app, scope, many, Place::Page(None, table)), |(app, scope, many, place)| async move {
+        let Place::Page(after, table) = place else { return Ok::<_, Broken>(None) };
+        match part(&app, &scope, &many, (after, table)).await {
+            Ok((bytes, place)) => Ok(Some((Bytes::from(bytes), (app, scope, many, place)))),
+            Err(error) => {
+                tracing::error!(%error, "a table of features broke off");
+                Err(error)
+            }
+        }
+    });
+    Ok((StatusCode::OK, headers(format, name), Body::from_stream(parts)).into_response())
+}
+
+async fn part(
+    app: &App,
+    scope: &Scope,
+    many: &Many,
+    (after, table): (Option<String>, FeatureTable),
+) -> Result<(Vec<u8>, Place), Broken> {
+    let page = app.store.sessions().list(scope, &many.filter, &PageRequest::new(SESSIONS, after)).await?;
+    let mut found = Vec::new();
+    for session in &page.items {
+        if many.only.as_ref().is_some_and(|only| !only.contains(&session.trainee_id)) {
+            continue;
+        }
+        match app.store.sessions().result(scope, session.id).await {
+            Ok(Some(result)) => found.extend(rows(session, &result, many.called)),
+            Ok(None) | Err(StoreError::NotFound { .. }) => {} // erased in between: not there any more
+            Err(error) => return Err(error.into()),
+        }
+    }
+    let next = page.next;
+    let written = tokio::task::spawn_blocking(move || {
+        let mut table = table;
+        let mut bytes = table.write(&found)?;
+        match next {
+            Some(next) => Ok((bytes, Place::Page(Some(next), table))),
+            None => {
+                bytes.extend(table.finish()?);
+                Ok((bytes, Place::End))
+            }
+        }
+    });
+    written.await?
+}
+
+fn headers(format: TableFormat, name: &str) -> HeaderMap {
+    let mut headers = HeaderMap::new();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
+    let name = format!("{name}.{}", format.extension());
+    headers.extend(HeaderValue::try_from(disposition("inline", &name)).map(|name| (header::CONTENT_DISPOSITION, name)));
+    headers
+}

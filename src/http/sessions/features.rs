@@ -1,0 +1,81 @@
+//! A session's features as a table, and as an xAPI statement.
+
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::Response;
+use serde::Deserialize;
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+
+use crate::domain::files::features::TableFormat;
+use crate::domain::xapi::{self, Scored, Statement};
+use crate::http::auth::signed_in::Member;
+use crate::http::error::Answer;
+use crate::http::export::{self, CalledBy};
+use crate::http::read::{At, Json, Params};
+use crate::http::state::App;
+use crate::store::{Session, SessionResult, Standard};
+use crate::time::to_rfc3339;
+
+/// How it is written.
+#[derive(Clone, Copy, Debug, Deserialize, IntoParams, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Written {
+    /// How it is written.
+    #[serde(default)]
+    #[param(inline)]
+    format: TableFormat,
+}
+
+/// Read the features as a table: a row for each tool and feature, with value, error bar, unit and versions
+#[utoipa::path(get, path = "/sessions/{id}/features", tag = "sessions",
+    params(("id" = String, Path, description = "id"), Written),
+    responses((status = OK, description = "The table: session, trainee, task, …", content(
+        (Object = "application/json"), (String = "text/csv"), (Vec<u8> = "application/vnd.apache.parquet")))))]
+pub async fn features(
+    State(app): State<App>,
+    by: Member,
+    at: At,
+    Params(Written { format }): Params<Written>,
+) -> Answer<Response> {
+    let session = app.store.sessions().get(&by.scope, at.id()?).await?;
+    let result = app.result(&by.scope, session.id).await?;
+    let rows = export::rows(&session, &result, CalledBy::Code);
+    export::of_session(rows, format, &format!("features-{}", session.id)).await
+}
+
+/// Read a session as an xAPI statement
+///
+/// It holds for versions 1.0.3 and 2.0 of the specification. The actor is an account of this service, by the trainee's code. The verb
+/// is `passed` or `failed` where the task's standard could judge the session, and else `completed`. What is not known is absent.
+#[utoipa::path(get, path = "/sessions/{id}/xapi", tag = "sessions", params(("id" = String, Path, description = "id")),
+    responses((status = OK, body = Statement)))]
+pub async fn xapi(State(app): State<App>, by: Member, at: At, headers: HeaderMap) -> Answer<Json<Statement>> {
+    let session = app.store.sessions().get(&by.scope, at.id()?).await?;
+    let result = app.result(&by.scope, session.id).await?;
+    let standard = app.store.standards().in_use(&by.scope, session.task_id).await?;
+    Ok(Json(statement(&app.home(&headers), &session, &result, standard.as_ref())))
+}
+
+/// The statement of a session's result.
+pub fn statement(home: &str, session: &Session, result: &SessionResult, standard: Option<&Standard>) -> Statement {
+    let judged = |standard: &Standard| {
+        let hand = session.trainee_handedness;
+        (standard.version, standard.definition.judge(&result.features, &result.versions.pipeline, hand))
+    };
+    xapi::statement(&Scored {
+        home,
+        session: session.id.to_string(),
+        result: result.id.to_string(),
+        trainee: session.trainee_code.as_str(),
+        task: (session.task_id.to_string(), session.task_name.as_str()),
+        recorded_at: to_rfc3339(session.recorded_at_ms),
+        duration_s: result.video.duration_s,
+        verdict: result.quality.get("verdict").and_then(Value::as_str),
+        tracker: session.tracker.as_ref().map(|tracker| tracker.as_str()),
+        versions: &result.versions,
+        features: &result.features,
+        judged: standard.map(judged),
+    })
+}

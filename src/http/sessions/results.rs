@@ -1,0 +1,47 @@
+//! All results of a session: which one counts, and what each was made with.
+
+use axum::extract::State;
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use crate::domain::session::Versions;
+use crate::http::auth::signed_in::Member;
+use crate::http::error::Answer;
+use crate::http::read::{At, Json};
+use crate::http::show::{Page, Time};
+use crate::http::state::App;
+use crate::ids::ResultId;
+use crate::store::SessionResult;
+
+/// Most results in the list: each version of program, camera and colours made one.
+const MOST: u32 = 200;
+
+/// What one version of the program made of a session.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ResultSummary {
+    id: ResultId,
+    /// Is it the one whose features are shown? The latest is.
+    in_use: bool,
+    /// `valid`, `usable_with_care` or `refused`; `null` in results of earlier versions.
+    verdict: Option<String>,
+    /// What it was made with.
+    versions: Versions,
+    created_at: Time,
+}
+
+/// List what each version of the program made of a session, the one in use first
+#[utoipa::path(get, path = "/sessions/{id}/results", tag = "sessions",
+    params(("id" = String, Path, description = "id")), responses((status = OK, body = Page<ResultSummary>)))]
+pub async fn results(State(app): State<App>, by: Member, at: At) -> Answer<Json<Page<ResultSummary>>> {
+    let results = app.store.sessions().results(&by.scope, at.id()?, MOST).await?;
+    let shown = results.into_iter().enumerate().map(|(place, result)| ResultSummary::of(result, place == 0));
+    Ok(Json(Page::whole(shown)))
+}
+
+impl ResultSummary {
+    fn of(result: SessionResult, in_use: bool) -> Self {
+        let verdict = result.quality.get("verdict").and_then(Value::as_str).map(str::to_owned);
+        Self { id: result.id, in_use, verdict, versions: result.versions, created_at: Time(result.created_at_ms) }
+    }
+}

@@ -1,0 +1,62 @@
+//! A task's features as a table: everybody's, for those who run the centre.
+
+use axum::extract::State;
+use axum::response::Response;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use crate::domain::files::features::TableFormat;
+use crate::domain::session::SessionStatus;
+use crate::domain::text::Key;
+use crate::http::auth::signed_in::Administrator;
+use crate::http::error::Answer;
+use crate::http::export::{self, CalledBy, Many};
+use crate::http::read::{At, Params, named};
+use crate::http::state::App;
+use crate::store::SessionFilter;
+
+/// Which rows, and how they are written.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Rows {
+    /// How it is written.
+    #[serde(default)]
+    #[param(inline)]
+    format: TableFormat,
+    /// Only of the people of this cohort, by id or code.
+    #[param(value_type = Option<String>)]
+    cohort: Option<Key>,
+    /// How people are called. A code is made of the name where nobody chose another: for a table that leaves the centre, the id.
+    #[serde(default)]
+    #[param(inline)]
+    trainees: CalledBy,
+}
+
+/// Read all features of a task as one table, without names
+///
+/// A row for each session that is done, tool and feature, newest sessions first; it is sent while it is read, so that a connection that
+/// closes before the table's end means that it broke off.
+#[utoipa::path(get, path = "/tasks/{id}/features", tag = "tasks",
+    params(("id" = String, Path, description = "id or code"), Rows),
+    responses((status = OK, description = "The table: session, trainee, task, …", content(
+        (Object = "application/json"), (String = "text/csv"), (Vec<u8> = "application/vnd.apache.parquet")))))]
+pub async fn features(
+    State(app): State<App>,
+    by: Administrator,
+    At(key): At,
+    Params(Rows { format, cohort, trainees }): Params<Rows>,
+) -> Answer<Response> {
+    let task = app.store.tasks().get(&by.scope, &key).await?;
+    let only = match &cohort {
+        Some(key) => {
+            let cohort = app.store.cohorts().get(&by.scope, key).await.map_err(named("cohort"))?;
+            Some(app.store.cohorts().members(&by.scope, cohort.id).await?.into_iter().collect())
+        }
+        None => None,
+    };
+    let status = Some(SessionStatus::Done);
+    let filter = SessionFilter { task: Some(Key::from(&task.id)), status, ..SessionFilter::default() };
+    let name = format!("features-{}", task.code);
+    export::of_many(app, by.scope, Many { filter, only, called: trainees }, format, &name).await
+}

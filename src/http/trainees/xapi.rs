@@ -1,0 +1,57 @@
+//! A trainee's sessions as xAPI statements.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use axum::extract::State;
+use axum::http::HeaderMap;
+
+use crate::domain::session::SessionStatus;
+use crate::domain::text::Key;
+use crate::domain::xapi::StatementResult;
+use crate::http::auth::signed_in::Member;
+use crate::http::error::Answer;
+use crate::http::read::{At, Json, Params};
+use crate::http::sessions::statement;
+use crate::http::show::Paging;
+use crate::http::state::App;
+use crate::store::SessionFilter;
+
+/// Read a trainee's sessions as xAPI statements, by the page, newest first
+///
+/// As a learning record store gives them: `more` is the address of the next page, and empty on the last. Sessions without a result
+/// have no statement.
+#[utoipa::path(get, path = "/trainees/{id}/xapi", tag = "trainees",
+    params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = StatementResult)))]
+pub async fn xapi(
+    State(app): State<App>,
+    by: Member,
+    At(key): At,
+    Params(paging): Params<Paging>,
+    headers: HeaderMap,
+) -> Answer<Json<StatementResult>> {
+    let trainee = app.store.trainees().get(&by.scope, &key).await?;
+    let home = app.home(&headers);
+    let limit = paging.limit();
+    let page = paging.request(app.settings.page_items)?;
+    let filter = SessionFilter {
+        trainee: Some(Key::from(&trainee.id)),
+        status: Some(SessionStatus::Done),
+        ..SessionFilter::default()
+    };
+    let found = app.store.sessions().list(&by.scope, &filter, &page).await?;
+    let (mut statements, mut standards) = (Vec::with_capacity(found.items.len()), HashMap::new());
+    for session in &found.items {
+        let Some(result) = app.store.sessions().result(&by.scope, session.id).await? else { continue };
+        let standard = match standards.entry(session.task_id) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(app.store.standards().in_use(&by.scope, session.task_id).await?),
+        };
+        statements.push(statement(&home, session, &result, standard.as_ref()));
+    }
+    let of = |cursor| {
+        let limit = limit.map(|limit| format!("&limit={limit}")).unwrap_or_default();
+        format!("/api/v1/trainees/{}/xapi?cursor={cursor}{limit}", trainee.id)
+    };
+    Ok(Json(StatementResult { statements, more: found.next.map(of).unwrap_or_default() }))
+}

@@ -1,0 +1,112 @@
+//! What changed between two results of a session: pure, and the same for the report's numbers and its rows.
+
+use crate::domain::feature::FeatureKey;
+use crate::domain::rescoring::{Barred, Change, FeatureChange};
+use crate::domain::session::FeatureRow;
+
+/// Values that differ by less than this share of themselves differ by rounding alone: sums of a million terms in double precision
+/// agree to some 1e-10.
+pub const ROUNDING: f64 = 1e-9;
+
+/// The features that are not what they were: those whose error bars do not overlap first, then in the order in which people read them.
+pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
+    let find = |rows: &[FeatureRow], of: &FeatureKey| rows.iter().find(|row| FeatureKey::from(*row) == *of).and_then(barred);
+    let only_old = old.iter().filter(|row| !new.iter().any(|other| FeatureKey::from(other) == FeatureKey::from(*row)));
+    let change = |row: &FeatureRow| {
+        let of = FeatureKey::from(row);
+        let (old, new) = (find(old, &of), find(new, &of));
+        let change = between(old, new)?;
+        Some(FeatureChange { of, title: row.title.clone(), unit: row.unit.clone(), change, old, new })
+    };
+    let mut changes: Vec<FeatureChange> = new.iter().chain(only_old).filter_map(change).collect();
+    changes.sort_by_key(|change| change.change != Change::Apart); // stable: otherwise as they were
+    changes
+}
+
+fn between(old: Option<Barred>, new: Option<Barred>) -> Option<Change> {
+    match (old, new) {
+        (None, None) => None,
+        (Some(_), None) => Some(Change::Lost),
+        (None, Some(_)) => Some(Change::Gained),
+        (Some(old), Some(new)) if are_apart(&old, &new) => Some(Change::Apart),
+        (Some(old), Some(new)) => {
+            let largest = old.value.abs().max(new.value.abs());
+            ((old.value - new.value).abs() > ROUNDING * largest).then_some(Change::WithinError)
+        }
+    }
+}
+
+fn are_apart(old: &Barred, new: &Barred) -> bool {
+    match (old.low.zip(old.high), new.low.zip(new.high)) {
+        (Some((old_low, old_high)), Some((new_low, new_high))) => old_high < new_low || new_high < old_low,
+        _ => false,
+    }
+}
+
+fn barred(row: &FeatureRow) -> Option<Barred> {
+    let bar = row.error.as_ref().and_then(|error| error.as_ref().ok());
+    let value = *row.value.as_ref().ok()?;
+    Some(Barred { value, low: bar.map(|bar| bar.low), high: bar.map(|bar| bar.high) })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::domain::session::{FeatureError, FeatureSpace};
+
+    fn row(name: &str, value: Option<f64>, half: Option<f64>) -> FeatureRow {
+        let bar = |value: f64| half.map(|half| FeatureError { sigma: half, low: value - half, high: value + half, as_measured: value });
+        FeatureRow {
+            name: name.to_owned(),
+            title: name.to_owned(),
+            unit: "s".to_owned(),
+            tool: None,
+            space: FeatureSpace::Space3d,
+            value: value.ok_or_else(|| "too few".to_owned()),
+            error: value.map(|value| bar(value).ok_or_else(|| "not stated".to_owned())),
+        }
+    }
+
+    fn change(old: Option<f64>, new: Option<f64>, half: Option<f64>) -> Option<Change> {
+        changes(&[row("a", old, half)], &[row("a", new, half)]).first().map(|change| change.change)
+    }
+
+    #[test]
+    fn a_change_is_apart_only_where_no_value_lies_in_both_bars() {
+        assert_eq!(change(Some(10.0), Some(12.1), Some(1.0)), Some(Change::Apart));
+        assert_eq!(change(Some(10.0), Some(12.0), Some(1.0)), Some(Change::WithinError), "they touch");
+        assert_eq!(change(Some(10.0), Some(99.0), None), Some(Change::WithinError), "nobody knows how far it may be off");
+        assert_eq!(change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(0.0)), Some(Change::Apart), "bars without width");
+        assert_eq!(change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(1.0)), None, "rounding");
+        assert_eq!(change(Some(10.0), None, Some(1.0)), Some(Change::Lost));
+        assert_eq!(change(None, Some(10.0), Some(1.0)), Some(Change::Gained));
+        assert_eq!(change(None, None, None), None);
+    }
+
+    #[test]
+    fn what_only_one_result_measures_is_told_and_what_is_apart_comes_first() {
+        let old = [row("gone", Some(1.0), None), row("b", Some(1.0), Some(0.5)), row("c", Some(1.0), Some(0.5))];
+        let new = [row("b", Some(1.1), Some(0.5)), row("c", Some(3.0), Some(0.5)), row("new", Some(1.0), None)];
+        let told: Vec<_> = changes(&old, &new).into_iter().map(|change| (change.of.feature, change.change)).collect();
+        let expected =
+            [("c", Change::Apart), ("b", Change::WithinError), ("new", Change::Gained), ("gone", Change::Lost)];
+        assert_eq!(told, expected.map(|(name, change)| (name.to_owned(), change)));
+    }
+
+    proptest! {
+        #[test]
+        fn the_same_values_never_change_and_an_order_back_changes_as_much(
+            old in prop::collection::vec((-1e6..1e6f64, 0.0..1e3f64), 1..8), shift in -1e3..1e3f64,
+        ) {
+            let rows = |shift: f64| -> Vec<FeatureRow> {
+                old.iter().enumerate().map(|(n, (value, half))| row(&n.to_string(), Some(value + shift), Some(*half))).collect()
+            };
+            prop_assert_eq!(changes(&rows(0.0), &rows(0.0)), vec![]);
+            let count = |changes: &[FeatureChange]| changes.iter().filter(|change| change.change == Change::Apart).count();
+            let (there, back) = (changes(&rows(0.0), &rows(shift)), changes(&rows(shift), &rows(0.0)));
+            prop_assert_eq!((there.len(), count(&there)), (back.len(), count(&back)));
+        }
+    }
+}

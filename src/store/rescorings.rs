@@ -1,0 +1,271 @@
+//! Orders to score a task's sessions again: made by administrators, worked off by [`crate::rescoring`], kept as a record.
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::columns::integer;
+use super::error::{StoreError, StoreResult, not_found};
+use super::jobs::{enqueue_track_for, insert, present};
+use super::visibility::require_administrator;
+use super::{Scope, Store};
+use crate::domain::blob::{Blob, BlobHash};
+use crate::domain::job::{JobInput, JobState, RescoreInput, Turn};
+use crate::domain::problem::Problem;
+use crate::domain::rescoring::{NewRescoring, RescoringSource, Which};
+use crate::domain::standard::SessionJudgement;
+use crate::ids::{JobId, RescoringId, ResultId, SessionId, StandardId, TaskId};
+use crate::pipeline::PIPELINE_VERSION;
+
+mod report;
+
+pub use report::{Rescoring, RescoringItem, RescoringTrainee};
+
+/// The orders.
+pub struct Rescorings<'s>(pub(super) &'s Store);
+
+/// A session of an order whose work has ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EndedItem {
+    /// Of which order.
+    pub rescoring: RescoringId,
+    /// Which session.
+    pub session: SessionId,
+    /// What counted before.
+    pub old_result: ResultId,
+    /// What counts now, or why the work was not done; without a reason: the work is gone.
+    pub new_result: Result<ResultId, Option<Problem>>,
+    /// What both are judged by.
+    pub standard: Option<StandardId>,
+}
+
+/// What comparing a session's results showed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compared {
+    /// The new one.
+    pub new_result: ResultId,
+    /// By the standard, old and new; `None` without one.
+    pub judged: Option<[SessionJudgement; 2]>,
+    /// Features whose error bars do not overlap.
+    pub apart: u64,
+    /// Features that differ beyond rounding, these among them.
+    pub changed: u64,
+}
+
+/// The sessions of task `$2` that order `$1` is about: done, and, if `$5`, of another version than `$3` says; `$4`: tracked anew.
+const ITEMS: &str = "INSERT INTO rescoring_item (rescoring_id, session_id, old_result_id, state)
+     SELECT $1, session.id, result.id, 'waiting' FROM session
+     JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+                                 ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+     JOIN job ON job.id = (SELECT latest.id FROM job AS latest
+                           WHERE latest.session_id = session.id AND latest.kind <> 'rescore'
+                           ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+     WHERE session.task_id = $2 AND job.state = 'done' AND (NOT $4 OR session.tracker IS NULL)
+       AND (NOT $5 OR CASE WHEN $4 THEN coalesce(result.tracked_with, result.pipeline) ELSE result.pipeline END
+                      <> CASE WHEN session.tracker IS NULL THEN $3 ELSE $3 || ' on rows by ' || session.tracker END)";
+
+/// Orders that are open though none of their sessions is.
+macro_rules! is_over {
+    () => {
+        " FROM rescoring WHERE ended_at_ms IS NULL AND NOT EXISTS
+             (SELECT 1 FROM rescoring_item WHERE rescoring_id = rescoring.id AND state IN ('waiting', 'working'))"
+    };
+}
+type EndedRow = (
+    RescoringId,
+    SessionId,
+    ResultId,
+    Option<ResultId>,
+    Option<JobState>,
+    Option<Json<Problem>>,
+    Option<StandardId>,
+);
+
+impl Rescorings<'_> {
+    /// Orders a task's sessions to be scored again. One order of a task at a time.
+    pub async fn create(&self, scope: &Scope, task: TaskId, new: NewRescoring) -> StoreResult<RescoringId> {
+        require_administrator(scope, "ordering rescorings")?;
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), RescoringId::at(self.0.now_ms()));
+        self.0
+            .write(async move |tx| {
+                let sql = "SELECT EXISTS (SELECT 1 FROM rescoring WHERE task_id = $1 AND ended_at_ms IS NULL)";
+                if sqlx::query_scalar(sql).bind(task).fetch_one(&mut *tx).await? {
+                    return Err(StoreError::refused("a rescoring of this task is under way: wait for its end, or cancel it"));
+                }
+                let from_recording = new.from == RescoringSource::Recording;
+                let insert = sqlx::query(
+                    "INSERT INTO rescoring (id, task_id, source, only_older, pipeline, standard_id, person_id, created_at_ms)
+                     VALUES ($1, $2, $3, $4, $5,
+                             (SELECT id FROM standard WHERE task_id = $2 ORDER BY version DESC LIMIT 1), $6, $7)",
+                );
+                let insert = insert.bind(id).bind(task).bind(new.from.name()).bind(new.which == Which::Older);
+                insert.bind(PIPELINE_VERSION).bind(by.person()).bind(now_ms).execute(&mut *tx).await?;
+                let items = sqlx::query(ITEMS).bind(id).bind(task).bind(PIPELINE_VERSION).bind(from_recording);
+                if items.bind(new.which == Which::Older).execute(&mut *tx).await?.rows_affected() == 0 {
+                    return Err(StoreError::refused("no session of this task has a result that the order is about"));
+                }
+                note(tx, &by, now_ms, ("create", "rescoring"), id).await
+            })
+            .await?;
+        Ok(id)
+    }
+
+    /// Calls an order off: what waits is left as it is, what runs ends.
+    pub async fn cancel(&self, scope: &Scope, id: RescoringId) -> StoreResult<()> {
+        require_administrator(scope, "cancelling rescorings")?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let sql = "UPDATE rescoring SET cancelled_at_ms = $2 WHERE id = $1 AND ended_at_ms IS NULL";
+                if sqlx::query(sql).bind(id).bind(now_ms).execute(&mut *tx).await?.rows_affected() == 0 {
+                    let sql = "SELECT 1 FROM rescoring WHERE id = $1";
+                    let found: Option<i64> = sqlx::query_scalar(sql).bind(id).fetch_optional(&mut *tx).await?;
+                    return found.map(drop).ok_or(not_found("rescoring")); // it has ended: nothing to call off
+                }
+                for sql in [
+                    "UPDATE rescoring_item SET state = 'cancelled' WHERE rescoring_id = $1 AND state = 'waiting'",
+                    "UPDATE rescoring_item SET state = 'cancelled' WHERE rescoring_id = $1 AND state = 'working' AND job_id IN
+                         (SELECT id FROM job WHERE state = 'queued' AND turn = 2)",
+                    "DELETE FROM job WHERE state = 'queued' AND turn = 2 AND id IN
+                         (SELECT job_id FROM rescoring_item WHERE rescoring_id = $1 AND state = 'cancelled')",
+                ] {
+                    sqlx::query(sql).bind(id).execute(&mut *tx).await?;
+                }
+                note(tx, &by, now_ms, ("cancel", "rescoring"), id).await
+            })
+            .await
+    }
+
+    /// Queues the work of sessions that wait, so that at most so many are in the queue; how many that were.
+    pub async fn feed(&self, open: u32) -> StoreResult<usize> {
+        let (now_ms, attempts) = (self.0.now_ms(), self.0.max_attempts());
+        if self.waiting(1).await?.is_empty() {
+            return Ok(0); // asked a reader first: a write is a commit
+        }
+        self.0
+            .write(async move |tx| {
+                let sql = "SELECT count(*) FROM rescoring_item JOIN rescoring ON rescoring.id = rescoring_id
+                           WHERE rescoring.ended_at_ms IS NULL AND rescoring_item.state = 'working'";
+                let working: i64 = sqlx::query_scalar(sql).fetch_one(&mut *tx).await?;
+                let room = i64::from(open) - working;
+                let waiting: Vec<(RescoringId, SessionId, String)> =
+                    sqlx::query_as(WAITING).bind(room.max(0)).fetch_all(&mut *tx).await?;
+                for (rescoring, session, source) in &waiting {
+                    let job = match source == RescoringSource::Recording.name() {
+                        true => enqueue_track_for(tx, *session, Turn::Again, now_ms, attempts).await?,
+                        false => enqueue_again(tx, *session, now_ms, attempts).await?,
+                    };
+                    // Without a job it is settled as one whose work is gone: its box has lost camera or colours.
+                    let update = sqlx::query(
+                        "UPDATE rescoring_item SET state = 'working', job_id = $3 WHERE rescoring_id = $1 AND session_id = $2",
+                    );
+                    update.bind(rescoring).bind(session).bind(job).execute(&mut *tx).await?;
+                }
+                Ok(waiting.len())
+            })
+            .await
+    }
+
+    async fn waiting(&self, most: i64) -> StoreResult<Vec<(RescoringId, SessionId, String)>> {
+        Ok(sqlx::query_as(WAITING).bind(most).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Sessions whose work has ended and that are not settled.
+    pub async fn ended(&self, most: u32) -> StoreResult<Vec<EndedItem>> {
+        let rows = sqlx::query_as::<_, EndedRow>(
+            "SELECT item.rescoring_id, item.session_id, item.old_result_id,
+                    coalesce(item.new_result_id,
+                             (SELECT latest.id FROM result AS latest WHERE latest.session_id = item.session_id
+                              ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)),
+                    job.state, job.problem, rescoring.standard_id
+             FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'working'
+             LEFT JOIN job ON job.id = item.job_id
+             WHERE rescoring.ended_at_ms IS NULL AND (job.id IS NULL OR job.state IN ('done', 'failed', 'quarantined'))
+             LIMIT $1",
+        );
+        let rows = rows.bind(most).fetch_all(self.0.readers()).await?;
+        let item = |(rescoring, session, old_result, latest, state, problem, standard): EndedRow| {
+            let new_result = match (state, latest) {
+                (Some(JobState::Done), Some(latest)) => Ok(latest),
+                _ => Err(problem.map(|Json(problem)| problem)),
+            };
+            EndedItem { rescoring, session, old_result, new_result, standard }
+        };
+        Ok(rows.into_iter().map(item).collect())
+    }
+
+    /// Notes what came of a session.
+    pub async fn settle(&self, item: &EndedItem, came: Result<Compared, Problem>) -> StoreResult<()> {
+        let (rescoring, session) = (item.rescoring, item.session);
+        self.0
+            .write(async move |tx| {
+                let update = match came {
+                    Err(problem) => sqlx::query(
+                        "UPDATE rescoring_item SET state = 'failed', problem = $3
+                         WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'",
+                    )
+                    .bind(rescoring)
+                    .bind(session)
+                    .bind(Json(problem)),
+                    Ok(Compared { new_result, judged, apart, changed }) => {
+                        let [before, after] = judged.map_or([None; 2], |judged| judged.map(Some));
+                        sqlx::query(
+                            "UPDATE rescoring_item SET state = 'done', new_result_id = $3, judged_before = $4, judged_after = $5,
+                                    judgement_changed = $6, features_apart = $7, features_changed = $8
+                             WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'",
+                        )
+                        .bind(rescoring)
+                        .bind(session)
+                        .bind(new_result)
+                        .bind(before)
+                        .bind(after)
+                        .bind(before != after)
+                        .bind(integer(apart))
+                        .bind(integer(changed))
+                    }
+                };
+                update.execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+
+    /// Ends the orders of which no session waits or is worked on.
+    pub async fn close(&self) -> StoreResult<()> {
+        let open: Vec<RescoringId> = sqlx::query_scalar(concat!("SELECT id", is_over!())).fetch_all(self.0.readers()).await?;
+        if open.is_empty() {
+            return Ok(());
+        }
+        let now_ms = self.0.now_ms();
+        self.0
+            .write(async move |tx| {
+                let sql = concat!("UPDATE rescoring SET ended_at_ms = $1 WHERE id IN (SELECT id", is_over!(), ")");
+                sqlx::query(sql).bind(now_ms).execute(tx).await?;
+                Ok(())
+            })
+            .await
+    }
+}
+
+/// At most `$1` sessions that wait, those of the oldest order first.
+const WAITING: &str = "SELECT item.rescoring_id, item.session_id, rescoring.source
+     FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'waiting'
+     WHERE rescoring.ended_at_ms IS NULL ORDER BY rescoring.id, item.session_id LIMIT $1";
+
+/// Queues the scoring of the path of the result that counts.
+async fn enqueue_again(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<Option<JobId>> {
+    let row = sqlx::query_as(
+        "SELECT result.id, blob.hash, blob.bytes FROM result JOIN blob ON blob.hash = result.trajectory
+         WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1",
+    );
+    let row: Option<(ResultId, BlobHash, i64)> = row.bind(session).fetch_optional(&mut *tx).await?;
+    let Some((result, hash, bytes)) = row else { return Ok(None) };
+    let trajectory = Blob { hash, bytes: bytes.unsigned_abs() };
+    let input = JobInput::Rescore(RescoreInput { session, result, trajectory });
+    insert(tx, &input, &present(), now_ms, max_attempts).await.map(Some)
+}

@@ -1,0 +1,228 @@
+//! What an order changed, for whom: pages of sessions and of trainees, those whose judgement changed first.
+
+use sqlx::FromRow;
+
+use super::super::error::{StoreResult, not_found};
+use super::super::page::{Page, PageRequest};
+use super::super::visibility::require_administrator;
+use super::Rescorings;
+use crate::domain::problem::Problem;
+use crate::domain::rescoring::{RescoringItemState, RescoringSource};
+use crate::domain::standard::SessionJudgement;
+use crate::domain::text::{Code, Name};
+use crate::ids::{RescoringId, ResultId, SessionId, TaskId, TraineeId};
+use crate::store::Scope;
+
+/// An order, and how far it is.
+#[derive(Clone, Debug, PartialEq, FromRow)]
+pub struct Rescoring {
+    /// Its id.
+    pub id: RescoringId,
+    /// Whose sessions.
+    pub task_id: TaskId,
+    /// What the task is called.
+    pub task_name: Name,
+    /// Its code.
+    pub task_code: Code,
+    /// What is read again.
+    pub source: RescoringSource,
+    /// Only sessions whose result was of another version?
+    pub only_older: bool,
+    /// Version of the program when it was ordered.
+    pub pipeline: String,
+    /// Version of the standard that old and new are judged by.
+    pub standard: Option<i64>,
+    /// Name of the person who ordered it, if it was one who is still there.
+    pub who: Option<String>,
+    /// When it was ordered, epoch ms.
+    pub created_at_ms: i64,
+    /// When it was called off, epoch ms.
+    pub cancelled_at_ms: Option<i64>,
+    /// When its last session had ended, epoch ms.
+    pub ended_at_ms: Option<i64>,
+    /// Sessions in all.
+    pub sessions: i64,
+    /// Sessions whose turn has not come.
+    pub waiting: i64,
+    /// Sessions that are worked on.
+    pub working: i64,
+    /// Sessions that are compared.
+    pub done: i64,
+    /// Sessions whose work could not be done.
+    pub failed: i64,
+    /// Sessions that were left when it was called off.
+    pub cancelled: i64,
+    /// Sessions that had passed and do so no more.
+    pub no_longer_passed: i64,
+    /// Sessions that had not passed and do so now.
+    pub now_passed: i64,
+    /// Sessions with a feature whose error bars do not overlap.
+    pub apart: i64,
+    /// Sessions with a feature that differs beyond rounding.
+    pub changed: i64,
+}
+
+/// One session of an order.
+#[derive(Clone, Debug, PartialEq, FromRow)]
+pub struct RescoringItem {
+    /// Which session.
+    pub session_id: SessionId,
+    /// Who trained.
+    pub trainee_id: TraineeId,
+    /// What they are called.
+    pub trainee_name: Name,
+    /// Their code.
+    pub trainee_code: Code,
+    /// When it was recorded, epoch ms.
+    pub recorded_at_ms: i64,
+    /// How it stands.
+    pub state: RescoringItemState,
+    /// Why it failed.
+    #[sqlx(json(nullable))]
+    pub problem: Option<Problem>,
+    /// What counted when it was ordered.
+    pub old_result_id: ResultId,
+    /// What came of it.
+    pub new_result_id: Option<ResultId>,
+    /// The old result by the standard.
+    pub judged_before: Option<SessionJudgement>,
+    /// The new one.
+    pub judged_after: Option<SessionJudgement>,
+    judgement_changed: bool,
+    /// Features whose error bars do not overlap.
+    pub features_apart: i64,
+    /// Features that differ beyond rounding.
+    pub features_changed: i64,
+}
+
+/// What an order changed for one trainee.
+#[derive(Clone, Debug, PartialEq, FromRow)]
+pub struct RescoringTrainee {
+    /// Who.
+    pub trainee_id: TraineeId,
+    /// What they are called.
+    pub trainee_name: Name,
+    /// Their code.
+    pub trainee_code: Code,
+    /// Their sessions in the order.
+    pub sessions: i64,
+    /// Those that are compared.
+    pub done: i64,
+    judgements: i64,
+    /// Those that had passed and do so no more.
+    pub no_longer_passed: i64,
+    /// Those that had not passed and do so now.
+    pub now_passed: i64,
+    /// Those with a feature whose error bars do not overlap.
+    pub apart: i64,
+    /// Those with a feature that differs beyond rounding.
+    pub changed: i64,
+}
+
+/// Counts over the items of an order.
+macro_rules! counts {
+    () => {
+        "count(item.session_id) AS sessions, coalesce(sum(item.state = 'done'), 0) AS done,
+         coalesce(sum(item.judged_before = 'pass' AND item.judged_after <> 'pass'), 0) AS no_longer_passed,
+         coalesce(sum(item.judged_before <> 'pass' AND item.judged_after = 'pass'), 0) AS now_passed,
+         coalesce(sum(item.features_apart > 0), 0) AS apart, coalesce(sum(item.features_changed > 0), 0) AS changed"
+    };
+}
+
+/// Orders with all that a [`Rescoring`] says; conditions on `rescoring` follow.
+macro_rules! select_rescorings {
+    ($conditions:literal) => {
+        concat!(
+            "SELECT rescoring.id, rescoring.task_id, task.name AS task_name, task.code AS task_code, rescoring.source,
+                    rescoring.only_older, rescoring.pipeline, standard.version AS standard, person.name AS who,
+                    rescoring.created_at_ms, rescoring.cancelled_at_ms, rescoring.ended_at_ms,
+                    coalesce(sum(item.state = 'waiting'), 0) AS waiting, coalesce(sum(item.state = 'working'), 0) AS working,
+                    coalesce(sum(item.state = 'failed'), 0) AS failed, coalesce(sum(item.state = 'cancelled'), 0) AS cancelled, ",
+            counts!(),
+            " FROM rescoring JOIN task ON task.id = rescoring.task_id
+              LEFT JOIN standard ON standard.id = rescoring.standard_id
+              LEFT JOIN person ON person.id = rescoring.person_id
+              LEFT JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id
+              WHERE ",
+            $conditions,
+            " GROUP BY rescoring.id ORDER BY rescoring.id DESC LIMIT $2"
+        )
+    };
+}
+
+impl Rescorings<'_> {
+    /// The orders, newest first.
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Rescoring>> {
+        require_administrator(scope, "reading rescorings")?;
+        let rows = sqlx::query_as(select_rescorings!("($1 IS NULL OR rescoring.id < $1)"));
+        let rows = rows.bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |rescoring: &Rescoring| rescoring.id.to_string()))
+    }
+
+    /// One order.
+    pub async fn get(&self, scope: &Scope, id: RescoringId) -> StoreResult<Rescoring> {
+        require_administrator(scope, "reading rescorings")?;
+        let row = sqlx::query_as(select_rescorings!("rescoring.id = $1")).bind(id).bind(1);
+        row.fetch_optional(self.0.readers()).await?.ok_or(not_found("rescoring"))
+    }
+
+    /// Its sessions: whose judgement changed first, then those with most features that are apart.
+    pub async fn items(&self, scope: &Scope, id: RescoringId, page: &PageRequest) -> StoreResult<Page<RescoringItem>> {
+        self.get(scope, id).await?;
+        let (numbers, last) = cursor::<3>(page);
+        let rows = sqlx::query_as(
+            "SELECT item.session_id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+                    session.recorded_at_ms, item.state, item.problem, item.old_result_id, item.new_result_id,
+                    item.judged_before, item.judged_after, item.judgement_changed, item.features_apart, item.features_changed
+             FROM rescoring_item AS item JOIN session ON session.id = item.session_id
+             JOIN trainee ON trainee.id = session.trainee_id
+             WHERE item.rescoring_id = $1
+               AND ((item.judgement_changed, item.features_apart, item.features_changed) < ($2, $3, $4)
+                    OR ((item.judgement_changed, item.features_apart, item.features_changed) = ($2, $3, $4)
+                        AND item.session_id > $5))
+             ORDER BY item.judgement_changed DESC, item.features_apart DESC, item.features_changed DESC, item.session_id
+             LIMIT $6",
+        );
+        let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(numbers[2]).bind(last).bind(page.rows());
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |item: &RescoringItem| {
+            let changed = i64::from(item.judgement_changed);
+            format!("{changed}.{}.{}.{}", item.features_apart, item.features_changed, item.session_id)
+        }))
+    }
+
+    /// Its trainees: those with most sessions whose judgement changed first.
+    pub async fn trainees(
+        &self,
+        scope: &Scope,
+        id: RescoringId,
+        page: &PageRequest,
+    ) -> StoreResult<Page<RescoringTrainee>> {
+        self.get(scope, id).await?;
+        let (numbers, last) = cursor::<2>(page);
+        let rows = sqlx::query_as(concat!(
+            "SELECT session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+                    sum(item.judgement_changed) AS judgements, ",
+            counts!(),
+            " FROM rescoring_item AS item JOIN session ON session.id = item.session_id
+              JOIN trainee ON trainee.id = session.trainee_id
+              WHERE item.rescoring_id = $1 GROUP BY session.trainee_id
+              HAVING (sum(item.judgement_changed), sum(item.features_apart > 0)) < ($2, $3)
+                  OR ((sum(item.judgement_changed), sum(item.features_apart > 0)) = ($2, $3) AND session.trainee_id > $4)
+              ORDER BY judgements DESC, apart DESC, session.trainee_id LIMIT $5"
+        ));
+        let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(last).bind(page.rows());
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        Ok(Page::cut(rows, page, |one: &RescoringTrainee| format!("{}.{}.{}", one.judgements, one.apart, one.trainee_id)))
+    }
+}
+
+/// The numbers and the id behind which a page begins; without a cursor, before everything.
+fn cursor<const N: usize>(page: &PageRequest) -> ([i64; N], String) {
+    let mut numbers = [i64::MAX; N];
+    let mut parts = page.after().unwrap_or_default().splitn(N + 1, '.');
+    for number in &mut numbers {
+        *number = parts.next().and_then(|part| part.parse().ok()).unwrap_or(i64::MAX);
+    }
+    (numbers, parts.next().unwrap_or_default().to_owned())
+}

@@ -1,0 +1,149 @@
+//! Orders to score again: what they are about, how they are fed, what ends them.
+
+use crate::domain::problem::Problem;
+use crate::domain::rescoring::{NewRescoring, RescoringSource, Which};
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::session::{NewScore, NewSession};
+use crate::ids::SessionId;
+use crate::pipeline::PIPELINE_VERSION;
+use crate::rescoring;
+use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::store::{Lease, PageRequest, StoreError};
+
+const OLDER: NewRescoring = NewRescoring { from: RescoringSource::Trajectory, which: Which::Older };
+
+/// So many sessions of version 1, and a centre.
+async fn practised(sessions: i64) -> Centre {
+    let centre = Centre::ready().await;
+    let ana = centre.trainee("Ana").await.id;
+    for number in 0..sessions {
+        centre.practised(ana, NOW_MS + number, vec![duration(40.0 + number as f64, 1.0)]).await;
+    }
+    centre
+}
+
+async fn score(centre: &Centre, lease: &Lease, seconds: f64) {
+    let crate::domain::job::JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
+    centre.clock.advance(std::time::Duration::from_millis(1)); // the newest counts
+    let score = NewScore {
+        from: input.result,
+        pipeline: PIPELINE_VERSION.to_owned(),
+        tracked_with: Some("1".to_owned()),
+        features: vec![duration(seconds, 1.0)],
+        evidence: Vec::new(),
+        quality: serde_json::json!({}),
+    };
+    centre.store.jobs().finish_rescore(lease, score).await.unwrap();
+}
+
+#[tokio::test]
+async fn an_order_never_has_more_work_in_the_queue_than_it_may() {
+    let centre = practised(5).await;
+    let (rescorings, service) = (centre.store.rescorings(), Scope::service());
+    let id = rescorings.create(&service, centre.task.id, OLDER).await.unwrap();
+    for _ in 0..3 {
+        rescoring::look(&centre.store, 2).await.unwrap();
+        assert_eq!(centre.store.jobs().counts().await.unwrap().queued, 2, "however often it is looked after");
+    }
+    for left in [4, 3, 2, 1, 0] {
+        let lease = centre.claim().await.unwrap();
+        score(&centre, &lease, 100.0).await;
+        rescoring::look(&centre.store, 2).await.unwrap();
+        let counts = rescorings.get(&service, id).await.unwrap();
+        assert_eq!(counts.waiting + counts.working, left);
+    }
+    let ended = rescorings.get(&service, id).await.unwrap();
+    assert_eq!((ended.done, ended.apart, ended.changed), (5, 5, 5));
+    assert!(ended.ended_at_ms.is_some() && centre.claim().await.is_none());
+    assert_eq!(centre.store.count_results().await, 10, "old results stay");
+}
+
+#[tokio::test]
+async fn a_new_session_goes_before_what_waited_longer_to_be_scored_again() {
+    let centre = practised(3).await;
+    centre.store.rescorings().create(&Scope::service(), centre.task.id, OLDER).await.unwrap();
+    rescoring::look(&centre.store, 3).await.unwrap();
+    centre.clock.advance(std::time::Duration::from_secs(60));
+    let new = centre.session(centre.trainee("Bea").await.id, "new").await;
+    assert_eq!(centre.claim().await.unwrap().job.session_id, Some(new.id));
+}
+
+#[tokio::test]
+async fn a_result_that_came_meanwhile_is_not_replaced_by_the_old_path_scored_again() {
+    let centre = practised(1).await;
+    let (service, sessions) = (Scope::service(), centre.store.sessions());
+    let id = centre.store.rescorings().create(&service, centre.task.id, OLDER).await.unwrap();
+    rescoring::look(&centre.store, 1).await.unwrap();
+    let stale = centre.claim().await.unwrap();
+    let session: SessionId = stale.job.session_id.unwrap();
+    centre.calibrate().await;
+    sessions.retry(&service, session).await.unwrap();
+    let lease = centre.claim().await.unwrap();
+    centre.clock.advance(std::time::Duration::from_millis(1));
+    centre.store.jobs().finish_track(&lease, centre.result(session).await).await.unwrap();
+    let tracked = sessions.result(&service, session).await.unwrap().unwrap().id;
+    score(&centre, &stale, 100.0).await;
+    assert_eq!(sessions.result(&service, session).await.unwrap().unwrap().id, tracked);
+    assert_eq!(centre.store.count_results().await, 2);
+    rescoring::look(&centre.store, 1).await.unwrap();
+    let page = centre.store.rescorings().items(&service, id, &PageRequest::default()).await.unwrap();
+    assert_eq!(page.items[0].new_result_id, Some(tracked), "what counts now is what is compared");
+}
+
+#[tokio::test]
+async fn who_may_not_is_refused_and_so_is_an_order_about_nothing() {
+    let centre = practised(1).await;
+    let instructor = centre.person("ines", Role::Instructor, None).await.scope();
+    let (rescorings, service) = (centre.store.rescorings(), Scope::service());
+    let refused = rescorings.create(&instructor, centre.task.id, OLDER).await;
+    assert!(matches!(refused, Err(StoreError::Forbidden { .. })));
+    let id = rescorings.create(&service, centre.task.id, OLDER).await.unwrap();
+    assert!(matches!(rescorings.get(&instructor, id).await, Err(StoreError::Forbidden { .. })));
+    let second = rescorings.create(&service, centre.task.id, OLDER).await;
+    assert!(matches!(second, Err(StoreError::Refused { .. })), "one at a time");
+    rescoring::look(&centre.store, 1).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 40.0).await;
+    rescoring::look(&centre.store, 1).await.unwrap();
+    let nothing = rescorings.create(&service, centre.task.id, OLDER).await;
+    assert!(matches!(nothing, Err(StoreError::Refused { .. })), "nothing is older");
+    rescorings.create(&service, centre.task.id, NewRescoring { which: Which::All, ..OLDER }).await.unwrap();
+}
+
+#[tokio::test]
+async fn rows_of_another_tracker_are_a_version_of_their_own_and_never_tracked() {
+    let centre = Centre::ready().await;
+    let (service, trainee) = (Scope::service(), centre.trainee("Ana").await.id);
+    let new = NewSession { media_type: "text/csv".to_owned(), ..centre.new_session(trainee, "rows") };
+    let session = centre.store.sessions().import(&service, new, "Kinovea".parse().unwrap()).await.unwrap();
+    let lease = centre.claim().await.unwrap();
+    assert_eq!(lease.job.kind.name(), "import");
+    let mut result = centre.result(session.id).await;
+    result.versions.pipeline = crate::domain::session::version_of_rows(&"Kinovea".parse().unwrap());
+    (result.versions.calibration, result.versions.palette, result.diagnostics) = (None, None, None);
+    centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    let rescorings = centre.store.rescorings();
+    assert!(rescorings.create(&service, centre.task.id, OLDER).await.is_err(), "it is of the present version");
+    let from_recording = NewRescoring { from: RescoringSource::Recording, which: Which::All };
+    assert!(rescorings.create(&service, centre.task.id, from_recording).await.is_err(), "there is no recording");
+    let again = NewRescoring { which: Which::All, ..OLDER };
+    rescorings.create(&service, centre.task.id, again).await.unwrap();
+    assert_eq!(centre.store.check().await.unwrap(), Vec::<String>::new());
+}
+
+#[tokio::test]
+async fn an_item_whose_work_failed_keeps_the_reason_and_the_order_ends() {
+    let centre = practised(1).await;
+    let (rescorings, service) = (centre.store.rescorings(), Scope::service());
+    let id = rescorings.create(&service, centre.task.id, OLDER).await.unwrap();
+    rescoring::look(&centre.store, 1).await.unwrap();
+    let lease = centre.claim().await.unwrap();
+    centre.store.jobs().fail(&lease, Problem::new("path-alone", "No", "because")).await.unwrap();
+    rescoring::look(&centre.store, 1).await.unwrap();
+    let ended = rescorings.get(&service, id).await.unwrap();
+    assert_eq!((ended.failed, ended.ended_at_ms.is_some()), (1, true));
+    let page = rescorings.items(&service, id, &PageRequest::default()).await.unwrap();
+    assert_eq!(page.items[0].problem.as_ref().unwrap().slug, "path-alone");
+    let session = centre.store.sessions().get(&service, page.items[0].session_id).await.unwrap();
+    assert_eq!(session.status().name(), "done", "a session stands by its own work");
+}

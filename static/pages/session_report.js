@@ -1,0 +1,142 @@
+// A session on one sheet of paper: whether it may be believed, what the task asks for, what was measured, how they get on.
+import { html } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData } from '../data.js';
+import { clock, dateTime } from '../format.js';
+import { t } from '../texts.js';
+import { featureRows } from '../parts/features.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { ProgressPlot } from '../parts/progress_plot.js';
+import { Facts, limitOf, measured, Provenance, Sheet } from '../parts/report.js';
+
+const words = t.report;
+const MOST_TARGETS = 10; // Of one sheet; what does not fit is said.
+const MOST_ROWS = 15; // Of both tables together, which with the longest words still leaves room for the rest.
+const MOST_REASONS = 3;
+
+export default function SessionReport({ route }) {
+  const id = route.path[1];
+  const { data, problem, reload } = useData(
+    async signal => {
+      const session = await api.sessions.get(id, signal);
+      if (session.status !== 'done') return { session };
+      const judged = session.features.find(feature => feature.target);
+      const asked = { task: session.task.id, feature: judged?.name ?? 'duration', tool: judged?.tool, space: judged?.space };
+      return { session, progress: await api.trainees.progress(session.trainee.id, asked, signal).catch(() => null) };
+    },
+    [id],
+  );
+  if (!data)
+    return html`<${PageHead} title=${words.session} />${problem
+      ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const { session, progress } = data;
+  if (session.status !== 'done')
+    return html`<${PageHead} title=${words.session} /><${Empty} title=${words.notDone} body=${words.notDoneBody} />`;
+  return html`
+    <${Sheet} title=${words.sessionOf(session.task.name)} back=${['sessions', id]}>
+      <${Facts} of=${[
+        [words.trainee, `${session.trainee.name} (${session.trainee.code})`],
+        [words.task, session.task.name],
+        [words.recorded, dateTime(session.recorded_at)],
+        [words.length, clock(session.video.duration_s)],
+        [words.box, session.box.name],
+        [words.source, session.source.kind === 'import' ? words.imported(session.source.tracker) : null],
+      ]} />
+      <${Gate} quality=${session.quality} />
+      <${Targets} features=${session.features} />
+      <${Values} session=${session} />
+      <${Learning} progress=${progress} session=${session} />
+      <${Made} session=${session} progress=${progress} />
+    <//>`;
+}
+
+function Gate({ quality }) {
+  const verdict = t.session.verdict[quality?.verdict];
+  if (!verdict) return null;
+  const reasons = quality.reasons ?? [];
+  return html`
+    <section>
+      <h2>${t.session.verdict.name}</h2>
+      <p><strong>${verdict}.</strong></p>
+      ${reasons.length > 0 && html`<ul>
+        ${reasons.slice(0, MOST_REASONS).map(one => html`<li key=${`${one.name} ${one.tool}`}>${one.finding}.</li>`)}
+        ${reasons.length > MOST_REASONS && html`<li>${t.session.verdict.more(reasons.length - MOST_REASONS)}</li>`}</ul>`}
+    </section>`;
+}
+
+/** What the task asks for, and whether it was kept. */
+function Targets({ features }) {
+  const judged = features.filter(feature => feature.target);
+  if (!judged.length) return html`<section><h2>${words.targets}</h2><p>${words.noStandard}</p></section>`;
+  return html`
+    <section>
+      <h2>${words.targets}</h2>
+      <table class="targets">
+        <thead><tr><th scope="col">${t.session.feature}</th><th scope="col">${words.target}</th>
+          <th scope="col">${words.measured}</th><th scope="col">${words.judgement}</th></tr></thead>
+        <tbody>${judged.slice(0, MOST_TARGETS).map(one => html`
+          <tr key=${`${one.name} ${one.tool} ${one.space}`}>
+            <th scope="row">${[one.title, one.tool].filter(Boolean).join(', ')}</th>
+            <td>${limitOf(one.target, one.unit)}</td>
+            <td>${measured(one)}</td>
+            <td><strong>${words.judgements[one.judgement]}</strong></td>
+          </tr>`)}</tbody>
+      </table>
+      ${judged.length > MOST_TARGETS && html`<p>${words.further(judged.length - MOST_TARGETS)}</p>`}
+    </section>`;
+}
+
+/** What was measured beside that, in space, as far as it fits. */
+function Values({ session }) {
+  if (session.quality?.verdict === 'refused')
+    return html`<section><h2>${t.session.features}</h2><p>${t.session.withheldBody}</p></section>`;
+  const all = featureRows(session.features.filter(feature => !feature.target), '3d');
+  const rows = all.filter(row => [...row.byTool.values()].some(one => one.value !== null));
+  const targets = Math.min(MOST_TARGETS, session.features.filter(feature => feature.target).length);
+  const shown = rows.slice(0, Math.max(0, MOST_ROWS - Math.ceil(1.5 * targets)));
+  const columns = [...session.tools, null].filter(tool => shown.some(row => row.byTool.has(tool)));
+  if (!shown.length) return null;
+  return html`
+    <section>
+      <h2>${words.further_values}</h2>
+      <table class="values">
+        <thead><tr><th scope="col">${t.session.feature}</th>
+          ${columns.map(tool => html`<th key=${tool} scope="col">${tool ?? words.both}</th>`)}</tr></thead>
+        <tbody>${shown.map(row => html`
+          <tr key=${row.name}><th scope="row">${row.title}</th>
+            ${columns.map(tool => html`<td key=${tool}>${row.byTool.has(tool) ? short(row.byTool.get(tool)) : ''}</td>`)}</tr>`)}
+        </tbody>
+      </table>
+      ${rows.length > shown.length && html`<p>${words.further(rows.length - shown.length)}</p>`}
+    </section>`;
+}
+
+/** In a narrow column a missing value is not explained: the session's page does. */
+const short = one => (one.value === null ? t.session.notEnough : measured(one));
+
+function Learning({ progress, session }) {
+  const series = progress?.features[0];
+  if (!series?.points.some(point => point.value !== null)) return null;
+  const number = progress.sessions.find(one => one.id === session.id)?.number;
+  return html`
+    <section class="curve">
+      <h2>${words.learning([series.title, series.tool].filter(Boolean).join(', '))}</h2>
+      <${ProgressPlot} series=${series} sessions=${progress.sessions} />
+      <p>${number ? words.thisOne(number) : ''} ${series.target ? t.trainee.legend : words.noLimit}</p>
+    </section>`;
+}
+
+function Made({ session, progress }) {
+  const { versions, video } = session;
+  return html`<${Provenance} of=${[
+    [words.session, session.id],
+    [words.result, session.result],
+    [words.file, `${session.filename}, ${words.bytes(video.bytes)}`],
+    [words.sha256, video.sha256],
+    [words.program, [versions.pipeline, versions.tracked_with && words.trackedWith(versions.tracked_with)].filter(Boolean).join(', ')],
+    [t.session.version.calibration, versions.calibration],
+    [t.session.version.palette, versions.palette],
+    [t.session.version.model, versions.model],
+    [words.standard, progress?.standard && words.versionOf(progress.standard.version)],
+  ]} />`;
+}

@@ -1,0 +1,252 @@
+//! Paths of other trackers in; features and xAPI statements out.
+
+use bytes::Bytes;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use reqwest::{Method, Response, StatusCode, header};
+use serde_json::{Value, json};
+use trocar::pipeline::PIPELINE_VERSION;
+
+use super::centre::Centre;
+use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
+use crate::support::{Client, Service, problem, read, soon};
+
+const HEAD: &str = "frame,time_s,tool,x_mm,y_mm,z_mm";
+const IMPORT: &str = "/api/v1/sessions/import?task=peg&box=box-1";
+
+async fn at_work() -> Centre {
+    Centre::open_in(Service::start_with(|settings| settings.workers = 1).await).await
+}
+
+/// A tool that goes to and fro for twenty seconds, 25 frames a second; `sigma`: how far each row may be off, mm.
+fn table(tools: &[&str], sigma: Option<f64>) -> String {
+    let mut table = HEAD.to_owned() + if sigma.is_some() { ",sigma_xy_mm,sigma_z_mm\n" } else { "\n" };
+    for frame in 0..500 {
+        let time = f64::from(frame) * 0.04;
+        for (index, tool) in tools.iter().enumerate() {
+            let x = 40.0 * (time * 1.3 + index as f64).sin();
+            let y = 20.0 * (time * 0.7).cos();
+            let sigma = sigma.map(|sigma| format!(",{sigma},{}", sigma * 4.0)).unwrap_or_default();
+            table += &format!("{frame},{time},{tool},{x},{y},{}{sigma}\n", 150.0 + 5.0 * (time * 0.9).sin());
+        }
+    }
+    table
+}
+
+async fn import(client: &Client, query: &str, table: impl Into<reqwest::Body>) -> Response {
+    let request = client.request(Method::POST, &format!("{IMPORT}&{query}")).header(header::CONTENT_TYPE, "text/csv");
+    request.body(table).send().await.unwrap()
+}
+
+/// Imports a table and waits until it is scored.
+async fn imported(client: &Client, query: &str, table: String) -> Value {
+    let made = read(import(client, query, table).await, StatusCode::CREATED).await;
+    done(client, made["id"].as_str().unwrap()).await
+}
+
+async fn done(client: &Client, id: &str) -> Value {
+    soon("a session's end", async {
+        loop {
+            let session = client.read(&format!("/api/v1/sessions/{id}")).await;
+            if session["status"] == "done" || session["status"] == "failed" {
+                return session;
+            }
+            tokio::task::yield_now().await;
+        }
+    })
+    .await
+}
+
+fn feature<'s>(session: &'s Value, name: &str) -> &'s Value {
+    let features = session["features"].as_array().unwrap();
+    features.iter().find(|feature| feature["name"] == name && feature["space"] == "3d").unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn rows_of_another_tracker_become_a_session_that_says_whose_they_are() {
+    let centre = at_work().await;
+    let session = imported(&centre.instructor, "trainee=ada&tracker=Kinovea", table(&["left", "right"], None)).await;
+    assert_eq!(session["status"], "done", "{session}");
+    assert_eq!(session["source"], json!({"kind": "import", "tracker": "Kinovea"}));
+    assert_eq!(session["versions"]["pipeline"], format!("{PIPELINE_VERSION} on rows by Kinovea"));
+    assert_eq!(session["versions"]["calibration"], Value::Null);
+    assert_eq!((&session["video"]["width"], &session["video"]["frames"]), (&Value::Null, &json!(500)));
+    assert_eq!(session["tools"], json!(["left", "right"]));
+    let length = feature(&session, "path_length");
+    assert!(length["value"].as_f64().unwrap() > 400.0, "{length}");
+    assert_eq!(length["error"], Value::Null, "nobody says how far the rows are off");
+    assert!(length["no_error"].as_str().unwrap().len() > 10, "{length}");
+
+    // The same rows with what they may be off by have error bars, and are another session.
+    let told = imported(&centre.instructor, "trainee=ada", table(&["left", "right"], Some(0.1))).await;
+    let length = feature(&told, "path_length");
+    assert!(length["error"]["low"].as_f64() < length["error"]["high"].as_f64(), "{length}");
+
+    let id = session["id"].as_str().unwrap();
+    problem(centre.instructor.get(&format!("/api/v1/sessions/{id}/video")).await, 409, "conflict").await;
+    let raw = format!("/api/v1/sessions/{id}/trajectory?kind=raw");
+    problem(centre.instructor.get(&raw).await, 409, "conflict").await;
+    let csv = centre.instructor.get(&format!("/api/v1/sessions/{id}/trajectory?format=csv")).await;
+    assert_eq!(csv.text().await.unwrap().lines().count(), 1001);
+    problem(centre.instructor.post(&format!("/api/v1/sessions/{id}/retry"), json!({})).await, 409, "conflict").await;
+    let again = import(&centre.instructor, "trainee=ada&tracker=Kinovea", table(&["left", "right"], None)).await;
+    assert!(problem(again, 409, "duplicate-recording").await["session"].as_str().unwrap().ends_with(id));
+    assert_eq!(centre.trainee.read(&format!("/api/v1/sessions/{id}")).await["id"], id, "it is theirs to see");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_imports_what_is_checked_and_a_bad_table_is_refused_with_line_and_column() {
+    let centre = Centre::open_in(Service::start_with(|settings| settings.uploads.import_bytes = 4096).await).await;
+    let good = format!("{HEAD}\n0,0,left,1,2,150\n1,0.04,left,1,2,150\n");
+    problem(import(&centre.trainee, "trainee=ada", good.clone()).await, 403, "forbidden").await;
+    problem(import(&centre.agent, "trainee=ada", good.clone()).await, 403, "forbidden").await;
+    let foreign = import(&centre.instructor, "trainee=bob", good.clone()).await;
+    assert_eq!(problem(foreign, 422, "unknown-reference").await["field"], "trainee");
+    let untyped = centre.instructor.request(Method::POST, &format!("{IMPORT}&trainee=ada")).body(good.clone());
+    problem(untyped.send().await.unwrap(), 415, "unsupported-media-type").await;
+    problem(import(&centre.instructor, "trainee=ada&tracker=%3Dcmd", good.clone()).await, 422, "invalid").await;
+    problem(import(&centre.instructor, "trainee=ada", vec![b'x'; 5000]).await, 413, "too-large").await;
+    problem(import(&centre.instructor, "trainee=ada", "").await, 422, "invalid").await;
+    for (table, words) in [
+        (format!("{HEAD}\n0,0,left,NaN,2,150\n1,1,left,1,2,150\n").into_bytes(), "line 2: `x_mm` is `NaN`"),
+        (format!("{HEAD}\n0,1,left,1,2,150\n1,0,left,1,2,150\n").into_bytes(), "line 3: frame 1 at 0 s contradicts"),
+        (format!("{HEAD}\n0,0,left,1,2,150\n").into_bytes(), "one row only"),
+        (b"a,b\n1,2\n".to_vec(), "no column `frame`"),
+        ([HEAD.as_bytes(), b"\n0,0,l\xff,1,2,3\n"].concat(), "line 2: not UTF-8"),
+        (format!("{HEAD}\n0,0,=cmd(),1,2,150\n1,1,=cmd(),1,2,150\n").into_bytes(), "line 2: `tool`"),
+    ] {
+        let refused = problem(import(&centre.instructor, "trainee=ada", table).await, 422, "invalid").await;
+        assert!(refused["detail"].as_str().unwrap().contains(words), "{refused}");
+        assert_eq!(refused["errors"][0]["field"], "table");
+    }
+    let sessions = centre.administrator.read("/api/v1/sessions").await;
+    assert_eq!(sessions["items"], json!([]), "nothing of it is kept");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_box_that_knows_its_tools_takes_rows_of_these_alone() {
+    let centre = Centre::open().await;
+    Planter::beside(&centre.service.data.path().join("trocar.db")).await; // its one tool is orange
+    let rows = |tool: &str| format!("{HEAD}\n0,0,{tool},1,2,150\n1,0.04,{tool},1,2,150\n");
+    let refused = problem(import(&centre.instructor, "trainee=ada", rows("green")).await, 422, "invalid").await;
+    let expected = "line 2: `tool` is `green`, which the box does not have; its tools are `orange`";
+    assert!(refused["detail"].as_str().unwrap().contains(expected), "{refused}");
+    read(import(&centre.instructor, "trainee=ada", rows("orange")).await, StatusCode::CREATED).await;
+}
+
+/// Ada has two sessions, the newer one over the limit of 50 s, and Bob one.
+async fn practised() -> Centre {
+    let centre = Centre::open().await;
+    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let (ada, bob) = (planter.trainee("ada").await, planter.trainee("bob").await);
+    planter.session(ada, NEW_YEAR_MS, vec![duration(40.0, 1.0)]).await;
+    planter.session(ada, NEW_YEAR_MS + DAY_MS, vec![duration(60.0, 1.0)]).await;
+    planter.session(bob, NEW_YEAR_MS, vec![duration(50.0, 3.0)]).await;
+    centre
+}
+
+async fn session_of(client: &Client, trainee: &str) -> String {
+    let list = client.read(&format!("/api/v1/sessions?trainee={trainee}")).await;
+    list["items"][0]["id"].as_str().unwrap().to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn features_leave_in_three_forms_and_only_to_who_sees_them() {
+    let centre = practised().await;
+    let path = format!("/api/v1/sessions/{}/features", session_of(&centre.trainee, "ada").await);
+    let json = centre.trainee.read(&path).await;
+    let row = &json["items"][0];
+    assert_eq!((&row["feature"], &row["value"], &row["low"], &row["high"]), (&json!("duration"), &json!(60.0), &json!(59.0), &json!(61.0)));
+    assert_eq!((&row["trainee"], &row["tool"], &row["pipeline"]), (&json!("ada"), &Value::Null, &json!(PIPELINE_VERSION)));
+    let csv = centre.trainee.get(&format!("{path}?format=csv")).await;
+    assert_eq!(csv.headers()[header::CONTENT_TYPE], "text/csv; charset=utf-8");
+    let csv = csv.text().await.unwrap();
+    assert!(csv.starts_with("session,trainee,task,box,") && csv.lines().count() == 2, "{csv}");
+    let parquet = centre.trainee.get(&format!("{path}?format=parquet")).await.bytes().await.unwrap();
+    assert_eq!(SerializedFileReader::new(parquet).unwrap().metadata().file_metadata().num_rows(), 1);
+    centre.instructor.read(&path).await;
+    for client in [&centre.other_instructor, &centre.other_trainee] {
+        problem(client.get(&path).await, 404, "not-found").await;
+        problem(client.get(&path.replace("/features", "/xapi")).await, 404, "not-found").await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_tasks_table_is_the_administrators_and_tells_no_name() {
+    let centre = practised().await;
+    let path = "/api/v1/tasks/peg/features";
+    for client in [&centre.instructor, &centre.trainee, &centre.agent] {
+        problem(client.get(path).await, 403, "forbidden").await;
+    }
+    let csv = centre.administrator.get(&format!("{path}?format=csv")).await.text().await.unwrap();
+    assert_eq!(csv.lines().count(), 4, "{csv}");
+    assert!(!csv.contains("ada") && !csv.contains("bob"), "ids alone: {csv}");
+    let named = centre.administrator.get(&format!("{path}?format=csv&trainees=code")).await.text().await.unwrap();
+    assert!(named.contains(",ada,") && named.contains(",bob,"), "{named}");
+    centre.administrator.make("/api/v1/cohorts", json!({"name": "Only Bob", "members": ["bob"]})).await;
+    let some = centre.administrator.read(&format!("{path}?cohort=only-bob")).await;
+    assert_eq!(some["items"].as_array().unwrap().len(), 1);
+    assert_eq!(some["items"][0]["value"], 50.0);
+    let bytes: Bytes = centre.administrator.get(&format!("{path}?format=parquet")).await.bytes().await.unwrap();
+    assert_eq!(SerializedFileReader::new(bytes).unwrap().metadata().file_metadata().num_rows(), 3);
+    let unknown = centre.administrator.get(&format!("{path}?cohort=nobody")).await;
+    assert_eq!(problem(unknown, 422, "unknown-reference").await["field"], "cohort");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_table_of_many_pages_has_every_session_once() {
+    let centre = Centre::open().await;
+    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let ada = planter.trainee("ada").await;
+    let rows = (0..130).map(|n| (ada, NEW_YEAR_MS + n, vec![duration(n as f64, 1.0)])).collect();
+    planter.sessions(rows).await;
+    for format in ["json", "csv", "parquet"] {
+        let path = format!("/api/v1/tasks/peg/features?format={format}");
+        let bytes = centre.administrator.get(&path).await.bytes().await.unwrap();
+        let count = match format {
+            "json" => serde_json::from_slice::<Value>(&bytes).unwrap()["items"].as_array().unwrap().len(),
+            "csv" => bytes.iter().filter(|byte| **byte == b'\n').count() - 1,
+            _ => SerializedFileReader::new(bytes).unwrap().metadata().file_metadata().num_rows() as usize,
+        };
+        assert_eq!(count, 130, "{format}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn statements_say_what_the_standard_made_of_each_session() {
+    let centre = practised().await;
+    let ada = session_of(&centre.trainee, "ada").await;
+    let path = format!("/api/v1/sessions/{ada}/xapi");
+    let before = centre.trainee.read(&path).await;
+    assert_eq!(before["verb"]["id"], "http://adlnet.gov/expapi/verbs/completed", "nothing judges it");
+    assert_eq!((before["result"].get("success"), before["result"].get("score")), (None, None));
+    let limit = json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": 50.0, "unit": "s"}}]});
+    centre.administrator.make("/api/v1/tasks/peg/standards", limit).await;
+    let failed = centre.trainee.read(&path).await;
+    assert_eq!((&failed["verb"]["display"]["en"], &failed["result"]["success"]), (&json!("failed"), &json!(false)));
+    assert_ne!(failed["id"], before["id"], "another word, another statement");
+    let account = &failed["actor"]["account"];
+    assert_eq!(account["name"], "ada");
+    assert_eq!(account["homePage"], format!("http://{}", centre.service.address()));
+    assert!(!failed.to_string().contains("\"name\":\"Ada"), "{failed}");
+
+    let first = centre.trainee.read("/api/v1/trainees/ada/xapi?limit=1").await;
+    assert_eq!(first["statements"], json!([failed]));
+    let second = centre.trainee.read(first["more"].as_str().unwrap()).await;
+    assert_eq!(second["statements"][0]["verb"]["display"]["en"], "passed");
+    assert_eq!(second["more"], "", "the last page");
+    let undecided = centre.other_trainee.read("/api/v1/trainees/bob/xapi").await;
+    assert_eq!(undecided["statements"][0]["verb"]["display"]["en"], "completed", "the bar covers the limit");
+    problem(centre.trainee.get("/api/v1/trainees/bob/xapi").await, 404, "not-found").await;
+    problem(centre.instructor.get("/api/v1/trainees/bob/xapi").await, 404, "not-found").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_address_that_is_set_is_the_one_that_statements_name() {
+    let set = |settings: &mut trocar::settings::Settings| settings.http.public_url = Some("https://skills.example/".into());
+    let centre = Centre::open_in(Service::start_with(set).await).await;
+    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    planter.session(planter.trainee("ada").await, NEW_YEAR_MS, vec![duration(40.0, 1.0)]).await;
+    let statement = centre.trainee.read("/api/v1/trainees/ada/xapi").await["statements"][0].clone();
+    assert_eq!(statement["actor"]["account"]["homePage"], "https://skills.example");
+    assert!(statement["object"]["id"].as_str().unwrap().starts_with("https://skills.example/api/v1/tasks/"));
+}
