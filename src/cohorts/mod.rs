@@ -10,6 +10,7 @@
 //! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
 //! | `series.rs` | one feature of them: points, place, curve |
 //! | `monitors.rs` | charts, computed once per design |
+//! | `skill.rs` | a task's model of skill: made, and asked of a session |
 //! | `answer.rs` | what is answered, as it is told |
 //!
 //! What cannot be said is a reason ([`answer::Withheld`]), never a number. A person counts once. Nobody's own value leaves
@@ -21,6 +22,7 @@ mod people;
 mod progress;
 mod propose;
 mod series;
+mod skill;
 mod verdicts;
 
 use std::sync::Arc;
@@ -34,9 +36,13 @@ use crate::time::SharedClock;
 use monitors::Monitors;
 pub use progress::{Asked, Found};
 pub use propose::{Proposal, Proposed};
+pub use skill::NoSkillModel;
 
 /// Calculations at the same time; further ones wait, so that what answers quickly goes on answering.
 const CALCULATIONS: usize = 2;
+
+/// Models of skill that are made at the same time: they take minutes, and leave the calculations their places.
+const TRAININGS: usize = 1;
 
 /// Why something was not calculated.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +58,12 @@ pub enum CohortsError {
         /// What it should name.
         what: &'static str,
     },
+    /// A model of skill cannot be made of what is there.
+    #[error("{}", .0.detail)]
+    NoModel(NoSkillModel),
+    /// Another model of skill is being made.
+    #[error("another model of skill is being made")]
+    Training,
     /// The store did not answer.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -67,12 +79,15 @@ pub struct Cohorts {
     clock: SharedClock,
     monitors: Arc<Monitors>,
     places: Arc<Semaphore>,
+    training: Arc<Semaphore>,
 }
 
 impl Cohorts {
     /// Asks this store, by this clock.
     pub fn new(store: Store, clock: SharedClock) -> Self {
-        Self { store, clock, monitors: Arc::default(), places: Arc::new(Semaphore::new(CALCULATIONS)) }
+        let places = |most| Arc::new(Semaphore::new(most));
+        let (places, training) = (places(CALCULATIONS), places(TRAININGS));
+        Self { store, clock, monitors: Arc::default(), places, training }
     }
 
     /// Calculates beside the async threads.
@@ -83,6 +98,12 @@ impl Cohorts {
             of()
         };
         tokio::task::spawn_blocking(calculation).await.map_err(|_| CohortsError::Broken)
+    }
+}
+
+impl From<NoSkillModel> for CohortsError {
+    fn from(why: NoSkillModel) -> Self {
+        CohortsError::NoModel(why)
     }
 }
 

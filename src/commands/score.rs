@@ -9,6 +9,7 @@ use self::reference::{Reference, Strays};
 use super::table::Table;
 use super::{Failure, print_result, read_trajectory, verdict};
 use crate::domain::files::quality::ConcernDocument;
+use crate::domain::skill::{ModelFile, SkillVerdict};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
@@ -16,6 +17,7 @@ use crate::pipeline::quality::{self, Evidence, Verdict};
 use crate::pipeline::trajectory::Trajectory;
 
 mod reference;
+mod skill;
 
 /// Arguments of `trocar score`.
 #[derive(clap::Args)]
@@ -30,6 +32,9 @@ pub struct Args {
     /// must not have moved in between.
     #[arg(long, value_name = "TRACK.CSV")]
     reference: Option<PathBuf>,
+    /// A model of skill, made by `trocar model`: says novice, intermediate or expert of each trajectory, or why it does not.
+    #[arg(long, value_name = "MODEL.JSON")]
+    model: Option<PathBuf>,
     /// Print JSON, with the windows.
     #[arg(long)]
     json: bool,
@@ -45,13 +50,15 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     let settings = AssessmentSettings { window_s: args.window_s, ..AssessmentSettings::default() };
     let reference = args.reference.as_deref().map(|path| Reference::read(path, &settings.features)).transpose()?;
+    let task = args.task.as_deref();
+    let model = args.model.as_deref().map(|path| skill::read_model(path, task)).transpose()?;
     let scored = |path: &PathBuf| {
         let trajectory = read_trajectory(path)?;
         let strays = reference.as_ref().map(|reference| reference.strays(path, &trajectory, &settings.features));
-        Ok(Scored { strays: strays.transpose()?, ..Scored::new(path, &trajectory, &settings) })
+        let scored = Scored::new(path, &trajectory, &settings);
+        Ok(Scored { strays: strays.transpose()?, ..scored.judged_by(model.as_ref()) })
     };
     let sessions = args.tracks.iter().map(scored).collect::<Result<Vec<Scored>, Failure>>()?;
-    let task = args.task.as_deref();
     if args.json {
         let all: Vec<Value> = sessions.iter().map(|session| session_json(session, task)).collect();
         print_result(&(serde_json::to_string_pretty(&all).context("writing JSON")? + "\n"))
@@ -68,6 +75,8 @@ struct Scored {
     verdict: Verdict,
     /// How far from the reference, if there is one.
     strays: Option<Strays>,
+    /// What the model of skill says, if there is one.
+    skill: Option<SkillVerdict>,
 }
 
 impl Scored {
@@ -75,11 +84,16 @@ impl Scored {
         let verdict = quality::judge(&quality::measure(&Evidence::of_path(trajectory)));
         let assessment = assess(trajectory, &[], settings);
         let assessment = if verdict.is_refused() { assessment.withheld() } else { assessment };
-        Self { path: path.to_owned(), assessment, verdict, strays: None }
+        Self { path: path.to_owned(), assessment, verdict, strays: None, skill: None }
+    }
+
+    fn judged_by(self, model: Option<&ModelFile>) -> Self {
+        let skill = model.map(|model| skill::verdict(model, &self.assessment, self.verdict.is_refused()));
+        Self { skill, ..self }
     }
 }
 
-fn session_json(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>) -> Value {
+fn session_json(Scored { path, assessment, verdict, strays, skill }: &Scored, task: Option<&str>) -> Value {
     let values = |values: &[FeatureValue]| values.iter().map(|v| value_json(v, &assessment.tools)).collect::<Vec<_>>();
     let windows = assessment.windows.iter().map(
         |window| json!({ "start_s": window.start_s, "end_s": window.end_s, "features": values(&window.features) }),
@@ -96,6 +110,7 @@ fn session_json(Scored { path, assessment, verdict, strays }: &Scored, task: Opt
         "features": values(&assessment.features),
         "windows": windows.collect::<Vec<_>>(),
         "reference": strays.as_ref().filter(|_| !verdict.is_refused()).map(Strays::json),
+        "skill": skill,
     })
 }
 
@@ -124,7 +139,7 @@ fn tool_name<'a>(value: &FeatureValue, tools: &'a [String]) -> Option<&'a str> {
 }
 
 /// A head line, the verdict, and, unless it is refused, the table and under it why a value is missing.
-fn session_text(Scored { path, assessment, verdict, strays }: &Scored, task: Option<&str>) -> String {
+fn session_text(Scored { path, assessment, verdict, strays, skill }: &Scored, task: Option<&str>) -> String {
     let task = task.map(|task| format!(", task {task}")).unwrap_or_default();
     let when = match assessment.task_s {
         Some((start, end)) => format!("from {start:.2} s to {end:.2} s"),
@@ -134,7 +149,8 @@ fn session_text(Scored { path, assessment, verdict, strays }: &Scored, task: Opt
     let strays = strays.as_ref().map(Strays::text).unwrap_or_default();
     let values =
         if verdict.is_refused() { String::new() } else { table(assessment).text() + &reasons(assessment) + &strays };
-    head + &verdict::text(verdict) + &values
+    let skill = skill.as_ref().map(skill::text).unwrap_or_default();
+    head + &verdict::text(verdict) + &skill + &values
 }
 
 /// One row per feature and space, one column per tool, and one for the session as a whole.

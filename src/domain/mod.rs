@@ -19,6 +19,7 @@
 //! | [`job`] | kinds and states of work, and what it is about |
 //! | [`feed`] | frames that arrive while they are recorded: records, words, numbers |
 //! | [`session`] | states of a recording, versions and features of its result |
+//! | [`skill`] | a model of skill: as it is kept, told and read from a file |
 //! | [`problem`] | why something did not work, for people |
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, truth |
 
@@ -37,6 +38,7 @@ pub mod scope;
 pub mod secret;
 pub mod self_test;
 pub mod session;
+pub mod skill;
 pub mod standard;
 pub mod task;
 pub mod text;

@@ -48,6 +48,8 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(tasks::standards, tasks::set_standard))
         .routes(routes!(tasks::propose_standard))
         .routes(routes!(tasks::presets))
+        .routes(routes!(tasks::models, tasks::train_model))
+        .routes(routes!(tasks::model))
         .routes(routes!(features::list))
         .routes(routes!(cohorts::list, cohorts::create))
         .routes(routes!(cohorts::get, cohorts::replace, cohorts::delete))

@@ -17,8 +17,8 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, ResultId, SelfTestId,
-    SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, FeedId, GroupId, JobId, LeaseToken, ModelId, PaletteId, PersonId, ResultId,
+    SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.
@@ -53,7 +53,7 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
-    StandardId CohortId
+    StandardId CohortId ModelId
     Name Login Code FileName Paragraphs BlobHash
     Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light
 }

@@ -14,6 +14,7 @@
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` |
+//! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
 //! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
@@ -44,6 +45,7 @@ mod palettes;
 mod people;
 mod self_tests;
 mod sessions;
+mod skill_models;
 mod standards;
 mod tasks;
 mod tokens;
@@ -77,6 +79,7 @@ pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
 pub use sessions::{
     Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,
 };
+pub use skill_models::{DeclaredSession, NewSkillModel, SkillModel, SkillModels};
 pub use standards::{Standard, Standards};
 pub use tasks::{Task, Tasks};
 pub use tokens::{ActsAs, NewToken, Token, Tokens};
@@ -249,6 +252,8 @@ rooms! {
     standards: Standards;
     /// Who is compared with whom.
     cohorts: Cohorts;
+    /// What tells their levels apart.
+    skill_models: SkillModels;
     /// Where they do it.
     boxes: Boxes;
     /// Versions of boxes' cameras.

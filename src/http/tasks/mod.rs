@@ -1,10 +1,12 @@
 //! What trainees do. Everybody reads tasks, staff change them.
 
+mod models;
 mod standards;
 
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::Serialize;
+pub use models::*;
 pub use standards::*;
 use utoipa::ToSchema;
 

@@ -17,6 +17,7 @@ mod no_answer;
 pub mod pass_rule;
 mod people;
 pub mod reminder;
+pub mod skill;
 pub mod standard;
 mod trial;
 
