@@ -8,5 +8,6 @@ mod queue;
 mod schema;
 mod self_tests;
 mod sign_in;
+mod skill_models;
 mod standards;
 mod writes;

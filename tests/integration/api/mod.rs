@@ -5,6 +5,7 @@ pub mod centre;
 mod documents;
 mod full_disk;
 mod hostile;
+mod models;
 mod nouns;
 mod playback;
 mod process;

@@ -1,0 +1,87 @@
+//! Versions of models of skill: whose sessions they are made of, and that they go with them.
+
+use crate::domain::scope::Scope;
+use crate::domain::skill::{Definition, ModelFile, Reading, Readings, features_offered};
+use crate::domain::role::Role;
+use crate::domain::session::FeatureSpace;
+use crate::domain::text::Key;
+use crate::domain::trainee::Level;
+use crate::ids::TraineeId;
+use crate::pipeline::score::skill::{Dataset, Level as Declared, Sample};
+use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::store::{NewSkillModel, PageRequest, StoreError};
+
+/// A model of simulated people, said to be of these trainees.
+fn model(trainees: &[TraineeId]) -> NewSkillModel {
+    let features = features_offered();
+    let sample = |person: usize| {
+        let value = 40.0 + 30.0 * (person % 3) as f64 + (person / 3) as f64;
+        let (feature, bar) = ("duration".to_owned(), Some([value - 1.0, value + 1.0]));
+        let reading = Reading { feature, tool: None, space: FeatureSpace::Space3d, value: Some(value), bar };
+        Sample { person, level: Declared::ALL[person % 3], values: Readings::of([reading]).values(&features) }
+    };
+    let data = Dataset::of(&features, &(0..24).map(sample).collect::<Vec<_>>()).unwrap();
+    let file = ModelFile::make(&data, (None, "1".to_owned(), 1), |_, _| ()).unwrap();
+    let ModelFile { pipeline, fingerprint, report, model, .. } = file;
+    NewSkillModel { pipeline, fingerprint, definition: model, report, trainees: trainees.to_vec() }
+}
+
+#[tokio::test]
+async fn a_model_is_withdrawn_with_the_first_person_of_whom_it_was_made() {
+    let centre = Centre::new().await;
+    let (store, service, task) = (&centre.store, Scope::service(), centre.task.id);
+    let (ana, ben, eve) = (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id, centre.trainee("Eve").await.id);
+    let teacher = centre.person("ina", Role::Instructor, None).await;
+    let models = store.skill_models();
+    assert_eq!(models.in_use(&service, task).await.unwrap(), None);
+    let new = model(&[ana, ben]);
+    let refused = models.add(&teacher.scope(), task, new.clone()).await;
+    assert!(matches!(refused, Err(StoreError::Forbidden { .. })), "{refused:?}");
+    let first = models.add(&service, task, new.clone()).await.unwrap();
+    assert_eq!((first.version, first.definition.as_ref(), &first.report), (1, Some(&new.definition), &new.report));
+    assert_eq!(models.add(&service, task, new.clone()).await.unwrap(), first, "the same is no new version");
+    let other = Definition { parameter: "another".to_owned(), ..new.definition.clone() };
+    let second = models.add(&service, task, NewSkillModel { definition: other, trainees: vec![eve], ..new.clone() }).await;
+    assert_eq!(second.unwrap().version, 2);
+
+    store.trainees().erase(&service, &Key::from(&ben)).await.unwrap();
+    let list = models.list(&teacher.scope(), task).await.unwrap();
+    assert_eq!(list.iter().map(|model| model.definition.is_some()).collect::<Vec<_>>(), [true, false]);
+    assert_eq!((list[1].withdrawn_at_ms, &list[1].report), (Some(NOW_MS), &new.report));
+    assert_eq!(models.get(&service, task, 1).await.unwrap(), list[1]);
+    assert!(models.list(&Scope::agent(centre.the_box.id), task).await.unwrap().is_empty());
+    let late = models.add(&service, task, model(&[ana, ben])).await;
+    assert!(matches!(late, Err(StoreError::Refused { .. })), "erased while it was made: {late:?}");
+    assert_eq!(models.list(&service, task).await.unwrap().len(), 2);
+    let audit = store.audit().list(&service, &PageRequest::default()).await.unwrap();
+    assert!(audit.items.iter().any(|entry| (entry.action.as_str(), entry.noun.as_str()) == ("create", "skill_model")));
+    store.tasks().delete(&service, &Key::from(&task)).await.unwrap();
+    assert!(models.list(&service, task).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn models_are_made_of_the_last_usable_sessions_of_people_of_a_declared_level() {
+    let centre = Centre::ready().await;
+    let trainee = async |body: serde_json::Value| {
+        centre.store.trainees().create(&Scope::service(), serde_json::from_value(body).unwrap()).await.unwrap().id
+    };
+    let ana = trainee(serde_json::json!({"name": "Ana", "level": "expert"})).await;
+    let ben = trainee(serde_json::json!({"name": "Ben", "level": "expert"})).await;
+    let eve = trainee(serde_json::json!({"name": "Eve"})).await;
+    for (whom, days) in [(ana, 0..4), (ben, 0..1), (eve, 0..1)] {
+        for day in days {
+            centre.practised(whom, NOW_MS + day, vec![duration(10.0 + day as f64, 1.0)]).await;
+        }
+    }
+    let declared = async |pipeline, each, most| {
+        let sessions = centre.store.skill_models().declared(centre.task.id, pipeline, each, most).await.unwrap();
+        let value = |readings: &[Reading]| readings[0].value.unwrap();
+        sessions.into_iter().map(|s| (s.trainee, s.level, s.tools, value(&s.readings))).collect::<Vec<_>>()
+    };
+    let anas = |days: &[f64]| days.iter().map(|day| (ana, Level::Expert, 1, 10.0 + day)).collect::<Vec<_>>();
+    let mut two = [anas(&[3.0, 2.0]), vec![(ben, Level::Expert, 1, 10.0)]].concat();
+    two.sort_by_key(|row| row.0);
+    assert_eq!(declared("1", 2, 9).await, two, "Eve's level nobody declared");
+    assert_eq!(declared("1", 3, 1).await, anas(&[3.0, 2.0, 1.0]), "of one person: who practised last");
+    assert_eq!(declared("2", 2, 9).await, [], "another version of the program");
+}
