@@ -63,9 +63,9 @@ def trained(bench, folder, name, features, labels):
 
 def known(report):
     accuracy, baseline = report["accuracy"], report["baseline"]
-    reached = (f"{percent(accuracy['value'])} ({percent(accuracy['low'])}–{percent(accuracy['high'])}) of {accuracy['people']} people's sessions; "
-               f"balanced {percent(report['balanced'])} against {percent(baseline['mean'])} (95 % of them ≤ {percent(baseline['high'])}) "
-               f"with shuffled levels, p = {baseline['p']:.2f}")
+    reached = (f"{percent(accuracy['value'])} ({percent(accuracy['low'])}–{percent(accuracy['high'])}) of the sessions of "
+               f"{accuracy['people']} people; balanced {percent(report['balanced'])} against {percent(baseline['mean'])} "
+               f"(95 % of them ≤ {percent(baseline['high'])}) with shuffled levels, p = {baseline['p']:.2f}")
     return Goal("level of simulated people whom the model never saw", "beats shuffled levels, p ≤ 0.05", reached, report["knows"])
 
 
@@ -82,13 +82,14 @@ def about(report):
     worth = (f"Of people left out it would have given a level to {percent(speaking['share'])} of the sessions" +
              (f", right in {percent(right['value'])} ({percent(right['low'])}–{percent(right['high'])})." if right else "."))
     learners = ", ".join(f"{each['learner']} {each['folds']}" for each in report["chosen"])
-    return (f"Model of skill: {sum(report['people'])} simulated people ({EACH} of each level, {sum(report['sessions'])} sessions of *pegs* in "
-            f"{BOXES} boxes, with the true camera), each with hands of their own. Learners chosen in the outer folds: {learners}. {worth} "
-            "Rows: declared level; columns: share of these people's sessions that were given each.")
+    return (f"Model of skill: {sum(report['people'])} simulated people ({EACH} of each level, {sum(report['sessions'])} sessions "
+            f"of *pegs* in {BOXES} boxes, with the true camera), each with hands of their own. Learners chosen in the outer folds: "
+            f"{learners}. {worth} Rows: declared level; columns: share of these people's sessions that were given each.")
 
 
 def confusion(report):
-    rows = [[level, *(percent(report["confusion"][n][given] / report["people"][n]) for given in LEVELS)] for n, level in enumerate(LEVELS)]
+    share = [{level: row[level] / people for level in LEVELS} for row, people in zip(report["confusion"], report["people"])]
+    rows = [[level, *(percent(row[given]) for given in LEVELS)] for level, row in zip(LEVELS, share)]
     return table(["declared", *LEVELS], rows)
 
 

@@ -36,7 +36,8 @@ impl From<NoModel> for NoSkillModel {
 }
 
 impl Cohorts {
-    /// Makes a task's next model from what people of declared levels did, and keeps it, whoever waits for it or not. One at a time.
+    /// Makes a task's next model from what people of declared levels did, and keeps it, whoever waits for it or not. One at a
+    /// time.
     pub async fn train(&self, scope: &Scope, of: TaskId) -> Result<SkillModel, CohortsError> {
         if !scope.is_administrator() {
             // A model is made of people whom an instructor need not see.

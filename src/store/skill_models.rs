@@ -1,5 +1,5 @@
-//! Versions of tasks' models of skill, and the sessions that one is made of. A version is never changed; it is withdrawn, and what it
-//! learnt erased, with the first person of whom it was made.
+//! Versions of tasks' models of skill, and the sessions that one is made of. A version is never changed; it is withdrawn, and
+//! what it learnt erased, with the first person of whom it was made.
 
 use std::collections::HashMap;
 
@@ -83,7 +83,8 @@ macro_rules! select_models {
     };
 }
 
-/// Usable sessions of task `$1` by people of a declared level, measured by version `$2`: of each person the last `$3`, of each level the
+/// Usable sessions of task `$1` by people of a declared level, measured by version `$2`: of each person the last `$3`, of each
+/// level the
 /// `$4` people who practised last.
 macro_rules! declared {
     () => {
@@ -154,8 +155,9 @@ impl SkillModels<'_> {
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 
-    /// Usable sessions of people of a declared level, measured by this version of the program: so many of each person, their last ones,
-    /// and of so many people of each level, those who practised last. For models alone: it is asked with nobody's scope.
+    /// Usable sessions of people of a declared level, measured by this version of the program: so many of each person, their
+    /// last ones, and of so many people of each level, those who practised last. For models alone: it is asked with nobody's
+    /// scope.
     pub async fn declared(
         &self,
         of: TaskId,

@@ -100,8 +100,8 @@ impl Trainees<'_> {
             .await
     }
 
-    /// Erases a trainee with account, sessions, results, uploads and what models learnt of them. Their files go with the next collection of blobs
-    /// that nothing refers to ([`crate::upkeep`]).
+    /// Erases a trainee with account, sessions, results, uploads and what models learnt of them. Their files go with the next
+    /// collection of blobs that nothing refers to ([`crate::upkeep`]).
     pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "erasing trainees")?;

@@ -1,8 +1,8 @@
 //! Which features may carry a verdict, and a session's values of them.
 //!
-//! A verdict is about a person. What measures the box is left out: features in the picture, along the camera's axes, and of what was
-//! in view. A feature that only tools have counts as the mean over the session's tools: the same marker is one person's good hand and
-//! another's other one, so that a tool's own value would be about hands and tapes.
+//! A verdict is about a person. What measures the box is left out: features in the picture, along the camera's axes, and of
+//! what was in view. A feature that only tools have counts as the mean over the session's tools: the same marker is one
+//! person's good hand and another's other one, so that a tool's own value would be about hands and tapes.
 
 use std::collections::BTreeMap;
 

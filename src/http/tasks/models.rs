@@ -29,8 +29,8 @@ pub struct Model {
     /// The features that it goes by, those that tell levels apart best first.
     features: Option<Vec<String>>,
     report: Report,
-    /// SHA-256 of the values that it was made of; `null` to all but administrators, for who knows most of the values could find the
-    /// last one by it.
+    /// SHA-256 of the values that it was made of; `null` to all but administrators, for who knows most of the values could find
+    /// the last one by it.
     fingerprint: Option<String>,
     /// Name of the person who made it; `null` to trainees, and where nobody is there any more.
     who: Option<String>,
@@ -70,8 +70,8 @@ pub async fn models(State(app): State<App>, by: Member, At(key): At) -> Answer<J
 /// Make a task's model of skill: the next version, unless the one in use is made of the same
 ///
 /// From the last three usable sessions of each person of a declared level, measured by this version of the program, at most forty
-/// people of a level. It takes some minutes, and goes on if nobody waits for it; one is made at a time. With fewer than eight people of a
-/// level it is refused, and `missing` says how many more it takes.
+/// people of a level. It takes some minutes, and goes on if nobody waits for it; one is made at a time. With fewer than eight
+/// people of a level it is refused, and `missing` says how many more it takes.
 #[utoipa::path(post, path = "/tasks/{id}/models", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), responses((status = CREATED, body = Model)))]
 pub async fn train_model(State(app): State<App>, by: Administrator, At(key): At) -> Answer<Created<Model>> {

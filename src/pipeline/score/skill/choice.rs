@@ -16,7 +16,8 @@ const FOLDS: usize = 4;
 /// How many of the features that tell levels apart best are used: one of these, chosen like the learner.
 const FEATURES_USED: [usize; 2] = [4, 12];
 
-/// What scores are divided by before they become probabilities: one of these. A learner that is too sure of itself gets a large one.
+/// What scores are divided by before they become probabilities: one of these. A learner that is too sure of itself gets a large
+/// one.
 const TEMPERATURES: [f64; 9] = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0, 8.0];
 
 /// Some of a dataset's people, with levels that may be others than their own (shuffled).

@@ -38,8 +38,8 @@ pub(super) struct Row {
 }
 
 impl Dataset {
-    /// Chooses the features that enough sessions have, the ones that most have first, and the sessions that have all of these. The order in
-    /// which sessions come, and what people are called, changes nothing.
+    /// Chooses the features that enough sessions have, the ones that most have first, and the sessions that have all of these.
+    /// The order in which sessions come, and what people are called, changes nothing.
     pub fn of<P: Ord>(features: &[String], samples: &[Sample<P>]) -> Result<Self, NoModel> {
         let at_most = |of, found, most| if found > most { Err(NoModel::TooMany { of, found, most }) } else { Ok(()) };
         at_most("features", features.len(), MOST_FEATURES)?;

@@ -1,12 +1,12 @@
 //! Novice, intermediate or expert: a model of skill from sessions of people whose level was declared (METHOD 7.2).
 //!
 //! **In:** features of sessions with their error bars, each session with its person and that person's declared level. **Out:** a
-//! [`Model`] and a [`Report`] of how well it does on people whom it never saw. **Method:** a learner with its parameter is chosen and
-//! made honest about its probabilities by folds that leave whole people out; all of that is done again for each fold of a
-//! second, outer round, whose people had no part in it (nested validation, Varma & Simon 2006); and all of *that* is repeated with the
-//! levels shuffled between people (Ojala & Garriga 2010). Where the shuffled levels do as well, the model knows nothing and gives no
-//! verdicts. Features are chosen, and standardised, on the training part alone: choosing them on all people first is how published
-//! figures came to be too good. **Gives up** with [`NoModel`]; a single session with [`Abstains`].
+//! [`Model`] and a [`Report`] of how well it does on people whom it never saw. **Method:** a learner with its parameter is
+//! chosen and made honest about its probabilities by folds that leave whole people out; all of that is done again for each fold
+//! of a second, outer round, whose people had no part in it (nested validation, Varma & Simon 2006); and all of *that* is
+//! repeated with the levels shuffled between people (Ojala & Garriga 2010). Where the shuffled levels do as well, the model
+//! knows nothing and gives no verdicts. Features are chosen, and standardised, on the training part alone: choosing them on all
+//! people first is how published figures came to be too good. **Gives up** with [`NoModel`]; a single session with [`Abstains`].
 //!
 //! | file | holds |
 //! |---|---|
@@ -21,8 +21,8 @@
 //! | `validation.rs` | the outer round, and the baseline of shuffled levels |
 //! | `report.rs` | what came of it |
 //!
-//! **Cost**, bounded by [`MOST_PER_LEVEL`], [`SESSIONS_EACH`], [`MOST_FEATURES`] and [`PERMUTATIONS`]: 65,000 fits on two thirds of the
-//! sessions.
+//! **Cost**, bounded by [`MOST_PER_LEVEL`], [`SESSIONS_EACH`], [`MOST_FEATURES`] and [`PERMUTATIONS`]: 65,000 fits on two
+//! thirds of the sessions.
 
 mod choice;
 mod data;

@@ -88,7 +88,8 @@ impl Model {
         (0..self.features.len()).map(of).collect()
     }
 
-    /// Share of the sessions drawn from within the error bars that get this level: each feature's error is its own, and normal on each side.
+    /// Share of the sessions drawn from within the error bars that get this level: each feature's error is its own, and normal
+    /// on each side.
     fn agreeing(&self, level: Level, readings: &[(f64, Interval)]) -> f64 {
         let mut dice = Dice::new(0, "error bars");
         let agrees = |_: &usize| {
@@ -103,9 +104,9 @@ impl Model {
         (0..DRAWS).filter(agrees).count() as f64 / DRAWS as f64
     }
 
-    /// By how much each feature raises the level's probability over what it were with the feature at the training sessions' mean, the
-    /// others as they are; the largest first. Features that tell the same share what they tell. (The mean, not the median: a median may be
-    /// one person's own value.)
+    /// By how much each feature raises the level's probability over what it were with the feature at the training sessions'
+    /// mean, the others as they are; the largest first. Features that tell the same share what they tell. (The mean, not the
+    /// median: a median may be one person's own value.)
     fn carried(&self, level: Level, readings: &[(f64, Interval)], x: &[f64]) -> Vec<Contribution> {
         let own = self.probabilities(x)[level as usize];
         let of = |place: usize| {

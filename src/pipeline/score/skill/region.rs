@@ -42,8 +42,8 @@ impl Region {
     }
 }
 
-/// Means of the levels, and the covariance within them, of which a share is replaced by its diagonal (Friedman 1989). Every person
-/// counts the same.
+/// Means of the levels, and the covariance within them, of which a share is replaced by its diagonal (Friedman 1989). Every
+/// person counts the same.
 pub(super) fn within_levels(table: &Table, shrinkage: f64) -> Option<([Vec<f64>; LEVELS], DMatrix<f64>)> {
     let n = table.rows.first()?.len();
     let mut sums: [DVector<f64>; LEVELS] = std::array::from_fn(|_| DVector::zeros(n));
@@ -64,7 +64,8 @@ pub(super) fn within_levels(table: &Table, shrinkage: f64) -> Option<([Vec<f64>;
     let diagonal = covariance.diagonal();
     covariance *= 1.0 - shrinkage;
     for i in 0..n {
-        // A feature that is the same in all sessions of a level has no spread of its own: a thousandth of all sessions' stands in.
+        // A feature that is the same in all sessions of a level has no spread of its own: a thousandth of all sessions' stands
+        // in.
         covariance[(i, i)] += shrinkage * diagonal[i] + 1e-3;
     }
     let centres = Level::ALL.map(|level| means[level as usize].iter().copied().collect());

@@ -15,8 +15,8 @@ pub struct Report {
     pub left_out: usize,
     /// How many features were offered.
     pub offered: usize,
-    /// Share of sessions whose level was found, the mean over people: their interval counts people, since one person's sessions are
-    /// alike. The likeliest level counts, whether the model would have said it or not.
+    /// Share of sessions whose level was found, the mean over people: their interval counts people, since one person's sessions
+    /// are alike. The likeliest level counts, whether the model would have said it or not.
     pub accuracy: Share,
     /// Mean of the levels' shares: what guessing gives is a third, however many people each level has.
     pub balanced: f64,

@@ -57,25 +57,45 @@ fn trained(data: &Dataset) -> Trained {
     train_against(data, 7, FEW, |_, _| ()).unwrap()
 }
 
-#[test]
-fn people_who_were_left_out_are_told_apart_at_the_rate_that_can_be_reached() {
-    let world = World { apart: 2.5, noise: 8, within: 0.0, bar: 0.0 };
-    let Trained { model, report } = trained(&world.data(30, "bayes"));
-    // With two normal features of one shape the best rule is a line: the outer levels are missed on one side, the middle one on two.
-    let best = (4.0 * normal_below(world.apart / 2.0) - 1.0) / 3.0;
-    println!("{:?} of {best:.3}, p {}, {} {}", report.accuracy, report.baseline.p, model.learner, model.parameter);
-    assert!(report.accuracy.interval.holds(best), "{best}: {:?}", report.accuracy);
-    assert_eq!((report.accuracy.people, report.people, report.sessions), (90, [30; 3], [90; 3]));
-    assert!(model.knows && report.baseline.p <= 0.05 && report.baseline.high < report.balanced, "{report:?}");
-    assert!(report.baseline.mean < 0.45, "{:?}", report.baseline);
-    assert!(model.is_sound());
-    let fresh = world.samples(200, "others");
+/// Share of other people's sessions whose level a model finds.
+fn found_in(model: &Model, samples: &[Sample<usize>]) -> f64 {
     let right = |sample: &&Sample<usize>| {
         let x = model.standardised(|place| value_of(sample, &model.features[place]));
         super::model::likeliest(&model.probabilities(&x)) == sample.level
     };
-    let reached = fresh.iter().filter(right).count() as f64 / fresh.len() as f64;
-    assert!(report.accuracy.interval.holds(reached), "{reached} of 600 others: {:?}", report.accuracy);
+    samples.iter().filter(right).count() as f64 / samples.len() as f64
+}
+
+#[test]
+fn people_who_were_left_out_are_told_apart_at_the_rate_that_can_be_reached() {
+    let world = World { apart: 2.5, noise: 8, within: 0.0, bar: 0.0 };
+    let others = world.samples(200, "others");
+    // With two normal features of one shape the best rule is a line: the outer levels are missed on one side, the middle one on two.
+    let best = (4.0 * normal_below(world.apart / 2.0) - 1.0) / 3.0;
+    let centres: Vec<(f64, f64)> = (0..8)
+        .map(|centre| {
+            let data = world.data(20, &format!("bayes {centre}"));
+            let Trained { model, report } = train_against(&data, centre, 1, |_, _| ()).unwrap();
+            assert!(model.is_sound() && report.accuracy.people == 60 && report.sessions == [60; 3]);
+            (report.accuracy.value, found_in(&model, &others))
+        })
+        .collect();
+    let mean = |of: fn(&(f64, f64)) -> f64| centres.iter().map(of).sum::<f64>() / 8.0;
+    let (stated, true_one) = (mean(|centre| centre.0), mean(|centre| centre.1));
+    println!("stated {stated:.3}, of 600 others {true_one:.3}, best {best:.3}");
+    assert!((stated - true_one).abs() < 0.04, "what is stated is what is found: {stated} {true_one}");
+    assert!(stated > best - 0.08 && stated < best + 0.03, "{stated} of {best}");
+}
+
+#[test]
+fn it_knows_something_where_there_is_something_and_beats_shuffled_levels() {
+    let world = World { apart: 2.5, noise: 8, within: 0.1, bar: 0.1 };
+    let Trained { model, report } = trained(&world.data(8, "knows"));
+    println!("{:?} {:?}", report.accuracy, report.baseline);
+    assert!(model.knows && report.baseline.p <= 0.05 && report.baseline.high < report.balanced, "{report:?}");
+    assert!(report.baseline.mean < 0.45 && report.accuracy.interval.low > 1.0 / 3.0, "{report:?}");
+    let sum: f64 = report.confusion.iter().flatten().sum();
+    assert!((sum - 24.0).abs() < 1e-9 && report.chosen.iter().map(|(_, folds)| folds).sum::<usize>() == 8);
 }
 
 fn value_of(sample: &Sample<usize>, feature: &str) -> f64 {
@@ -85,8 +105,8 @@ fn value_of(sample: &Sample<usize>, feature: &str) -> f64 {
 
 #[test]
 fn of_levels_that_say_nothing_it_knows_nothing_and_gives_no_verdict() {
-    // Sessions of one person are nearly the same: who could remember people would find all levels. And of so many features some seem
-    // to tell levels apart: who chose them on everybody first would be right far more often than one in three.
+    // Sessions of one person are nearly the same: who could remember people would find all levels. And of so many features some
+    // seem to tell levels apart: who chose them on everybody first would be right far more often than one in three.
     let world = World { apart: 0.0, noise: 58, within: 0.01, bar: 0.0 };
     let data = world.data(10, "nothing");
     let Trained { model, report } = trained(&data);
@@ -196,9 +216,7 @@ fn every_learner_finds_levels_that_lie_far_apart_and_a_rare_level_too() {
         };
         let found = Level::ALL.map(right);
         println!("{} {}: {found:?}", learner.name(), learner.parameter());
-        // A line against the others cannot single out the middle of three in a row: the support vectors' weak side.
-        let least = if learner.name() == "svm" { [0.9, 0.0, 0.9] } else { [0.9; 3] };
-        assert!(found.iter().zip(least).all(|(found, least)| *found >= least), "{} {found:?}", learner.name());
+        assert!(found.iter().all(|found| *found >= 0.9), "{} {}: {found:?}", learner.name(), learner.parameter());
     }
 }
 
@@ -210,11 +228,7 @@ fn intervals_count_people_and_hold_what_can_be_reached() {
     let held = (0..20).filter(|centre| {
         let data = world.data(8, &format!("centre {centre}"));
         let Trained { model, report } = train_against(&data, *centre, 1, |_, _| ()).unwrap();
-        let right = |sample: &&Sample<usize>| {
-            let x = model.standardised(|place| value_of(sample, &model.features[place]));
-            super::model::likeliest(&model.probabilities(&x)) == sample.level
-        };
-        report.accuracy.interval.holds(fresh.iter().filter(right).count() as f64 / fresh.len() as f64)
+        report.accuracy.interval.holds(found_in(&model, &fresh))
     });
     let held = held.count();
     assert!(held >= 17, "{held} of 20");

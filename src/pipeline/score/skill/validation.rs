@@ -33,8 +33,8 @@ pub(super) struct Guess {
     pub said: Option<Level>,
 }
 
-/// Makes a model, and states how well it does on people whom it never saw. The seed deals folds and shuffles levels; take it from the
-/// data. `told` is called before each of the repetitions, with how many there are in all.
+/// Makes a model, and states how well it does on people whom it never saw. The seed deals folds and shuffles levels; take it
+/// from the data. `told` is called before each of the repetitions, with how many there are in all.
 pub fn train(data: &Dataset, seed: u64, told: impl FnMut(usize, usize)) -> Result<Trained, NoModel> {
     train_against(data, seed, PERMUTATIONS, told)
 }

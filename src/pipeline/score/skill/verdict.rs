@@ -45,7 +45,9 @@ pub enum Abstains {
         feature: String,
     },
     /// The session is unlike those that the model was made of.
-    #[error("the session is unlike those that the model was made of: {distance:.1} standard deviations off, at most {limit:.1}")]
+    #[error(
+        "the session is unlike those that the model was made of: {distance:.1} standard deviations off, at most {limit:.1}"
+    )]
     Outside {
         /// From the nearest level's centre, standard deviations.
         distance: f64,
@@ -53,7 +55,11 @@ pub enum Abstains {
         limit: f64,
     },
     /// Two levels are about as likely.
-    #[error("two levels are about as likely: the likelier leads by {:.0} %, and {:.0} % are asked for", 100.0 * lead, 100.0 * least)]
+    #[error(
+        "two levels are about as likely: the likelier leads by {:.0} %, and {:.0} % are asked for",
+        100.0 * lead,
+        100.0 * least
+    )]
     NotClear {
         /// By how much the likeliest leads.
         lead: f64,
