@@ -1,5 +1,7 @@
 //! A task's model of skill: made of people of declared levels, and asked what it says of a session.
 
+use tokio::sync::OwnedSemaphorePermit;
+
 use super::{Cohorts, CohortsError};
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureRow;
@@ -44,14 +46,16 @@ impl Cohorts {
             return Err(StoreError::Forbidden { what: "making models of people's skill", whom: "administrators" }.into());
         }
         let place = self.training.clone().try_acquire_owned().map_err(|_| CohortsError::Training)?;
-        let (room, scope) = (self.clone(), scope.clone());
-        let work = async move {
-            let sessions = room.store.skill_models().declared(of, PIPELINE_VERSION, SESSIONS_EACH, MOST_PER_LEVEL).await?;
-            let made = tokio::task::spawn_blocking(move || (make(sessions), place));
-            let (made, _place) = made.await.map_err(|_| CohortsError::Broken)?;
-            Ok(room.store.skill_models().add(&scope, of, made.map_err(NoSkillModel::from)?).await?)
-        };
+        let work = self.clone().train_in(place, scope.clone(), of);
         tokio::spawn(work).await.map_err(|_| CohortsError::Broken)?
+    }
+
+    async fn train_in(self, place: OwnedSemaphorePermit, scope: Scope, of: TaskId) -> Result<SkillModel, CohortsError> {
+        let models = self.store.skill_models();
+        let sessions = models.declared(of, PIPELINE_VERSION, SESSIONS_EACH, MOST_PER_LEVEL).await?;
+        let making = tokio::task::spawn_blocking(move || (make(sessions), place));
+        let (made, _place) = making.await.map_err(|_| CohortsError::Broken)?;
+        Ok(models.add(&scope, of, made.map_err(NoSkillModel::from)?).await?)
     }
 
     /// What a task's model in use says of a session's result.

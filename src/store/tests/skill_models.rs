@@ -1,29 +1,36 @@
 //! Versions of models of skill: whose sessions they are made of, and that they go with them.
 
-use crate::domain::scope::Scope;
-use crate::domain::skill::{Definition, ModelFile, Reading, Readings, features_offered};
+use serde_json::json;
+
 use crate::domain::role::Role;
-use crate::domain::session::FeatureSpace;
+use crate::domain::scope::Scope;
+use crate::domain::skill::{Definition, Reading};
 use crate::domain::text::Key;
 use crate::domain::trainee::Level;
 use crate::ids::TraineeId;
-use crate::pipeline::score::skill::{Dataset, Level as Declared, Sample};
 use crate::store::testing::{Centre, NOW_MS, duration};
 use crate::store::{NewSkillModel, PageRequest, StoreError};
 
-/// A model of simulated people, said to be of these trainees.
+/// A model that goes by the duration, said to be of these trainees.
 fn model(trainees: &[TraineeId]) -> NewSkillModel {
-    let features = features_offered();
-    let sample = |person: usize| {
-        let value = 40.0 + 30.0 * (person % 3) as f64 + (person / 3) as f64;
-        let (feature, bar) = ("duration".to_owned(), Some([value - 1.0, value + 1.0]));
-        let reading = Reading { feature, tool: None, space: FeatureSpace::Space3d, value: Some(value), bar };
-        Sample { person, level: Declared::ALL[person % 3], values: Readings::of([reading]).values(&features) }
-    };
-    let data = Dataset::of(&features, &(0..24).map(sample).collect::<Vec<_>>()).unwrap();
-    let file = ModelFile::make(&data, (None, "1".to_owned(), 1), |_, _| ()).unwrap();
-    let ModelFile { pipeline, fingerprint, report, model, .. } = file;
-    NewSkillModel { pipeline, fingerprint, definition: model, report, trainees: trainees.to_vec() }
+    let share = json!({"value": 0.8, "low": 0.6, "high": 0.9, "people": 24});
+    let report = json!({
+        "knows": true, "people": [8, 8, 8], "sessions": [8, 8, 8], "left_out": 0, "offered": 1, "accuracy": share, "balanced": 0.8,
+        "levels": [], "confusion": [], "baseline": {"permutations": 99, "mean": 0.33, "high": 0.5, "p": 0.01},
+        "speaking": {"share": 0.9, "right": share}, "chosen": [],
+    });
+    let definition = json!({
+        "tools": 1, "features": [{"feature": "duration", "mean": 60.0, "deviation": 20.0}], "learner": "lda", "parameter": "",
+        "scorer": {"kind": "linear", "weights": [[1.0], [0.0], [-1.0]], "offsets": [0.0, 0.0, 0.0]}, "temperature": 1.0,
+        "centres": [[1.0], [0.0], [-1.0]], "precision": [4.0], "limit": 3.0, "knows": true,
+    });
+    NewSkillModel {
+        pipeline: "1".to_owned(),
+        fingerprint: "0".repeat(64),
+        definition: serde_json::from_value(definition).unwrap(),
+        report: serde_json::from_value(report).unwrap(),
+        trainees: trainees.to_vec(),
+    }
 }
 
 #[tokio::test]

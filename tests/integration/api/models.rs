@@ -60,8 +60,6 @@ async fn a_model_is_made_of_people_judges_a_session_and_goes_with_the_first_of_t
     assert!(accuracy["low"].as_f64() > Some(0.5) && accuracy["people"] == 24, "{made}");
     assert!(baseline["p"].as_f64() <= Some(0.05) && baseline["permutations"] == 99, "{made}");
     assert_eq!(made["fingerprint"].as_str().unwrap().len(), 64);
-    let again = read(centre.administrator.post(MODELS, json!({})).await, StatusCode::CREATED).await;
-    assert_eq!(again, made, "the same people give the same model");
 
     // Everybody reads what it is worth; whose values it is made of, nobody.
     let read_by_trainee = centre.trainee.read(&format!("{MODELS}/1")).await;
