@@ -43,7 +43,9 @@ impl Cohorts {
     pub async fn train(&self, scope: &Scope, of: TaskId) -> Result<SkillModel, CohortsError> {
         if !scope.is_administrator() {
             // A model is made of people whom an instructor need not see.
-            return Err(StoreError::Forbidden { what: "making models of people's skill", whom: "administrators" }.into());
+            return Err(
+                StoreError::Forbidden { what: "making models of people's skill", whom: "administrators" }.into()
+            );
         }
         let place = self.training.clone().try_acquire_owned().map_err(|_| CohortsError::Training)?;
         let work = self.clone().train_in(place, scope.clone(), of);
@@ -85,7 +87,8 @@ impl Cohorts {
 fn askable(model: &SkillModel, result: &SessionResult) -> Result<Definition, Box<SkillVerdict>> {
     let without = |name, detail: String| Err(Box::new(SkillVerdict::without(name, detail)));
     let Some(definition) = model.definition.clone() else {
-        let detail = "somebody of whom the model was made was erased, and the model with them; administrators make another";
+        let detail =
+            "somebody of whom the model was made was erased, and the model with them; administrators make another";
         return without(ReasonName::Withdrawn, detail.to_owned());
     };
     if result.quality["verdict"] == "refused" {
@@ -93,7 +96,8 @@ fn askable(model: &SkillModel, result: &SessionResult) -> Result<Definition, Box
     }
     let (own, other) = (&result.versions.pipeline, &model.pipeline);
     if own != other {
-        let detail = format!("the session was measured by version {own} of the program, the model's sessions by {other}");
+        let detail =
+            format!("the session was measured by version {own} of the program, the model's sessions by {other}");
         return without(ReasonName::OtherPipeline, detail);
     }
     Ok(definition)

@@ -118,11 +118,15 @@ fn samples(
     for session in sessions {
         let file = &session.file;
         let Some(label) = labels.remove(file) else {
-            return input(format!("{file} has no label, or stands in the features twice: one row and one session for each"));
+            return input(format!(
+                "{file} has no label, or stands in the features twice: one row and one session for each"
+            ));
         };
         if session.pipeline != pipeline {
             let other = session.pipeline;
-            return input(format!("{file} was measured by version {other} of the program, others by {pipeline}: score all anew"));
+            return input(format!(
+                "{file} was measured by version {other} of the program, others by {pipeline}: score all anew"
+            ));
         }
         if session.verdict == "refused" || session.tools.len() != tools {
             continue;

@@ -273,7 +273,10 @@ impl From<CohortsError> for Problem {
             CohortsError::NoModel(NoSkillModel { reason, missing, ref detail }) => {
                 let missing: Option<Map<String, Value>> =
                     missing.map(|of| of.into_iter().map(|(level, people)| (level.to_owned(), people.into())).collect());
-                Refusal::Conflict.with(format!("{}.", sentence(detail))).member("reason", reason).member("missing", missing)
+                Refusal::Conflict
+                    .with(format!("{}.", sentence(detail)))
+                    .member("reason", reason)
+                    .member("missing", missing)
             }
             CohortsError::Training => busy("Another model of skill is being made. Try again in some minutes."),
             CohortsError::Store(error) => error.into(),

@@ -60,7 +60,10 @@ fn declared_levels_become_a_model_that_says_what_it_is_worth() {
     centre(folder);
     let made = trocar(folder, MAKE);
     let said = String::from_utf8(made.stdout).unwrap();
-    assert!(made.status.success() && said.contains("24 people and 48 sessions") && said.contains("it knows something"), "{said}");
+    assert!(
+        made.status.success() && said.contains("24 people and 48 sessions") && said.contains("it knows something"),
+        "{said}"
+    );
     let first = fs::read(folder.join("model.json")).unwrap();
     assert!(trocar(folder, MAKE).status.success());
     assert_eq!(fs::read(folder.join("model.json")).unwrap(), first, "the same data give the same bytes");
@@ -74,7 +77,8 @@ fn declared_levels_become_a_model_that_says_what_it_is_worth() {
     assert!(text.contains("skill: expert (novice") && text.contains("on people it had not seen"), "{text}");
 
     // Without stated errors, and from other worlds, no level.
-    let bare: String = path(12.9).lines().map(|line| line.split(',').take(6).collect::<Vec<_>>().join(",") + "\n").collect();
+    let bare: String =
+        path(12.9).lines().map(|line| line.split(',').take(6).collect::<Vec<_>>().join(",") + "\n").collect();
     fs::write(folder.join("bare.csv"), bare).unwrap();
     fs::write(folder.join("long.csv"), path(200.0)).unwrap();
     for (file, why) in [("bare.csv", "error_unknown"), ("long.csv", "outside")] {

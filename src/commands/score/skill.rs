@@ -15,12 +15,15 @@ use crate::pipeline::features::FeatureValue;
 
 /// Reads a model, and refuses one of another task or of another version of the program.
 pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, Failure> {
-    let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
+    let text =
+        fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
     let model = ModelFile::parse(&text).with_context(|| path.display().to_string()).map_err(Failure::Input)?;
     let refused = |why: String| Err(Failure::Input(anyhow!("{}: {why}", path.display())));
     if model.pipeline != PIPELINE_VERSION {
         let own = &model.pipeline;
-        return refused(format!("its sessions were measured by pipeline {own}, this program is {PIPELINE_VERSION}: make it anew"));
+        return refused(format!(
+            "its sessions were measured by pipeline {own}, this program is {PIPELINE_VERSION}: make it anew"
+        ));
     }
     match (task, model.task.as_deref()) {
         (Some(asked), Some(own)) if asked != own => refused(format!("is of the task {own}, not of {asked}")),
@@ -64,7 +67,9 @@ pub fn text(verdict: &SkillVerdict) -> String {
     });
     let worth = verdict.accuracy.map_or_else(String::new, |of| {
         let [value, low, high] = [of.value, of.low, of.high].map(percent);
-        format!("  – on people it had not seen the model found the level in {value} ({low} to {high}) of the sessions\n")
+        format!(
+            "  – on people it had not seen the model found the level in {value} ({low} to {high}) of the sessions\n"
+        )
     });
     let carried = |of: &Carried| {
         let [value, mean] = [of.value, of.mean].map(super::significant);

@@ -133,8 +133,7 @@ impl Definition {
         let scale = Scale { chosen, mean, deviation };
         let features = features.into_iter().map(|of| of.feature).collect();
         let region = Region { centres, precision, limit };
-        let model =
-            Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, region, knows };
+        let model = Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, region, knows };
         if model.is_sound() { Ok(model) } else { Err(Invalid::new("model", "its numbers do not fit together")) }
     }
 }

@@ -33,7 +33,8 @@ pub struct Readings(BTreeMap<String, Option<Measured>>);
 /// Names of the features that may carry a verdict.
 pub fn features_offered() -> Vec<String> {
     let key = |name: &str| FeatureKey { feature: name.to_owned(), tool: None, space: FeatureSpace::Space3d };
-    let offered = FEATURES.iter().filter(|f| f.spaces.iter().any(|space| FeatureSpace::from(*space) == FeatureSpace::Space3d));
+    let offered =
+        FEATURES.iter().filter(|f| f.spaces.iter().any(|space| FeatureSpace::from(*space) == FeatureSpace::Space3d));
     offered.map(|feature| feature.name).filter(|name| !is_of_one_camera(&key(name))).map(str::to_owned).collect()
 }
 

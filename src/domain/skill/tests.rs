@@ -27,7 +27,10 @@ fn what_measures_the_box_carries_no_verdict() {
 
 #[test]
 fn a_feature_of_tools_is_their_mean_if_all_of_them_have_it() {
-    let both = [reading("path_length", Some("orange"), Some(100.0), 4.0), reading("path_length", Some("cyan"), Some(50.0), 2.0)];
+    let both = [
+        reading("path_length", Some("orange"), Some(100.0), 4.0),
+        reading("path_length", Some("cyan"), Some(50.0), 2.0),
+    ];
     let mean = Readings::of(both.clone()).get("path_length").unwrap();
     assert_eq!((mean.value, mean.bar), (75.0, Some(Interval { low: 72.0, high: 78.0 })));
     let turned = Readings::of([both[1].clone(), both[0].clone()]).get("path_length").unwrap();
@@ -44,13 +47,18 @@ fn data() -> (Dataset, Vec<Readings>) {
         .map(|n| {
             let seconds = 40.0 + 30.0 * f64::from(2 - n as u32 / 2 % 3) + 4.0 * dice.gauss();
             let path = 900.0 + 50.0 * dice.gauss();
-            let values = [reading("duration", None, Some(seconds), 0.2), reading("path_length", Some("orange"), Some(path), 1.0)];
+            let values = [
+                reading("duration", None, Some(seconds), 0.2),
+                reading("path_length", Some("orange"), Some(path), 1.0),
+            ];
             (n / 2, Readings::of(values))
         })
         .collect();
     let features = features_offered();
-    let sample = |(person, readings): &(usize, Readings)| {
-        Sample { person: *person, level: skill::Level::ALL[person % 3], values: readings.values(&features) }
+    let sample = |(person, readings): &(usize, Readings)| Sample {
+        person: *person,
+        level: skill::Level::ALL[person % 3],
+        values: readings.values(&features),
     };
     let data = Dataset::of(&features, &sessions.iter().map(sample).collect::<Vec<_>>()).unwrap();
     (data, sessions.into_iter().map(|(_, readings)| readings).collect())
@@ -81,7 +89,8 @@ fn a_kept_model_reads_back_and_says_the_same() {
 fn every_kind_of_model_is_kept_and_a_broken_file_is_refused() {
     let file = file();
     let n = file.model.features.len();
-    let rows: Vec<Vec<f64>> = (0..24).map(|row| (0..n).map(|f| f64::from(row as u32 % 5) + f as f64).collect()).collect();
+    let rows: Vec<Vec<f64>> =
+        (0..24).map(|row| (0..n).map(|f| f64::from(row as u32 % 5) + f as f64).collect()).collect();
     let levels = (0..24).map(|row| skill::Level::ALL[row % 3]).collect();
     let table = crate::pipeline::score::skill::Table { rows, levels, weights: vec![1.0; 24] };
     for learner in CANDIDATES {
@@ -91,7 +100,10 @@ fn every_kind_of_model_is_kept_and_a_broken_file_is_refused() {
     }
     let broken: [(&str, fn(&mut ModelFile)); 5] = [
         ("form", |file| file.form = 2),
-        ("a weight too many", |file| file.model.scorer = Scorer::Neighbours { k: 1, rows: vec![vec![0.0; 99]], levels: vec![Level::Expert], counts: [1.0; 3] }),
+        ("a weight too many", |file| {
+            file.model.scorer =
+                Scorer::Neighbours { k: 1, rows: vec![vec![0.0; 99]], levels: vec![Level::Expert], counts: [1.0; 3] }
+        }),
         ("no spread", |file| file.model.features[0].deviation = 0.0),
         ("no temperature", |file| file.model.temperature = 0.0),
         ("no features", |file| file.model.features.clear()),

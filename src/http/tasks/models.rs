@@ -84,11 +84,7 @@ pub async fn train_model(State(app): State<App>, by: Administrator, At(key): At)
 #[utoipa::path(get, path = "/tasks/{id}/models/{version}", tag = "tasks",
     params(("id" = String, Path, description = "id or code"), ("version" = i64, Path, description = "1, 2, …")),
     responses((status = OK, body = Model)))]
-pub async fn model(
-    State(app): State<App>,
-    by: Member,
-    AtVersion(key, version): AtVersion,
-) -> Answer<Json<Model>> {
+pub async fn model(State(app): State<App>, by: Member, AtVersion(key, version): AtVersion) -> Answer<Json<Model>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
     let model = app.store.skill_models().get(&by.scope, of, version).await?;
     Ok(Json(Model::new(model, &by.scope)))

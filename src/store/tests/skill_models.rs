@@ -37,7 +37,8 @@ fn model(trainees: &[TraineeId]) -> NewSkillModel {
 async fn a_model_is_withdrawn_with_the_first_person_of_whom_it_was_made() {
     let centre = Centre::new().await;
     let (store, service, task) = (&centre.store, Scope::service(), centre.task.id);
-    let (ana, ben, eve) = (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id, centre.trainee("Eve").await.id);
+    let (ana, ben, eve) =
+        (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id, centre.trainee("Eve").await.id);
     let teacher = centre.person("ina", Role::Instructor, None).await;
     let models = store.skill_models();
     assert_eq!(models.in_use(&service, task).await.unwrap(), None);
@@ -48,7 +49,8 @@ async fn a_model_is_withdrawn_with_the_first_person_of_whom_it_was_made() {
     assert_eq!((first.version, first.definition.as_ref(), &first.report), (1, Some(&new.definition), &new.report));
     assert_eq!(models.add(&service, task, new.clone()).await.unwrap(), first, "the same is no new version");
     let other = Definition { parameter: "another".to_owned(), ..new.definition.clone() };
-    let second = models.add(&service, task, NewSkillModel { definition: other, trainees: vec![eve], ..new.clone() }).await;
+    let second =
+        models.add(&service, task, NewSkillModel { definition: other, trainees: vec![eve], ..new.clone() }).await;
     assert_eq!(second.unwrap().version, 2);
 
     store.trainees().erase(&service, &Key::from(&ben)).await.unwrap();

@@ -49,13 +49,19 @@ async fn a_model_is_made_of_people_judges_a_session_and_goes_with_the_first_of_t
 
     people(&centre, &planter, 0..21).await;
     let refused = problem(centre.administrator.post(MODELS, json!({})).await, 409, "conflict").await;
-    assert_eq!((&refused["reason"], &refused["missing"]), (&json!("too_few_people"), &json!({"novice": 1, "intermediate": 1, "expert": 1})));
+    assert_eq!(
+        (&refused["reason"], &refused["missing"]),
+        (&json!("too_few_people"), &json!({"novice": 1, "intermediate": 1, "expert": 1}))
+    );
     people(&centre, &planter, 21..24).await;
     for client in [&centre.instructor, &centre.trainee, &centre.agent] {
         problem(client.post(MODELS, json!({})).await, 403, "forbidden").await;
     }
     let made = read(centre.administrator.post(MODELS, json!({})).await, StatusCode::CREATED).await;
-    assert_eq!((&made["version"], &made["report"]["people"], &made["report"]["knows"]), (&json!(1), &json!([8, 8, 8]), &json!(true)));
+    assert_eq!(
+        (&made["version"], &made["report"]["people"], &made["report"]["knows"]),
+        (&json!(1), &json!([8, 8, 8]), &json!(true))
+    );
     let (accuracy, baseline) = (&made["report"]["accuracy"], &made["report"]["baseline"]);
     assert!(accuracy["low"].as_f64() > Some(0.5) && accuracy["people"] == 24, "{made}");
     assert!(baseline["p"].as_f64() <= Some(0.05) && baseline["permutations"] == 99, "{made}");

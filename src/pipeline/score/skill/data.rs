@@ -154,6 +154,7 @@ fn by_person<P: Ord>(chosen: &[usize], samples: &[Sample<P>]) -> Result<Vec<Pers
         sessions.iter().flat_map(|of| [of.value, low(of), high(of)].map(f64::to_bits)).collect()
     };
     people.iter_mut().for_each(|(_, sessions)| sessions.sort_by_cached_key(|session| bits(session)));
-    people.sort_by_cached_key(|(level, sessions)| (*level, sessions.iter().flat_map(|of| bits(of)).collect::<Vec<_>>()));
+    people
+        .sort_by_cached_key(|(level, sessions)| (*level, sessions.iter().flat_map(|of| bits(of)).collect::<Vec<_>>()));
     Ok(people)
 }

@@ -21,8 +21,8 @@
 //! | `validation.rs` | the outer round, and the baseline of shuffled levels |
 //! | `report.rs` | what came of it |
 //!
-//! **Cost**, bounded by [`MOST_PER_LEVEL`], [`SESSIONS_EACH`], [`MOST_FEATURES`] and [`PERMUTATIONS`]: 65,000 fits on two
-//! thirds of the sessions.
+//! **Cost**, bounded by [`MOST_PER_LEVEL`], [`SESSIONS_EACH`], [`MOST_FEATURES`] and [`PERMUTATIONS`]: 65,000 fits. On one
+//! core that takes 20 s with the fewest people and 75 s with the most.
 
 mod choice;
 mod data;

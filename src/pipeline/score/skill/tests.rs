@@ -149,11 +149,18 @@ fn it_says_nothing_outside_its_data_between_levels_and_within_error_bars() {
         assert!(first.raises.abs() >= verdict.carried[1].raises.abs());
     }
     let carried = say(0.0, 0.05).carried;
-    assert!(["feature_0", "feature_1"].contains(&carried[0].feature.as_str()) && carried[0].raises > 0.0, "{carried:?}");
+    assert!(
+        ["feature_0", "feature_1"].contains(&carried[0].feature.as_str()) && carried[0].raises > 0.0,
+        "{carried:?}"
+    );
     assert!(matches!(say(9.0, 0.05).level, Err(Abstains::Outside { .. })));
     assert!(matches!(say(1.0, 20.0).level, Err(Abstains::WithinErrors { .. })), "{:?}", say(1.0, 20.0).level);
     let between = (0..100).map(|n| say(0.3 + 0.004 * f64::from(n), 0.0).level);
-    assert!(between.clone().any(|level| matches!(level, Err(Abstains::NotClear { .. }))), "{:?}", between.collect::<Vec<_>>());
+    assert!(
+        between.clone().any(|level| matches!(level, Err(Abstains::NotClear { .. }))),
+        "{:?}",
+        between.collect::<Vec<_>>()
+    );
     let judge = |reading: Option<Measured>| model.judge(|_| reading).level;
     assert!(matches!(judge(None), Err(Abstains::NotMeasured { .. })));
     assert!(matches!(judge(measured(f64::NAN, 1.0)), Err(Abstains::NotMeasured { .. })));
@@ -212,7 +219,8 @@ fn every_learner_finds_levels_that_lie_far_apart_and_a_rare_level_too() {
         let scorer = learner.fit(&table).unwrap();
         let right = |level: Level| {
             let of: Vec<_> = table.rows.iter().zip(&table.levels).filter(|(_, own)| **own == level).collect();
-            of.iter().filter(|(x, own)| super::model::likeliest(&scorer.scores(x)) == **own).count() as f64 / of.len() as f64
+            of.iter().filter(|(x, own)| super::model::likeliest(&scorer.scores(x)) == **own).count() as f64
+                / of.len() as f64
         };
         let found = Level::ALL.map(right);
         println!("{} {}: {found:?}", learner.name(), learner.parameter());

@@ -135,4 +135,3 @@ fn report(data: &Dataset, guesses: &[Guess], chosen: Vec<String>, baseline: Base
         chosen: learners,
     })
 }
-
