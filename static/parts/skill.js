@@ -1,4 +1,4 @@
-// What the task's model of skill says of this session, how good the model is, and what carried the verdict; or why it says nothing.
+// What the task's model of skill says of this session, how good such models are, and what carried the verdict; or why there is none.
 import { html } from './preact.js';
 import { number, percent, unit } from '../format.js';
 import { t } from '../texts.js';
@@ -7,13 +7,13 @@ const words = t.session.skill;
 const LEVELS = ['novice', 'intermediate', 'expert'];
 const whole = share => percent(Math.round(100 * share) / 100);
 
-/** Of a refused session, and of a task without a model, there is nothing to say that the page does not say already. */
+/** Of a refused session there is nothing to say that the page does not say already. */
 export function Skill({ verdict }) {
-  if (!verdict || ['no_model', 'refused'].includes(verdict.reason?.name)) return null;
+  if (!verdict || verdict.reason?.name === 'refused') return null;
   const { level, reason, probabilities, carried, accuracy, accuracy_where_given: given, model } = verdict;
   return html`
     <section class="card">
-      <header><h2>${words.title}</h2><span class="small muted">${words.version(model)}</span></header>
+      <header><h2>${words.title}</h2>${model && html`<span class="small muted">${words.version(model)}</span>`}</header>
       <div class="body stack tight">
         <p><strong>${level ? words.levels[level] : words.none}</strong>${level
           ? ` ${words.probability(whole(probabilities[level]))}` : `: ${words.reasons[reason?.name] ?? reason?.detail}`}</p>

@@ -443,6 +443,7 @@ export default {
       worthGiven: (share, low, high, people) =>
         `Where such a model gave a level to people whom it had not seen, it was right in ${share} of the sessions (${low} to ${high}, ${people} people).`,
       reasons: {
+        no_model: 'the task has no model of skill. Administrators make one under Tasks, of people whose level is declared.',
         withdrawn: 'somebody of whom the model was made was erased, and the model with them.',
         other_pipeline: 'this session was measured by another version of the program than the model’s sessions.',
         other_tools: 'this session has another number of tools than the model’s sessions.',
