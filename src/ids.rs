@@ -73,6 +73,8 @@ ids! {
     StandardId;
     /// A reference group.
     CohortId;
+    /// One version of a task's model of skill.
+    ModelId;
     /// One recording of one trainee doing one task in one box.
     SessionId;
     /// What one version of the program made of a session.

@@ -92,7 +92,11 @@ export const api = {
   people: noun('people'),
   groups: { ...noun('groups'), setMembers: (id, json) => call('PUT', ['groups', id, 'members'], { json }) },
   tokens: noun('tokens'),
-  tasks: noun('tasks'),
+  tasks: {
+    ...noun('tasks'),
+    models: (id, signal) => call('GET', ['tasks', id, 'models'], { signal }),
+    train: id => call('POST', ['tasks', id, 'models']),
+  },
   cohorts: noun('cohorts'),
   /** What can be measured. */
   features: signal => call('GET', ['features'], { signal }).then(page => page.items),

@@ -19,11 +19,12 @@ import features
 import memory
 import repeatability
 import rest
+import skill
 from programs import ROUNDS, Bench
 from scenes import Scenes
 
-PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features, "cost": cost,
-         "memory": memory}
+PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features, "skill": skill,
+         "cost": cost, "memory": memory}
 BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
 
 

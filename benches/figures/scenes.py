@@ -69,6 +69,12 @@ class Scenes:
         return self._own(f"person {seed}", f"person {seed}", ["--scene", task, "--view", view, "--skill", level, "--box", box,
                                                               "--seed", seed, *seconds])
 
+    def hands(self, seed, level, person, box):
+        """A whole peg transfer by somebody with hands of their own: small and at 15 frames a second, since there are many."""
+        seconds = ["--seconds", 6] if self.bench.quick else []
+        return self._own(f"hands {seed}", f"hands {seed}", ["--scene", "pegs", "--skill", level, "--person", person, "--box", box,
+                                                            "--size", "640x360", "--fps", 15, "--boards", 0, "--seed", seed, *seconds])
+
     def _own(self, folder, name, how):
         folder = self._folder(folder)
         if not (folder / "clip.mp4").exists():

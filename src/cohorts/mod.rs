@@ -11,6 +11,7 @@
 //! | `series.rs` | one feature of them: points, place, curve |
 //! | `monitors.rs` | charts, computed once per design |
 //! | `raters.rs` | whether raters agree, and what their ratings go with |
+//! | `skill.rs` | a task's model of skill: made, and asked of a session |
 //! | `answer.rs` | what is answered, as it is told |
 //!
 //! What cannot be said is a reason ([`answer::Withheld`]), never a number. A person counts once. Nobody's own value leaves
@@ -23,6 +24,7 @@ mod progress;
 mod propose;
 mod raters;
 mod series;
+mod skill;
 mod verdicts;
 
 use std::sync::Arc;
@@ -37,9 +39,13 @@ use monitors::Monitors;
 pub use progress::{Asked, Found};
 pub use propose::{Proposal, Proposed};
 pub use raters::{Agreement, CorrelationRow, Correlations};
+pub use skill::NoSkillModel;
 
 /// Calculations at the same time; further ones wait, so that what answers quickly goes on answering.
 const CALCULATIONS: usize = 2;
+
+/// Models of skill that are made at the same time: they take minutes, and leave the calculations their places.
+const TRAININGS: usize = 1;
 
 /// Why something was not calculated.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +61,12 @@ pub enum CohortsError {
         /// What it should name.
         what: &'static str,
     },
+    /// A model of skill cannot be made of what is there.
+    #[error("{}", .0.detail)]
+    NoModel(NoSkillModel),
+    /// Another model of skill is being made.
+    #[error("another model of skill is being made")]
+    Training,
     /// The store did not answer.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -70,12 +82,15 @@ pub struct Cohorts {
     clock: SharedClock,
     monitors: Arc<Monitors>,
     places: Arc<Semaphore>,
+    training: Arc<Semaphore>,
 }
 
 impl Cohorts {
     /// Asks this store, by this clock.
     pub fn new(store: Store, clock: SharedClock) -> Self {
-        Self { store, clock, monitors: Arc::default(), places: Arc::new(Semaphore::new(CALCULATIONS)) }
+        let places = |most| Arc::new(Semaphore::new(most));
+        let (places, training) = (places(CALCULATIONS), places(TRAININGS));
+        Self { store, clock, monitors: Arc::default(), places, training }
     }
 
     /// Calculates beside the async threads.
@@ -86,6 +101,12 @@ impl Cohorts {
             of()
         };
         tokio::task::spawn_blocking(calculation).await.map_err(|_| CohortsError::Broken)
+    }
+}
+
+impl From<NoSkillModel> for CohortsError {
+    fn from(why: NoSkillModel) -> Self {
+        CohortsError::NoModel(why)
     }
 }
 

@@ -19,6 +19,7 @@ mod calibrate;
 mod child;
 mod demonstration;
 mod evaluate;
+mod model;
 mod palette;
 mod progress;
 mod score;
@@ -51,8 +52,10 @@ enum Command {
     SelfTest(self_test::Args),
     /// Track the tools in a recording.
     Track(track::Args),
-    /// Compute features of trajectories.
+    /// Compute features of trajectories, and what a model of skill says of them.
     Score(score::Args),
+    /// Make a model of skill from features of people of declared levels.
+    Model(model::Args),
     /// Make a clip, checkerboard photos, annotations and truth of a simulated box.
     Simulate(simulate::Args),
     /// Compare trajectories with the truth, or with each other.
@@ -74,6 +77,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::SelfTest(args) => self_test::run(args),
         Command::Track(args) => track::run(args),
         Command::Score(args) => score::run(args),
+        Command::Model(args) => model::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Admin(args) => admin::run(args),

@@ -9,6 +9,7 @@ use self::reference::{Reference, Strays};
 use super::table::Table;
 use super::{Failure, print_result, read_trajectory, verdict};
 use crate::domain::files::quality::ConcernDocument;
+use crate::domain::skill::{ModelFile, SkillVerdict};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::{Assessment, AssessmentSettings, assess};
 use crate::pipeline::features::FeatureValue;
@@ -17,6 +18,7 @@ use crate::pipeline::trajectory::Trajectory;
 
 mod evidence;
 mod reference;
+mod skill;
 
 /// Arguments of `trocar score`.
 #[derive(clap::Args)]
@@ -34,6 +36,9 @@ pub struct Args {
     /// Print the seconds that made each feature: the longest rests, the worst detours, where a tool was not seen, …
     #[arg(long)]
     evidence: bool,
+    /// A model of skill, made by `trocar model`: says novice, intermediate or expert of each trajectory, or why it does not.
+    #[arg(long, value_name = "MODEL.JSON")]
+    model: Option<PathBuf>,
     /// Print JSON, with the windows.
     #[arg(long)]
     json: bool,
@@ -49,13 +54,15 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     let settings = AssessmentSettings { window_s: args.window_s, ..AssessmentSettings::default() };
     let reference = args.reference.as_deref().map(|path| Reference::read(path, &settings.features)).transpose()?;
+    let task = args.task.as_deref();
+    let model = args.model.as_deref().map(|path| skill::read_model(path, task)).transpose()?;
     let scored = |path: &PathBuf| {
         let trajectory = read_trajectory(path)?;
         let strays = reference.as_ref().map(|reference| reference.strays(path, &trajectory, &settings.features));
-        Ok(Scored { strays: strays.transpose()?, ..Scored::new(path, &trajectory, &settings) })
+        let scored = Scored::new(path, &trajectory, &settings);
+        Ok(Scored { strays: strays.transpose()?, ..scored.judged_by(model.as_ref()) })
     };
     let sessions = args.tracks.iter().map(scored).collect::<Result<Vec<Scored>, Failure>>()?;
-    let task = args.task.as_deref();
     if args.json {
         let all: Vec<Value> = sessions.iter().map(|session| session_json(session, task, args.evidence)).collect();
         print_result(&(serde_json::to_string_pretty(&all).context("writing JSON")? + "\n"))
@@ -72,6 +79,8 @@ struct Scored {
     verdict: Verdict,
     /// How far from the reference, if there is one.
     strays: Option<Strays>,
+    /// What the model of skill says, if there is one.
+    skill: Option<SkillVerdict>,
 }
 
 impl Scored {
@@ -79,12 +88,17 @@ impl Scored {
         let verdict = quality::judge(&quality::measure(&Evidence::of_path(trajectory)));
         let assessment = assess(trajectory, &[], settings);
         let assessment = if verdict.is_refused() { assessment.withheld() } else { assessment };
-        Self { path: path.to_owned(), assessment, verdict, strays: None }
+        Self { path: path.to_owned(), assessment, verdict, strays: None, skill: None }
+    }
+
+    fn judged_by(self, model: Option<&ModelFile>) -> Self {
+        let skill = model.map(|model| skill::verdict(model, &self.assessment, self.verdict.is_refused()));
+        Self { skill, ..self }
     }
 }
 
 fn session_json(
-    Scored { path, assessment, verdict, strays }: &Scored,
+    Scored { path, assessment, verdict, strays, skill }: &Scored,
     task: Option<&str>,
     with_evidence: bool,
 ) -> Value {
@@ -105,6 +119,7 @@ fn session_json(
         "evidence": with_evidence.then(|| evidence::json(assessment)),
         "windows": windows.collect::<Vec<_>>(),
         "reference": strays.as_ref().filter(|_| !verdict.is_refused()).map(Strays::json),
+        "skill": skill,
     })
 }
 
@@ -138,7 +153,7 @@ fn tool_name_of(tool: Option<usize>, tools: &[String]) -> Option<&str> {
 
 /// A head line, the verdict, and, unless it is refused, the table and under it why a value is missing.
 fn session_text(
-    Scored { path, assessment, verdict, strays }: &Scored,
+    Scored { path, assessment, verdict, strays, skill }: &Scored,
     task: Option<&str>,
     with_evidence: bool,
 ) -> String {
@@ -154,7 +169,8 @@ fn session_text(
         true => String::new(),
         false => table(assessment).text() + &reasons(assessment) + &strays + &evidence,
     };
-    head + &verdict::text(verdict) + &values
+    let skill = skill.as_ref().map(skill::text).unwrap_or_default();
+    head + &verdict::text(verdict) + &skill + &values
 }
 
 /// One row per feature and space, one column per tool, and one for the session as a whole.

@@ -24,6 +24,7 @@
 //! | [`feed`] | frames that arrive while they are recorded: records, words, numbers |
 //! | [`rescoring`] | scoring sessions again: what is ordered, what changed |
 //! | [`session`] | states of a recording, versions and features of its result |
+//! | [`skill`] | a model of skill: as it is kept, told and read from a file |
 //! | [`xapi`] | sessions as statements for learning record stores |
 //! | [`problem`] | why something did not work, for people |
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, features, truth |
@@ -48,6 +49,7 @@ pub mod scope;
 pub mod secret;
 pub mod self_test;
 pub mod session;
+pub mod skill;
 pub mod standard;
 pub mod task;
 pub mod text;

@@ -12,7 +12,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
-use crate::cohorts::CohortsError;
+use crate::cohorts::{CohortsError, NoSkillModel};
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::intake::IntakeError;
 use crate::live::{Broken, PushError};
@@ -273,6 +273,15 @@ impl From<CohortsError> for Problem {
         match error {
             CohortsError::Invalid(invalid) => invalid.into(),
             CohortsError::Unknown { field, what } => unknown(field, what),
+            CohortsError::NoModel(NoSkillModel { reason, missing, ref detail }) => {
+                let missing: Option<Map<String, Value>> =
+                    missing.map(|of| of.into_iter().map(|(level, people)| (level.to_owned(), people.into())).collect());
+                Refusal::Conflict
+                    .with(format!("{}.", sentence(detail)))
+                    .member("reason", reason)
+                    .member("missing", missing)
+            }
+            CohortsError::Training => busy("Another model of skill is being made. Try again in some minutes."),
             CohortsError::Store(error) => error.into(),
             CohortsError::Broken => Problem::internal("calculating", error),
         }

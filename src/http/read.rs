@@ -110,6 +110,20 @@ impl FromRequestParts<App> for At {
     }
 }
 
+/// The `{id}` and the `{version}` of an address. What is no number is no version.
+pub struct AtVersion(pub Key, pub i64);
+
+impl FromRequestParts<App> for AtVersion {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
+        let path = Path::<(String, String)>::from_request_parts(parts, app).await;
+        let (key, version) = path.map(|Path(both)| both).map_err(|_| Problem::not_found())?;
+        let version = version.parse().map_err(|_| Problem::not_found())?;
+        Ok(Self(Key::from(key.as_str()), version))
+    }
+}
+
 /// For what a request names in its body or query: missing there is the request's mistake, not a wrong address.
 pub fn named(field: &'static str) -> impl FnOnce(StoreError) -> Problem {
     move |error| match error {

@@ -57,6 +57,8 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(tasks::presets))
         .routes(routes!(tasks::agreement))
         .routes(routes!(tasks::correlations))
+        .routes(routes!(tasks::models, tasks::train_model))
+        .routes(routes!(tasks::model))
         .routes(routes!(features::list))
         .routes(routes!(cohorts::list, cohorts::create))
         .routes(routes!(cohorts::get, cohorts::replace, cohorts::delete))

@@ -17,7 +17,7 @@
 //! | evidence | features, the motions they were measured on | the seconds that made each | `evidence/` | 6 |
 //! | quality | trajectories, counts and reasons | figures and a [`quality::Verdict`] | `quality/` | 6, 8 |
 //! | self-test | frames of a known board, trajectory | a box's traffic light | `self_test/` | 1, 8 |
-//! | score | features | places in a cohort, judgements, learning curves, alarms | `score/` | 7 |
+//! | score | features | places in a cohort, judgements, learning curves, alarms, levels of skill | `score/` | 7 |
 
 pub mod assessment;
 pub mod blob;

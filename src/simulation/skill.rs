@@ -3,6 +3,12 @@
 //! The figures are chosen, not measured: they keep the order that the literature reports (novices slower, less direct,
 //! less steady, with longer pauses and one idle hand: T 4.4, T 7.2) with room between the levels.
 
+use crate::random::Dice;
+
+/// By which factor people of one level differ in each figure, as the standard deviation of its logarithm: neighbouring levels
+/// overlap, as in every centre. Chosen, not measured.
+const PEOPLE_DIFFER: f64 = 0.25;
+
 /// A way of moving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skill {
@@ -74,8 +80,41 @@ impl Skill {
     /// Every level, from least to most practised.
     pub const ALL: [Skill; 3] = [Skill::NOVICE, Skill::INTERMEDIATE, Skill::EXPERT];
 
+    /// Somebody of this level: the same number is the same person, whatever they do.
+    pub fn of_person(self, person: u64) -> Skill {
+        let mut dice = Dice::new(person, "person");
+        let mut own = |figure: f64| figure * (PEOPLE_DIFFER * dice.gauss()).exp();
+        Skill {
+            reach_speed_mm_s: own(self.reach_speed_mm_s),
+            pause_s: own(self.pause_s),
+            tremor_mm: own(self.tremor_mm),
+            wander_mm: own(self.wander_mm),
+            detour: own(self.detour),
+            miss: own(self.miss),
+            fluency: own(self.fluency).min(0.5),
+            one_handedness: own(self.one_handedness).min(1.0),
+            ..self
+        }
+    }
+
     /// The level of this name.
     pub fn named(name: &str) -> Option<Skill> {
         Self::ALL.into_iter().find(|s| s.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_of_one_level_differ_and_stay_themselves() {
+        let people: Vec<Skill> = (0..200).map(|person| Skill::NOVICE.of_person(person)).collect();
+        assert_eq!(people[7], Skill::NOVICE.of_person(7));
+        assert_ne!(people[7].pause_s, people[8].pause_s);
+        let logs: Vec<f64> = people.iter().map(|own| (own.pause_s / Skill::NOVICE.pause_s).ln()).collect();
+        let mean = logs.iter().sum::<f64>() / 200.0;
+        let deviation = (logs.iter().map(|log| (log - mean).powi(2)).sum::<f64>() / 199.0).sqrt();
+        assert!(mean.abs() < 0.06 && (0.2..0.3).contains(&deviation), "{mean} {deviation}");
     }
 }

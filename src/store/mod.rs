@@ -14,6 +14,7 @@
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` |
+//! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
 //! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
 //! | [`Store::palettes`] | `add` `latest` `get` `list` |
@@ -49,6 +50,7 @@ mod ratings;
 mod rescorings;
 mod self_tests;
 mod sessions;
+mod skill_models;
 mod standards;
 mod tasks;
 mod tokens;
@@ -80,13 +82,12 @@ pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
 pub use ratings::{GivenRating, Rating, Ratings, SeenRatings, SessionValue};
-pub use rescorings::{
-    Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings,
-};
+pub use rescorings::{Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
 pub use sessions::{
     Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,
 };
+pub use skill_models::{DeclaredSession, NewSkillModel, SkillModel, SkillModels};
 pub use standards::{Standard, Standards};
 pub use tasks::{Task, Tasks};
 pub use tokens::{ActsAs, NewToken, Token, Tokens};
@@ -259,6 +260,8 @@ rooms! {
     standards: Standards;
     /// Who is compared with whom.
     cohorts: Cohorts;
+    /// What tells their levels apart.
+    skill_models: SkillModels;
     /// Where they do it.
     boxes: Boxes;
     /// Versions of boxes' cameras.

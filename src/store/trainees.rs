@@ -4,7 +4,7 @@ use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::visibility::{AskedBy, require_staff, sees_trainee};
-use super::{Scope, Store, codes};
+use super::{Scope, Store, codes, skill_models};
 use crate::domain::role::Role;
 use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
@@ -100,8 +100,8 @@ impl Trainees<'_> {
             .await
     }
 
-    /// Erases a trainee with account, sessions, results and uploads. Their files go with the next collection of blobs
-    /// that nothing refers to ([`crate::upkeep`]).
+    /// Erases a trainee with account, sessions, results, uploads and what models learnt of them. Their files go with the next
+    /// collection of blobs that nothing refers to ([`crate::upkeep`]).
     pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "erasing trainees")?;
@@ -110,6 +110,7 @@ impl Trainees<'_> {
             .erase(|| {
                 let scope = scope.clone();
                 async move |tx| {
+                    skill_models::withdraw(tx, id, now_ms).await?;
                     let deleted = sqlx::query("DELETE FROM trainee WHERE id = $1").bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("trainee"));

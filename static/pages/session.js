@@ -11,6 +11,7 @@ import { Confirm } from '../parts/dialog.js';
 import { LiveFeatures, LiveView } from '../parts/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Review } from '../parts/review.js';
+import { Skill } from '../parts/skill.js';
 import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
 import { Verdict } from '../parts/verdict.js';
 
@@ -45,7 +46,7 @@ export default function Session({ person, route }) {
       ${isScored(session) && session.live_features && html`<${ToldLive} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
-      ${session.status === 'done' && html`<${Verdict} quality=${session.quality} />`}
+      ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
       ${session.status !== 'receiving' && html`<${Loaded} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} start=${Number(route.query.get('t')) || 0} />`}
     </div>`;

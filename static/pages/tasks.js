@@ -6,6 +6,7 @@ import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
+import { SkillModel } from '../parts/skill_model.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { RatersDialog } from '../parts/raters.js';
 
@@ -40,13 +41,14 @@ export default function Tasks({ person }) {
         <div class="scroll">
           <table class="table">
             <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col">
-              ${words.description}</th><td></td></tr></thead>
+              ${words.description}</th><th scope="col">${words.model.title}</th><td></td></tr></thead>
             <tbody>
               ${tasks.map(task => html`
                 <tr key=${task.id}>
                   <th scope="row"><a class="cover" href=${href(['sessions'], { task: task.id })}>${task.name}</a></th>
                   <td class="code">${task.code}</td>
                   <td class="muted">${task.description}</td>
+                  <td><${SkillModel} task=${task} mayTrain=${may(person, 'people')} /></td>
                   <td><div class="row ends">${may(person, 'rate') && html`<button class="button" type="button"
                     aria-label=${t.raters.title(task.name)} onClick=${() => setRated(task)}>${t.raters.open}</button>`}
                     ${mayEdit && html`<${RowButtons} item=${task} onEdit=${edit.change}

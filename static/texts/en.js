@@ -522,6 +522,36 @@ export default {
         return others ? `Rated by you and ${plural(others, 'other', 'others')}.` : 'Rated by you; waiting for a second rater.';
       },
     },
+    skill: {
+      title: 'Skill',
+      version: n => `by model ${n} of the task`,
+      levels: { novice: 'Novice', intermediate: 'Intermediate', expert: 'Expert' },
+      probability: share => `(probability ${share})`,
+      none: 'No level',
+      all: shares => `How likely each is: ${shares.join(', ')}.`,
+      carriedBy: 'What carried it',
+      feature: 'Feature',
+      here: 'Here',
+      usual: 'Usual',
+      speaks: level => `Speaks for ${level}`,
+      raises: (share, against) => (against ? `against, by ${share}` : `for it, by ${share}`),
+      worth: (share, low, high, people) =>
+        `On ${people} people whom it had not seen, such a model found the level in ${share} of the sessions (${low} to ${high}).`,
+      worthGiven: (share, low, high, people) =>
+        `Where such a model gave a level to people whom it had not seen, it was right in ${share} of the sessions (${low} to ${high}, ${people} people).`,
+      reasons: {
+        no_model: 'the task has no model of skill. Administrators make one under Tasks, of people whose level is declared.',
+        withdrawn: 'somebody of whom the model was made was erased, and the model with them.',
+        other_pipeline: 'this session was measured by another version of the program than the model’s sessions.',
+        other_tools: 'this session has another number of tools than the model’s sessions.',
+        knows_nothing: 'the model did no better than models of shuffled levels. It knows nothing.',
+        not_measured: 'a feature that the model goes by was not measured.',
+        error_unknown: 'how far a feature that the model goes by may be off is not known.',
+        outside: 'this session is unlike those that the model was made of.',
+        not_clear: 'two levels are about as likely.',
+        within_errors: 'other values within this session’s error bars would have another level.',
+      },
+    },
     download: 'Download the path',
     downloadFeatures: 'Download the features',
     imported: tracker => `imported from ${tracker}; not measured by Trocar`,
@@ -758,6 +788,17 @@ export default {
     none: 'No tasks yet',
     noneBody: 'Add the first exercise, for example the m-shaped wire.',
     sessions: 'Sessions',
+    model: {
+      title: 'Model of skill',
+      none: 'None',
+      train: 'Make',
+      trainFor: task => `Make a model of skill of ${task}`,
+      busy: 'Takes minutes…',
+      knows: (version, share, low, high, people) =>
+        `${version}: finds the level of ${share} (${low} to ${high}) of the sessions of ${people} people left out`,
+      nothing: version => `${version}: knows nothing`,
+      withdrawn: (version, day) => `${version}: withdrawn on ${day}, with somebody of whom it was made`,
+    },
   },
 
   raters: {

@@ -16,5 +16,6 @@ mod process;
 mod quality;
 mod readme;
 mod same_colour;
+mod skill;
 mod support;
 mod truth;

@@ -41,6 +41,9 @@ pub struct Args {
     /// Whose hands: novice, intermediate or expert.
     #[arg(long, default_value = "intermediate")]
     skill: String,
+    /// Which person of that level: people differ, and each is the same in every scene; without it, the level's mean.
+    #[arg(long, value_name = "NUMBER")]
+    person: Option<u64>,
     /// Where the camera stands: top or side.
     #[arg(long, default_value = "top")]
     view: String,
@@ -85,7 +88,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
 
 fn order(args: &Args) -> anyhow::Result<SceneOrder> {
     let scenario = one_of("scene", &args.scene, Scenario::ALL.map(Scenario::name), Scenario::named)?;
-    let skill = one_of("skill", &args.skill, Skill::ALL.map(|s| s.name), Skill::named)?;
+    let level = one_of("skill", &args.skill, Skill::ALL.map(|s| s.name), Skill::named)?;
+    let skill = args.person.map_or(level, |person| level.of_person(person));
     let frames = args.frames.map(|n| n as usize).or(args.seconds.map(|s| (s * args.fps).round().max(1.0) as usize));
     let setup = Setup {
         view: one_of("view", &args.view, ["top", "side"], view)?,

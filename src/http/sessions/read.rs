@@ -92,12 +92,16 @@ pub async fn erase(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCo
 }
 
 impl App {
-    /// A session with its latest result, judged by its task's standard.
+    /// A session with its latest result, judged by its task's standard and its model of skill.
     async fn judged(&self, scope: &Scope, session: store::Session) -> Answer<Session> {
         let handedness = session.trainee_handedness;
         let result = self.store.sessions().result(scope, session.id).await?;
         let standard = self.store.standards().in_use(scope, session.task_id).await?;
-        Ok(Session::of(session, result).judged_by(standard.as_ref(), handedness))
+        let verdict = match &result {
+            Some(result) => Some(self.cohorts.verdict(scope, session.task_id, result).await?),
+            None => None,
+        };
+        Ok(Session::of(session, result).judged_by(standard.as_ref(), handedness).with_verdict(verdict))
     }
 
     /// Tells workers and those who watch that a session stands differently.

@@ -8,6 +8,7 @@ use crate::domain::feature::FeatureKey;
 use crate::domain::files::quality::QualityDocument;
 use crate::domain::problem;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, LiveFeature, SessionStatus, Versions};
+use crate::domain::skill::SkillVerdict;
 use crate::domain::standard::{Better, Judgement, ToJudge};
 use crate::domain::text::TrackerName;
 use crate::domain::trainee::Handedness;
@@ -47,6 +48,8 @@ pub struct Session {
     live_features: Option<Vec<LiveFeature>>,
     /// Place in a reference cohort, if a model scored it.
     score: Option<Value>,
+    /// What the task's model of skill says of it, or why it says nothing; `null` in lists, and while there is no result.
+    verdict: Option<SkillVerdict>,
     /// What was observed, predicted and missed, and whether the features may be believed: those of a refused session have
     /// no values. Results of earlier versions have fewer fields.
     #[schema(value_type = Option<QualityDocument>)]
@@ -159,6 +162,7 @@ impl Session {
             features: Vec::new(),
             live_features: None,
             score: None,
+            verdict: None,
             quality: None,
             versions: None,
             result: None,
@@ -180,6 +184,11 @@ impl Session {
             self.features.iter_mut().for_each(|feature| feature.judge(standard, &versions.pipeline, handedness));
         }
         self
+    }
+
+    /// The same with what the task's model of skill says.
+    pub fn with_verdict(self, verdict: Option<SkillVerdict>) -> Self {
+        Self { verdict, ..self }
     }
 
     fn add(&mut self, result: store::SessionResult) {

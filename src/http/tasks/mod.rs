@@ -1,13 +1,15 @@
 //! What trainees do. Everybody reads tasks, staff change them.
 
-mod raters;
 mod features;
+mod models;
+mod raters;
 mod standards;
 
 use axum::extract::State;
 use axum::http::StatusCode;
-pub use raters::*;
 pub use features::*;
+pub use models::*;
+pub use raters::*;
 use serde::Serialize;
 pub use standards::*;
 use utoipa::ToSchema;

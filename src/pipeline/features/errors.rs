@@ -85,7 +85,9 @@ pub fn error_bar(
         _ => measured - shift,
     };
     let value = value.clamp(range.0, range.1);
-    let sigma = spread.hypot(if is_seen { SHIFT_UNSURE * shift } else { 0.0 }).hypot(feature.family.beyond_replicates() * value);
+    let sigma = spread
+        .hypot(if is_seen { SHIFT_UNSURE * shift } else { 0.0 })
+        .hypot(feature.family.beyond_replicates() * value);
     let [low, high] = [value - T * sigma, value + T * sigma].map(|end| end.clamp(range.0, range.1));
     Ok((value, ErrorBar { as_measured: measured, sigma, low, high }))
 }

@@ -1,7 +1,7 @@
 //! Score: what features say beside those of others and of earlier days (METHOD 7; PEERS 3.5).
 //!
-//! **In:** values with their error bars, one per person or one per session. **Out:** places, judgements, curves and
-//! alarms, each with its interval and with the number of people or sessions behind it. **Gives up** with a
+//! **In:** values with their error bars, one per person or one per session. **Out:** places, judgements, curves, levels of
+//! skill and alarms, each with its interval and with the number of people or sessions behind it. **Gives up** with a
 //! [`NoAnswer`]: bad or too little data give a reason, never a number. A session that could not be judged is neither
 //! a pass nor a fail.
 
@@ -18,6 +18,7 @@ mod no_answer;
 pub mod pass_rule;
 mod people;
 pub mod reminder;
+pub mod skill;
 pub mod standard;
 mod trial;
 

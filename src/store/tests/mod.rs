@@ -10,5 +10,6 @@ mod rescorings;
 mod schema;
 mod self_tests;
 mod sign_in;
+mod skill_models;
 mod standards;
 mod writes;

@@ -100,6 +100,10 @@ async fn nonsense_is_refused_whoever_writes_it() {
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 5, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, -1, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 1, 4, '', 1 FROM session",
+        "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', printf('%064d', 0), NULL, '{}', NULL, 1, NULL
+         FROM task",
+        "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', 'short', '{}', '{}', NULL, 1, NULL
+         FROM task",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
         "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",

@@ -6,6 +6,7 @@ mod documents;
 mod exchange;
 mod full_disk;
 mod hostile;
+mod models;
 mod nouns;
 mod playback;
 mod process;

@@ -1,0 +1,193 @@
+//! `trocar model`: features of sessions and declared levels in, a model of skill with what it is worth out.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use serde::Deserialize;
+
+use super::progress::Meter;
+use super::table::Table;
+use super::{Failure, print_result};
+use crate::domain::session::FeatureSpace;
+use crate::domain::skill::{ModelFile, Reading, Readings, Report, features_offered, most_common_tools};
+use crate::domain::trainee::Level;
+use crate::pipeline::score::skill::{Dataset, SESSIONS_EACH, Sample};
+
+/// Arguments of `trocar model`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The exercise that was done; named in the model.
+    #[arg(long, value_name = "TASK")]
+    task: Option<String>,
+    /// Whose each session is: a CSV with the columns `file,person,level`. `file` as `trocar score` names it; `level` is novice,
+    /// intermediate or expert. At least eight people of each level; of each person the last three sessions count.
+    #[arg(long, value_name = "LABELS.CSV")]
+    labels: PathBuf,
+    /// The model: read by `trocar score --model`.
+    #[arg(long, value_name = "MODEL.JSON")]
+    out: PathBuf,
+    /// Show no progress.
+    #[arg(long)]
+    quiet: bool,
+    /// Features of sessions, as `trocar score --json` prints them.
+    #[arg(required = true, value_name = "FEATURES.JSON")]
+    features: Vec<PathBuf>,
+}
+
+/// One row of the labels.
+#[derive(Deserialize)]
+struct Label {
+    file: String,
+    person: String,
+    level: Level,
+}
+
+/// One session of `trocar score --json`, as far as it matters here.
+#[derive(Deserialize)]
+struct Scored {
+    file: String,
+    pipeline: String,
+    tools: Vec<String>,
+    verdict: String,
+    features: Vec<Value>,
+}
+
+/// One feature of it.
+#[derive(Deserialize)]
+struct Value {
+    name: String,
+    tool: Option<String>,
+    space: FeatureSpace,
+    value: Option<f64>,
+    low: Option<f64>,
+    high: Option<f64>,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let labels = read_labels(&args.labels)?;
+    let mut sessions = Vec::new();
+    for path in &args.features {
+        let text = read(path)?;
+        let scored: Vec<Scored> = serde_json::from_str(&text)
+            .with_context(|| format!("{}: expected what `trocar score --json` prints", path.display()))
+            .map_err(Failure::Input)?;
+        sessions.extend(scored);
+    }
+    let (samples, about) = samples(sessions, labels)?;
+    let features = features_offered();
+    let data = Dataset::of(&features, &samples).map_err(Failure::input)?;
+    let mut meter = Meter::new(args.quiet);
+    let made = ModelFile::make(&data, (args.task, about.0, about.1), |done, all| meter.show("shuffled", done, all));
+    let file = made.map_err(Failure::input)?;
+    let text = serde_json::to_string_pretty(&file).context("writing JSON")? + "\n";
+    fs::write(&args.out, text).with_context(|| format!("writing {}", args.out.display()))?;
+    meter.finish(&format!("model in {}", args.out.display()));
+    print_result(&report_text(&file))
+}
+
+fn read(path: &Path) -> Result<String, Failure> {
+    fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)
+}
+
+fn read_labels(path: &Path) -> Result<HashMap<String, Label>, Failure> {
+    let text = read(path)?;
+    let mut labels = HashMap::new();
+    for row in csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes()).deserialize::<Label>() {
+        let label = row.with_context(|| format!("{}: expected file,person,level", path.display()));
+        let label = label.map_err(Failure::Input)?;
+        if let Some(twice) = labels.insert(label.file.clone(), label) {
+            return Err(Failure::Input(anyhow!("{}: {} stands there twice", path.display(), twice.file)));
+        }
+    }
+    Ok(labels)
+}
+
+/// The usable sessions, with the version of the program that measured them and the number of tools that most of them have.
+fn samples(
+    sessions: Vec<Scored>,
+    mut labels: HashMap<String, Label>,
+) -> Result<(Vec<Sample<String>>, (String, usize)), Failure> {
+    let input = |why: String| Err(Failure::Input(anyhow!(why)));
+    let pipeline = sessions.first().map_or_else(String::new, |session| session.pipeline.clone());
+    let tools = most_common_tools(sessions.iter().map(|session| session.tools.len()));
+    let features = features_offered();
+    let mut by_person: BTreeMap<String, Vec<Sample<String>>> = BTreeMap::new();
+    for session in sessions {
+        let file = &session.file;
+        let Some(label) = labels.remove(file) else {
+            return input(format!(
+                "{file} has no label, or stands in the features twice: one row and one session for each"
+            ));
+        };
+        if session.pipeline != pipeline {
+            let other = session.pipeline;
+            return input(format!(
+                "{file} was measured by version {other} of the program, others by {pipeline}: score all anew"
+            ));
+        }
+        if session.verdict == "refused" || session.tools.len() != tools {
+            continue;
+        }
+        let values = Readings::of(session.features.into_iter().map(Reading::from)).values(&features);
+        let sample = Sample { person: label.person.clone(), level: label.level.into(), values };
+        by_person.entry(label.person).or_default().push(sample);
+    }
+    if let Some(unmet) = labels.keys().min() {
+        return input(format!("{unmet} has a label and no features"));
+    }
+    let last = |own: Vec<Sample<String>>| {
+        let first = own.len().saturating_sub(SESSIONS_EACH);
+        own.into_iter().skip(first)
+    };
+    Ok((by_person.into_values().flat_map(last).collect(), (pipeline, tools)))
+}
+
+impl From<Value> for Reading {
+    fn from(of: Value) -> Self {
+        let bar = of.low.zip(of.high).map(|(low, high)| [low, high]);
+        Self { feature: of.name, tool: of.tool, space: of.space, value: of.value, bar }
+    }
+}
+
+fn report_text(file: &ModelFile) -> String {
+    let Report { accuracy, baseline, people, sessions, .. } = &file.report;
+    let head = format!(
+        "{} ({}) of {} features, made of {} people and {} sessions; measured by pipeline {}\n",
+        file.model.learner,
+        file.model.parameter,
+        file.model.features.len(),
+        people.iter().sum::<usize>(),
+        sessions.iter().sum::<usize>(),
+        file.pipeline,
+    );
+    let found = format!(
+        "on people left out it found the level in {} of the sessions ({} to {}, counting {} people)\n",
+        percent(accuracy.value),
+        percent(accuracy.low),
+        percent(accuracy.high),
+        accuracy.people,
+    );
+    let knows = if file.report.knows { "it knows something" } else { "it knows nothing, and gives no verdicts" };
+    let baseline = format!(
+        "the levels weighed alike: {}; with levels shuffled between people {}, 19 of 20 at most {}; p = {:.2}: {knows}\n",
+        percent(file.report.balanced),
+        percent(baseline.mean),
+        percent(baseline.high),
+        baseline.p,
+    );
+    let mut table = Table::new(["declared", "people", "novice", "intermediate", "expert"]);
+    for ((level, row), people) in Level::ALL.iter().zip(&file.report.confusion).zip(people) {
+        let share = |of: f64| percent(of / *people as f64);
+        let cells = [share(row.novice), share(row.intermediate), share(row.expert)];
+        table.row([level.name().to_owned(), people.to_string()].into_iter().chain(cells));
+    }
+    head + &found + &baseline + &table.text()
+}
+
+/// A share as people read it.
+pub fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}

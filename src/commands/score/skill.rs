@@ -1,0 +1,79 @@
+//! `trocar score --model`: what a model of skill says of a trajectory.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, anyhow};
+
+use crate::commands::Failure;
+use crate::commands::model::percent;
+use crate::domain::session::FeatureSpace;
+use crate::domain::skill::{Carried, ModelFile, Reading, Readings, ReasonName, SkillVerdict};
+use crate::pipeline::PIPELINE_VERSION;
+use crate::pipeline::assessment::Assessment;
+use crate::pipeline::features::FeatureValue;
+
+/// Reads a model, and refuses one of another task or of another version of the program.
+pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, Failure> {
+    let text =
+        fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
+    let model = ModelFile::parse(&text).with_context(|| path.display().to_string()).map_err(Failure::Input)?;
+    let refused = |why: String| Err(Failure::Input(anyhow!("{}: {why}", path.display())));
+    if model.pipeline != PIPELINE_VERSION {
+        let own = &model.pipeline;
+        return refused(format!(
+            "its sessions were measured by pipeline {own}, this program is {PIPELINE_VERSION}: make it anew"
+        ));
+    }
+    match (task, model.task.as_deref()) {
+        (Some(asked), Some(own)) if asked != own => refused(format!("is of the task {own}, not of {asked}")),
+        _ => Ok(model),
+    }
+}
+
+/// What it says of a session, unless the session is refused.
+pub fn verdict(model: &ModelFile, assessment: &Assessment, is_refused: bool) -> SkillVerdict {
+    if is_refused {
+        return SkillVerdict::without(ReasonName::Refused, "no feature of this session is to be believed");
+    }
+    let readings = Readings::of(assessment.features.iter().map(|value| reading(value, &assessment.tools)));
+    SkillVerdict {
+        accuracy: Some(model.report.accuracy),
+        accuracy_where_given: model.report.speaking.right,
+        ..model.model.judge(&readings, assessment.tools.len())
+    }
+}
+
+fn reading(value: &FeatureValue, tools: &[String]) -> Reading {
+    Reading {
+        feature: value.feature.name.to_owned(),
+        tool: value.tool.and_then(|tool| tools.get(tool)).cloned(),
+        space: FeatureSpace::from(value.space),
+        value: value.value.ok(),
+        bar: value.error.ok().map(|bar| [bar.low, bar.high]),
+    }
+}
+
+/// The verdict in lines for people.
+pub fn text(verdict: &SkillVerdict) -> String {
+    let said = match (&verdict.level, &verdict.reason) {
+        (Some(level), _) => level.name().to_owned(),
+        (None, Some(reason)) => format!("no level; {}", reason.detail),
+        (None, None) => "no level".to_owned(),
+    };
+    let probabilities = verdict.probabilities.map_or_else(String::new, |of| {
+        let [novice, intermediate, expert] = [of.novice, of.intermediate, of.expert].map(percent);
+        format!(" (novice {novice}, intermediate {intermediate}, expert {expert})")
+    });
+    let worth = verdict.accuracy.map_or_else(String::new, |of| {
+        let [value, low, high] = [of.value, of.low, of.high].map(percent);
+        format!(
+            "  – on people it had not seen the model found the level in {value} ({low} to {high}) of the sessions\n"
+        )
+    });
+    let carried = |of: &Carried| {
+        let [value, mean] = [of.value, of.mean].map(super::significant);
+        format!("  – {} {value} {}, mean {mean}: {:+.0} %\n", of.feature, of.unit, 100.0 * of.raises)
+    };
+    format!("skill: {said}{probabilities}\n{worth}") + &verdict.carried.iter().map(carried).collect::<String>()
+}

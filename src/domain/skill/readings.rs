@@ -1,0 +1,94 @@
+//! Which features may carry a verdict, and a session's values of them.
+//!
+//! A verdict is about a person. What measures the box is left out: features in the picture, along the camera's axes, and of
+//! what was in view. A feature that only tools have counts as the mean over the session's tools: the same marker is one
+//! person's good hand and another's other one, so that a tool's own value would be about hands and tapes.
+
+use std::collections::BTreeMap;
+
+use crate::domain::feature::{FeatureKey, is_of_one_camera};
+use crate::domain::session::FeatureSpace;
+use crate::pipeline::features::FEATURES;
+use crate::pipeline::score::interval::{Interval, Measured};
+
+/// One value of a session's result.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// Stable name of the feature.
+    pub feature: String,
+    /// The tool's marker; `None` for the whole session.
+    pub tool: Option<String>,
+    /// Where it was measured.
+    pub space: FeatureSpace,
+    /// The value; `None` where too little was seen.
+    pub value: Option<f64>,
+    /// Where the true value lies with 95 %; `None` where that is not known.
+    pub bar: Option<[f64; 2]>,
+}
+
+/// A session's values of the features that may carry a verdict.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Readings(BTreeMap<String, Option<Measured>>);
+
+/// Names of the features that may carry a verdict.
+pub fn features_offered() -> Vec<String> {
+    let key = |name: &str| FeatureKey { feature: name.to_owned(), tool: None, space: FeatureSpace::Space3d };
+    let offered =
+        FEATURES.iter().filter(|f| f.spaces.iter().any(|space| FeatureSpace::from(*space) == FeatureSpace::Space3d));
+    offered.map(|feature| feature.name).filter(|name| !is_of_one_camera(&key(name))).map(str::to_owned).collect()
+}
+
+impl Readings {
+    /// Of a result's values: the session's own, else the mean over its tools, if each of them has one.
+    pub fn of(values: impl IntoIterator<Item = Reading>) -> Self {
+        let offered = features_offered();
+        let mut own: BTreeMap<String, Option<Measured>> = BTreeMap::new();
+        let mut of_tools: BTreeMap<String, Vec<Option<Measured>>> = BTreeMap::new();
+        for reading in values {
+            if reading.space != FeatureSpace::Space3d || !offered.contains(&reading.feature) {
+                continue;
+            }
+            let bar = reading.bar.map(|[low, high]| Interval { low, high });
+            let measured = reading.value.map(|value| Measured { value, bar });
+            match reading.tool {
+                None => drop(own.insert(reading.feature, measured)),
+                Some(_) => of_tools.entry(reading.feature).or_default().push(measured),
+            }
+        }
+        for (feature, tools) in of_tools {
+            own.entry(feature).or_insert_with(|| mean(&tools));
+        }
+        Self(own)
+    }
+
+    /// The value of a feature, if it was measured.
+    pub fn get(&self, feature: &str) -> Option<Measured> {
+        self.0.get(feature).copied().flatten()
+    }
+
+    /// The values of these features.
+    pub fn values(&self, features: &[String]) -> Vec<Option<Measured>> {
+        features.iter().map(|feature| self.get(feature)).collect()
+    }
+}
+
+/// The mean of all tools; their errors may lie the same way, so that the bar is the mean of the bars.
+fn mean(tools: &[Option<Measured>]) -> Option<Measured> {
+    let all: Option<Vec<Measured>> = tools.iter().copied().collect();
+    let all = all.filter(|all| !all.is_empty())?;
+    let mean = |of: &dyn Fn(&Measured) -> Option<f64>| -> Option<f64> {
+        let values: Option<Vec<f64>> = all.iter().map(of).collect();
+        values.map(|values| values.iter().sum::<f64>() / all.len() as f64)
+    };
+    let low = mean(&|of| of.bar.map(|bar| bar.low));
+    let high = mean(&|of| of.bar.map(|bar| bar.high));
+    let bar = low.zip(high).map(|(low, high)| Interval { low, high });
+    mean(&|of| Some(of.value)).map(|value| Measured { value, bar })
+}
+
+/// How many tools most sessions have; of equally common numbers the larger.
+pub fn most_common_tools(tools: impl IntoIterator<Item = usize>) -> usize {
+    let mut times: BTreeMap<usize, usize> = BTreeMap::new();
+    tools.into_iter().for_each(|tools| *times.entry(tools).or_default() += 1);
+    times.into_iter().max_by_key(|(tools, times)| (*times, *tools)).map_or(0, |(tools, _)| tools)
+}

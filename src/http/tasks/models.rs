@@ -1,0 +1,91 @@
+//! Tasks' models of skill. Everybody reads how good one is, administrators make them; a version is never changed.
+
+use axum::extract::State;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::domain::scope::Scope;
+use crate::domain::skill::Report;
+use crate::http::auth::signed_in::{Administrator, Member};
+use crate::http::error::Answer;
+use crate::http::read::{At, AtVersion, Json};
+use crate::http::show::{Created, Page, Time};
+use crate::http::state::App;
+use crate::ids::ModelId;
+use crate::store::SkillModel;
+
+/// A version of a task's model of skill.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Model {
+    id: ModelId,
+    /// 1, 2, … within the task; the highest is the one in use.
+    version: i64,
+    /// Version of the program that measured its sessions; those of another version are not judged.
+    pipeline: String,
+    /// `logistic`, `lda`, `knn`, `tree` or `svm`; `null` once it is withdrawn, like the next two.
+    learner: Option<String>,
+    /// The learner's parameter.
+    parameter: Option<String>,
+    /// The features that it goes by, those that tell levels apart best first.
+    features: Option<Vec<String>>,
+    report: Report,
+    /// SHA-256 of the values that it was made of; `null` to all but administrators, for who knows most of the values could find
+    /// the last one by it.
+    fingerprint: Option<String>,
+    /// Name of the person who made it; `null` to trainees, and where nobody is there any more.
+    who: Option<String>,
+    created_at: Time,
+    /// When somebody of whom it was made was erased, and what it had learnt with them; `null`: not yet.
+    withdrawn_at: Option<Time>,
+}
+
+impl Model {
+    fn new(model: SkillModel, scope: &Scope) -> Self {
+        let definition = model.definition.as_ref();
+        Self {
+            id: model.id,
+            version: model.version,
+            pipeline: model.pipeline,
+            learner: definition.map(|of| of.learner.clone()),
+            parameter: definition.map(|of| of.parameter.clone()),
+            features: definition.map(|of| of.features.iter().map(|scaled| scaled.feature.clone()).collect()),
+            report: model.report,
+            fingerprint: Some(model.fingerprint).filter(|_| scope.is_administrator()),
+            who: model.who.filter(|_| scope.is_staff()),
+            created_at: Time(model.created_at_ms),
+            withdrawn_at: model.withdrawn_at_ms.map(Time),
+        }
+    }
+}
+
+/// List a task's models of skill, newest first: the first is the one in use
+#[utoipa::path(get, path = "/tasks/{id}/models", tag = "tasks",
+    params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Model>)))]
+pub async fn models(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Model>>> {
+    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    let models = app.store.skill_models().list(&by.scope, of).await?;
+    Ok(Json(Page::whole(models.into_iter().map(|model| Model::new(model, &by.scope)))))
+}
+
+/// Make a task's model of skill: the next version, unless the one in use is made of the same
+///
+/// From the last three usable sessions of each person of a declared level, measured by this version of the program, at most forty
+/// people of a level. It takes some minutes, and goes on if nobody waits for it; one is made at a time. With fewer than eight
+/// people of a level it is refused, and `missing` says how many more it takes.
+#[utoipa::path(post, path = "/tasks/{id}/models", tag = "tasks",
+    params(("id" = String, Path, description = "id or code")), responses((status = CREATED, body = Model)))]
+pub async fn train_model(State(app): State<App>, by: Administrator, At(key): At) -> Answer<Created<Model>> {
+    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    let made = Model::new(app.cohorts.train(&by.scope, of).await?, &by.scope);
+    Ok(Created { location: format!("/api/v1/tasks/{of}/models/{}", made.version), made })
+}
+
+/// Read one version of a task's model of skill
+#[utoipa::path(get, path = "/tasks/{id}/models/{version}", tag = "tasks",
+    params(("id" = String, Path, description = "id or code"), ("version" = i64, Path, description = "1, 2, …")),
+    responses((status = OK, body = Model)))]
+pub async fn model(State(app): State<App>, by: Member, AtVersion(key, version): AtVersion) -> Answer<Json<Model>> {
+    let of = app.store.tasks().get(&by.scope, &key).await?.id;
+    let model = app.store.skill_models().get(&by.scope, of, version).await?;
+    Ok(Json(Model::new(model, &by.scope)))
+}

@@ -1,0 +1,161 @@
+//! The learner chosen by folds that leave people out, its probabilities made honest on the people left out, and fitted to all.
+
+use super::data::{Dataset, Row};
+use super::folds::deal;
+use super::learner::{CANDIDATES, Learner, Table};
+use super::model::{Model, shares};
+use super::region::{Region, SHARE_INSIDE};
+use super::scale::Scale;
+use super::{Level, PerLevel};
+use crate::pipeline::score::people::quantile;
+use crate::random::Dice;
+
+/// Folds of the inner round.
+const FOLDS: usize = 4;
+
+/// How many of the features that tell levels apart best are used: one of these, chosen like the learner.
+const FEATURES_USED: [usize; 2] = [4, 12];
+
+/// What scores are divided by before they become probabilities: one of these. A learner that is too sure of itself gets a large
+/// one.
+const TEMPERATURES: [f64; 9] = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0, 8.0];
+
+/// Some of a dataset's people, with levels that may be others than their own (shuffled).
+pub(super) struct Part<'d> {
+    pub data: &'d Dataset,
+    pub levels: &'d [Level],
+    pub people: Vec<usize>,
+}
+
+/// What a candidate said of the people left out: of which row, and its scores.
+type Said = Vec<(usize, PerLevel)>;
+
+impl<'d> Part<'d> {
+    fn rows(&self) -> impl Iterator<Item = (usize, &'d Row)> {
+        self.data.rows.iter().enumerate().filter(|(_, row)| self.people.contains(&row.person))
+    }
+
+    fn scale(&self, most: usize) -> Option<Scale> {
+        let (readings, people): (Vec<_>, Vec<_>) =
+            self.rows().map(|(_, row)| (row.readings.as_slice(), row.person)).unzip();
+        Scale::of(&readings, &people, self.levels, most)
+    }
+
+    fn table(&self, scale: &Scale) -> Table {
+        let mut table = Table::default();
+        for (_, row) in self.rows() {
+            table.rows.push(scale.apply(|feature| row.readings[feature].value));
+            table.levels.push(self.levels[row.person]);
+            table.weights.push(1.0 / self.data.rows.iter().filter(|other| other.person == row.person).count() as f64);
+        }
+        table
+    }
+
+    /// The people of this part in folds: those left out, and the rest.
+    pub fn folds(&self, folds: usize, dice: &mut Dice) -> Vec<(Vec<usize>, Part<'d>)> {
+        let dealt = deal(&self.people, self.levels, folds, dice);
+        let of = |fold: usize| {
+            let (out, rest): (Vec<_>, Vec<_>) = dealt.iter().partition(|(_, own)| *own == fold);
+            let people = |of: Vec<(usize, usize)>| of.into_iter().map(|(person, _)| person).collect::<Vec<_>>();
+            (people(out), Part { data: self.data, levels: self.levels, people: people(rest) })
+        };
+        (0..folds).map(of).collect()
+    }
+
+    /// The model of this part; `None` where no learner can be fitted.
+    pub fn model(&self, dice: &mut Dice) -> Option<Model> {
+        let tried = self.try_all(dice);
+        let (temperature, most, learner) = self.best(&tried)?;
+        let scale = self.scale(FEATURES_USED[most])?;
+        let table = self.table(&scale);
+        let mut distances = tried.distances[most].clone();
+        distances.sort_by(f64::total_cmp);
+        let limit = if distances.is_empty() { return None } else { quantile(&distances, SHARE_INSIDE) };
+        let region = Region { limit, ..Region::of(&table)? };
+        let scorer = learner.fit(&table)?;
+        let features = scale.chosen.iter().map(|feature| self.data.features[*feature].clone()).collect();
+        let (learner, parameter) = (learner.name().to_owned(), learner.parameter());
+        Some(Model { features, scale, learner, parameter, scorer, temperature, region, knows: true })
+    }
+
+    fn try_all(&self, dice: &mut Dice) -> Tried {
+        let mut tried = Tried::default();
+        for (out, rest) in self.folds(FOLDS, dice) {
+            let left = Part { data: self.data, levels: self.levels, people: out };
+            for (most, of_most) in FEATURES_USED.iter().enumerate() {
+                tried.try_fold(most, rest.scale(*of_most), &rest, &left);
+            }
+        }
+        tried
+    }
+
+    /// The temperature, number of features and learner that are least surprised by the people left out: the mean logarithm of the
+    /// probability of their level, each person of a level counting the same, and each level.
+    fn best(&self, tried: &Tried) -> Option<(f64, usize, &'static dyn Learner)> {
+        let weights = self.weights();
+        let mut best: Option<(f64, (f64, usize, &'static dyn Learner))> = None;
+        for (most, of_most) in tried.said.iter().enumerate() {
+            for (learner, said) in CANDIDATES.iter().zip(of_most) {
+                let Some(said) = said else { continue };
+                for temperature in TEMPERATURES {
+                    let loss = self.loss(said, temperature, &weights);
+                    if loss.is_finite() && best.as_ref().is_none_or(|(least, _)| loss < *least - 1e-9) {
+                        best = Some((loss, (temperature, most, *learner)));
+                    }
+                }
+            }
+        }
+        best.map(|(_, chosen)| chosen)
+    }
+
+    fn loss(&self, said: &Said, temperature: f64, weights: &[f64]) -> f64 {
+        let surprise = |(row, scores): &(usize, PerLevel)| {
+            let level = self.levels[self.data.rows[*row].person] as usize;
+            -weights[*row] * shares(scores, temperature)[level].max(1e-6).ln()
+        };
+        said.iter().map(surprise).sum()
+    }
+
+    /// What each row counts: its person's share of it, and the level's share of the person.
+    fn weights(&self) -> Vec<f64> {
+        let sessions = |person| self.data.rows.iter().filter(|row| row.person == person).count() as f64;
+        let people = |level| self.people.iter().filter(|person| self.levels[**person] == level).count() as f64;
+        self.data.rows.iter().map(|row| 1.0 / sessions(row.person) / people(self.levels[row.person]).max(1.0)).collect()
+    }
+}
+
+/// What came of the inner round.
+struct Tried {
+    /// By number of features and learner; `None` where it could not be fitted in every fold.
+    said: [[Option<Said>; CANDIDATES.len()]; FEATURES_USED.len()],
+    /// How far the people left out lay from the rest, by number of features.
+    distances: [Vec<f64>; FEATURES_USED.len()],
+}
+
+impl Default for Tried {
+    fn default() -> Self {
+        Self { said: std::array::from_fn(|_| std::array::from_fn(|_| Some(Vec::new()))), distances: Default::default() }
+    }
+}
+
+impl Tried {
+    fn try_fold(&mut self, most: usize, scale: Option<Scale>, rest: &Part, left: &Part) {
+        let Some(scale) = scale else {
+            self.said[most].iter_mut().for_each(|said| *said = None);
+            return;
+        };
+        let table = rest.table(&scale);
+        let out: Vec<(usize, Vec<f64>)> =
+            left.rows().map(|(at, row)| (at, scale.apply(|feature| row.readings[feature].value))).collect();
+        if let Some(region) = Region::of(&table) {
+            self.distances[most].extend(out.iter().map(|(_, x)| region.distance(x)));
+        }
+        for (learner, said) in CANDIDATES.iter().zip(&mut self.said[most]) {
+            let Some(all) = said else { continue };
+            match learner.fit(&table) {
+                Some(scorer) => all.extend(out.iter().map(|(at, x)| (*at, scorer.scores(x)))),
+                None => *said = None,
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Sessions as they are given, and the features and people that a model can be made of.
+
+use std::collections::BTreeMap;
+
+use super::{FEWEST_PER_LEVEL, LEVELS, Level, MOST_FEATURES, MOST_PER_LEVEL, NoModel, SESSIONS_EACH};
+use crate::pipeline::score::interval::Measured;
+
+/// Share of the sessions that must have every feature of a model; a feature that would cost more sessions is left out.
+const SHARE_WITH_ALL: f64 = 0.9;
+
+/// One session of somebody of a declared level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample<P> {
+    /// Whose.
+    pub person: P,
+    /// Their level.
+    pub level: Level,
+    /// One value for each feature; `None` where it was not measured. A value without a bar counts as not measured.
+    pub values: Vec<Option<Measured>>,
+}
+
+/// What a model is made of: sessions that have all of the features, by person; who they are is not kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dataset {
+    pub(super) features: Vec<String>,
+    pub(super) rows: Vec<Row>,
+    pub(super) levels: Vec<Level>,
+    left_out: usize,
+}
+
+/// One session.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Row {
+    /// Whose, as an index into the people.
+    pub person: usize,
+    /// The features, all of them.
+    pub readings: Vec<Measured>,
+}
+
+impl Dataset {
+    /// Chooses the features that enough sessions have, the ones that most have first, and the sessions that have all of these.
+    /// The order in which sessions come, and what people are called, changes nothing.
+    pub fn of<P: Ord>(features: &[String], samples: &[Sample<P>]) -> Result<Self, NoModel> {
+        let at_most = |of, found, most| if found > most { Err(NoModel::TooMany { of, found, most }) } else { Ok(()) };
+        at_most("features", features.len(), MOST_FEATURES)?;
+        at_most("sessions", samples.len(), LEVELS * MOST_PER_LEVEL * SESSIONS_EACH)?;
+        for sample in samples {
+            if sample.values.len() != features.len() {
+                return Err(NoModel::Ragged);
+            }
+            let usable = |value: &Option<Measured>| value.is_none_or(|value| value.checked().is_ok());
+            if !sample.values.iter().all(usable) {
+                return Err(NoModel::NotFinite);
+            }
+        }
+        let chosen = measured_in_most(features.len(), samples);
+        let people = by_person(&chosen, samples)?;
+        let found = Level::ALL.map(|level| people.iter().filter(|(of, _)| *of == level).count());
+        if found.iter().any(|found| *found < FEWEST_PER_LEVEL) {
+            return Err(NoModel::TooFewPeople { found });
+        }
+        if chosen.is_empty() {
+            return Err(NoModel::NoFeatures);
+        }
+        at_most("people of a level", found.into_iter().max().unwrap_or(0), MOST_PER_LEVEL)?;
+        at_most("sessions of one person", people.iter().map(|(_, own)| own.len()).max().unwrap_or(0), SESSIONS_EACH)?;
+        let levels = people.iter().map(|(level, _)| *level).collect();
+        let rows: Vec<Row> = (people.into_iter().enumerate())
+            .flat_map(|(person, (_, own))| own.into_iter().map(move |readings| Row { person, readings }))
+            .collect();
+        let left_out = samples.len() - rows.len();
+        Ok(Self { features: chosen.iter().map(|f| features[*f].clone()).collect(), rows, levels, left_out })
+    }
+
+    /// Names of the features that are offered to the learners.
+    pub fn features(&self) -> &[String] {
+        &self.features
+    }
+
+    /// How many people there are of each level.
+    pub fn people(&self) -> [usize; LEVELS] {
+        Level::ALL.map(|level| self.levels.iter().filter(|of| **of == level).count())
+    }
+
+    /// How many sessions there are of each level.
+    pub fn sessions(&self) -> [usize; LEVELS] {
+        Level::ALL.map(|level| self.rows.iter().filter(|row| self.levels[row.person] == level).count())
+    }
+
+    /// How many sessions lacked a feature and were left out.
+    pub fn left_out(&self) -> usize {
+        self.left_out
+    }
+
+    /// All that the model depends on, as numbers: levels, people, values and bars, in one order.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().flat_map(|row| {
+            let head = [self.levels[row.person] as usize as f64, row.person as f64];
+            head.into_iter().chain(row.readings.iter().flat_map(|of| [of.value, low(of), high(of)]))
+        })
+    }
+}
+
+/// Lower end of a reading's bar.
+pub(super) fn low(reading: &Measured) -> f64 {
+    reading.bar.map_or(reading.value, |bar| bar.low)
+}
+
+/// Upper end of a reading's bar.
+pub(super) fn high(reading: &Measured) -> f64 {
+    reading.bar.map_or(reading.value, |bar| bar.high)
+}
+
+fn has<P>(sample: &Sample<P>, feature: usize) -> bool {
+    sample.values[feature].is_some_and(|value| value.bar.is_some())
+}
+
+/// The features, in their own order, that leave [`SHARE_WITH_ALL`] of the sessions.
+fn measured_in_most<P>(features: usize, samples: &[Sample<P>]) -> Vec<usize> {
+    let mut order: Vec<(usize, usize)> =
+        (0..features).map(|f| (samples.iter().filter(|sample| has(sample, f)).count(), f)).collect();
+    order.sort_by_key(|(sessions, f)| (std::cmp::Reverse(*sessions), *f));
+    let enough = (SHARE_WITH_ALL * samples.len() as f64).ceil() as usize;
+    let mut with_all: Vec<&Sample<P>> = samples.iter().collect();
+    let mut chosen = Vec::new();
+    for (_, feature) in order {
+        let mut left = with_all.clone();
+        left.retain(|sample| has(sample, feature));
+        if left.len() >= enough && !left.is_empty() {
+            with_all = left;
+            chosen.push(feature);
+        }
+    }
+    chosen.sort_unstable();
+    chosen
+}
+
+type Person = (Level, Vec<Vec<Measured>>);
+
+/// The people who have a session with all features, in an order that their values alone give.
+fn by_person<P: Ord>(chosen: &[usize], samples: &[Sample<P>]) -> Result<Vec<Person>, NoModel> {
+    let mut people: BTreeMap<&P, Person> = BTreeMap::new();
+    for sample in samples {
+        let (level, sessions) = people.entry(&sample.person).or_insert((sample.level, Vec::new()));
+        if *level != sample.level {
+            return Err(NoModel::TwoLevels);
+        }
+        if chosen.iter().all(|f| has(sample, *f)) {
+            sessions.push(chosen.iter().filter_map(|f| sample.values[*f]).collect());
+        }
+    }
+    let mut people: Vec<Person> = people.into_values().filter(|(_, sessions)| !sessions.is_empty()).collect();
+    let bits = |sessions: &[Measured]| -> Vec<u64> {
+        sessions.iter().flat_map(|of| [of.value, low(of), high(of)].map(f64::to_bits)).collect()
+    };
+    people.iter_mut().for_each(|(_, sessions)| sessions.sort_by_cached_key(|session| bits(session)));
+    people
+        .sort_by_cached_key(|(level, sessions)| (*level, sessions.iter().flat_map(|of| bits(of)).collect::<Vec<_>>()));
+    Ok(people)
+}

@@ -1,0 +1,167 @@
+//! What is kept of a model: it reads a session's features and gives a verdict.
+
+use super::learner::Scorer;
+use super::region::Region;
+use super::scale::Scale;
+use super::verdict::{Abstains, Contribution, Verdict};
+use super::{LEVELS, Level, PerLevel};
+use crate::pipeline::score::interval::{Interval, Measured};
+use crate::random::Dice;
+
+/// By how much the likeliest level must lead.
+const LEAST_LEAD: f64 = 0.2;
+
+/// Sessions that are drawn from within a session's own error bars.
+const DRAWS: usize = 200;
+
+/// Share of these that must have the same verdict.
+const SHARE_AGREEING: f64 = 0.95;
+
+/// Half of a bar is so many standard deviations.
+const BAR: f64 = crate::pipeline::score::distribution::Z_95;
+
+/// A model of skill.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Names of its features, in the order of `scale`.
+    pub features: Vec<String>,
+    /// What they are standardised by.
+    pub scale: Scale,
+    /// Name of its learner.
+    pub learner: String,
+    /// The learner's parameter, as people read it.
+    pub parameter: String,
+    /// What was learnt.
+    pub scorer: Scorer,
+    /// What scores are divided by before they become probabilities.
+    pub temperature: f64,
+    /// Where its data lie.
+    pub region: Region,
+    /// Did it do better than models of shuffled levels? Else it gives no verdict.
+    pub knows: bool,
+}
+
+impl Model {
+    /// What it says of a session, whose features are asked for by name.
+    pub fn judge(&self, reading: impl Fn(&str) -> Option<Measured>) -> Verdict {
+        if !self.knows {
+            return Abstains::KnowsNothing.into();
+        }
+        let mut readings = Vec::with_capacity(self.features.len());
+        for name in &self.features {
+            match reading(name).map(Measured::checked) {
+                Some(Ok(Measured { value, bar: Some(bar) })) => readings.push((value, bar)),
+                Some(Ok(_)) => return Abstains::ErrorUnknown { feature: name.clone() }.into(),
+                _ => return Abstains::NotMeasured { feature: name.clone() }.into(),
+            }
+        }
+        self.judge_readings(&readings)
+    }
+
+    fn judge_readings(&self, readings: &[(f64, Interval)]) -> Verdict {
+        let x = self.standardised(|place| readings[place].0);
+        let distance = self.region.distance(&x);
+        if distance.is_nan() || distance > self.region.limit {
+            return Abstains::Outside { distance, limit: self.region.limit }.into();
+        }
+        let probabilities = self.probabilities(&x);
+        let level = likeliest(&probabilities);
+        let lead = lead(&probabilities);
+        let agreeing = self.agreeing(level, readings);
+        let said = if lead < LEAST_LEAD {
+            Err(Abstains::NotClear { lead, least: LEAST_LEAD })
+        } else if agreeing < SHARE_AGREEING {
+            Err(Abstains::WithinErrors { agreeing, least: SHARE_AGREEING })
+        } else {
+            Ok(level)
+        };
+        Verdict { level: said, probabilities: Some(probabilities), carried: self.carried(level, readings, &x) }
+    }
+
+    /// Each level's probability, of standardised features.
+    pub(super) fn probabilities(&self, x: &[f64]) -> PerLevel {
+        shares(&self.scorer.scores(x), self.temperature)
+    }
+
+    pub(super) fn standardised(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
+        let of = |place: usize| (value(place) - self.scale.mean[place]) / self.scale.deviation[place];
+        (0..self.features.len()).map(of).collect()
+    }
+
+    /// Share of the sessions drawn from within the error bars that get this level: each feature's error is its own, and normal
+    /// on each side.
+    fn agreeing(&self, level: Level, readings: &[(f64, Interval)]) -> f64 {
+        let mut dice = Dice::new(0, "error bars");
+        let agrees = |_: &usize| {
+            let drawn: Vec<f64> = (readings.iter())
+                .map(|(value, bar)| {
+                    let z = dice.gauss();
+                    value + z / BAR * if z < 0.0 { value - bar.low } else { bar.high - value }
+                })
+                .collect();
+            likeliest(&self.probabilities(&self.standardised(|place| drawn[place]))) == level
+        };
+        (0..DRAWS).filter(agrees).count() as f64 / DRAWS as f64
+    }
+
+    /// By how much each feature raises the level's probability over what it were with the feature at the training sessions'
+    /// mean, the others as they are; the largest first. Features that tell the same share what they tell. (The mean, not the
+    /// median: a median may be one person's own value.)
+    fn carried(&self, level: Level, readings: &[(f64, Interval)], x: &[f64]) -> Vec<Contribution> {
+        let own = self.probabilities(x)[level as usize];
+        let of = |place: usize| {
+            let mut other = x.to_vec();
+            other[place] = 0.0;
+            let raises = own - self.probabilities(&other)[level as usize];
+            let (feature, mean) = (self.features[place].clone(), self.scale.mean[place]);
+            Contribution { feature, value: readings[place].0, mean, raises }
+        };
+        let mut all: Vec<Contribution> = (0..x.len()).map(of).collect();
+        all.sort_by(|a, b| b.raises.abs().total_cmp(&a.raises.abs()).then(a.feature.cmp(&b.feature)));
+        all
+    }
+
+    /// Is every number of a fitting length and finite? A file may say anything.
+    pub fn is_sound(&self) -> bool {
+        let n = self.features.len();
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        let of_n = |values: &[f64]| values.len() == n && finite(values);
+        let scale = of_n(&self.scale.mean) && of_n(&self.scale.deviation);
+        let region = self.region.centres.iter().all(|centre| of_n(centre))
+            && self.region.precision.len() == n * n
+            && finite(&self.region.precision)
+            && self.region.limit.is_finite();
+        let scorer = match &self.scorer {
+            Scorer::Linear { weights, offsets } => weights.iter().all(|weights| of_n(weights)) && finite(offsets),
+            Scorer::Neighbours { k, rows, levels, counts } => {
+                (1..=rows.len()).contains(k)
+                    && rows.len() == levels.len()
+                    && rows.iter().all(|row| of_n(row))
+                    && finite(counts)
+            }
+            Scorer::Tree { nodes } => !nodes.is_empty(),
+        };
+        let positive = self.temperature > 0.0 && self.temperature.is_finite();
+        n > 0 && scale && self.scale.deviation.iter().all(|d| *d > 0.0) && region && scorer && positive
+    }
+}
+
+/// Scores as probabilities.
+pub(super) fn shares(scores: &PerLevel, temperature: f64) -> PerLevel {
+    let top = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let raised = scores.map(|score| ((score - top) / temperature).exp());
+    let all: f64 = raised.iter().sum();
+    raised.map(|share| share / all)
+}
+
+/// The likeliest level; of equally likely ones the lower.
+pub(super) fn likeliest(probabilities: &PerLevel) -> Level {
+    let best = (1..LEVELS).fold(0, |best, level| if probabilities[level] > probabilities[best] { level } else { best });
+    Level::ALL[best]
+}
+
+fn lead(probabilities: &PerLevel) -> f64 {
+    let mut sorted = *probabilities;
+    sorted.sort_by(f64::total_cmp);
+    sorted[LEVELS - 1] - sorted[LEVELS - 2]
+}

@@ -1,0 +1,208 @@
+//! Versions of tasks' models of skill, and the sessions that one is made of. A version is never changed; it is withdrawn, and
+//! what it learnt erased, with the first person of whom it was made.
+
+use std::collections::HashMap;
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, not_found};
+use super::visibility::{AskedBy, require_administrator};
+use super::{Scope, Store};
+use crate::domain::session::FeatureSpace;
+use crate::domain::skill::{Definition, Reading, Report};
+use crate::domain::trainee::Level;
+use crate::ids::{ModelId, ResultId, TaskId, TraineeId};
+
+/// The tasks' models of skill.
+pub struct SkillModels<'s>(pub(super) &'s Store);
+
+/// A version of a task's model of skill.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct SkillModel {
+    /// Its id.
+    pub id: ModelId,
+    /// Of which task.
+    pub task_id: TaskId,
+    /// 1, 2, … within the task.
+    pub version: i64,
+    /// Version of the program that measured its sessions.
+    pub pipeline: String,
+    /// SHA-256 of the values that it was made of.
+    pub fingerprint: String,
+    /// The model itself; `None` once it is withdrawn.
+    #[sqlx(json(nullable))]
+    pub definition: Option<Definition>,
+    /// How well it does on people left out.
+    #[sqlx(json)]
+    pub report: Report,
+    /// Name of the person who made it, if it was one who is still there.
+    pub who: Option<String>,
+    /// When it was made, epoch ms.
+    pub created_at_ms: i64,
+    /// When it was withdrawn, epoch ms, because somebody of whom it was made was erased.
+    pub withdrawn_at_ms: Option<i64>,
+}
+
+/// A model to be kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewSkillModel {
+    /// Version of the program that measured its sessions.
+    pub pipeline: String,
+    /// SHA-256 of the values that it was made of.
+    pub fingerprint: String,
+    /// The model itself.
+    pub definition: Definition,
+    /// How well it does on people left out.
+    pub report: Report,
+    /// Of whom it was made.
+    pub trainees: Vec<TraineeId>,
+}
+
+/// A session of somebody of a declared level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeclaredSession {
+    /// Whose.
+    pub trainee: TraineeId,
+    /// Their declared level.
+    pub level: Level,
+    /// How many tools were tracked.
+    pub tools: usize,
+    /// What it measured in three dimensions.
+    pub readings: Vec<Reading>,
+}
+
+/// Models with all that a [`SkillModel`] says.
+macro_rules! select_models {
+    () => {
+        "SELECT skill_model.id, task_id, version, pipeline, fingerprint, definition, report, person.name AS who,
+                skill_model.created_at_ms, withdrawn_at_ms
+         FROM skill_model LEFT JOIN person ON person.id = skill_model.person_id
+         WHERE task_id = $3 AND $1 <> 'agent' AND ($4 IS NULL OR version = $4) ORDER BY version DESC LIMIT $5"
+    };
+}
+
+/// Usable sessions of task `$1` by people of a declared level, measured by version `$2`: of each person the last `$3`, of each
+/// level the
+/// `$4` people who practised last.
+macro_rules! declared {
+    () => {
+        "WITH usable AS (
+             SELECT trainee.id AS trainee_id, trainee.level, result.id AS result_id, json_array_length(result.tools) AS tools,
+                    row_number() OVER (PARTITION BY trainee.id ORDER BY session.recorded_at_ms DESC, session.id DESC) AS back,
+                    max(session.recorded_at_ms) OVER (PARTITION BY trainee.id) AS last_ms
+             FROM session JOIN trainee ON trainee.id = session.trainee_id
+             JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+             WHERE session.task_id = $1 AND trainee.level IS NOT NULL AND result.pipeline = $2
+               AND coalesce(json_extract(result.quality, '$.verdict'), '') <> 'refused'),
+         ranked AS (
+             SELECT *, dense_rank() OVER (PARTITION BY level ORDER BY last_ms DESC, trainee_id) AS place
+             FROM usable WHERE back <= $3)
+         SELECT trainee_id, level, tools, result_id FROM ranked WHERE place <= $4 ORDER BY trainee_id, back"
+    };
+}
+
+type FeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
+
+impl SkillModels<'_> {
+    /// Adds a task's next version. What the version in use says already is that version.
+    pub async fn add(&self, scope: &Scope, of: TaskId, new: NewSkillModel) -> StoreResult<SkillModel> {
+        require_administrator(scope, "making models of people's skill")?;
+        let is_same = |last: &SkillModel| {
+            last.fingerprint == new.fingerprint && last.definition.as_ref() == Some(&new.definition)
+        };
+        if let Some(same) = self.in_use(scope, of).await?.filter(is_same) {
+            return Ok(same);
+        }
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), ModelId::at(self.0.now_ms()));
+        self.0
+            .write(async move |tx| {
+                let insert = sqlx::query(
+                    "INSERT INTO skill_model (id, task_id, version, pipeline, fingerprint, definition, report, person_id,
+                                              created_at_ms)
+                     SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM skill_model WHERE task_id = $2",
+                );
+                let insert = insert.bind(id).bind(of).bind(new.pipeline).bind(new.fingerprint).bind(Json(new.definition));
+                let insert = insert.bind(Json(new.report)).bind(by.person()).bind(now_ms);
+                insert.execute(&mut *tx).await.map_err(super::error::missing("task"))?;
+                for trainee in new.trainees {
+                    let link = sqlx::query("INSERT INTO skill_model_trainee (model_id, trainee_id) VALUES ($1, $2)");
+                    link.bind(id).bind(trainee).execute(&mut *tx).await.map_err(erased_meanwhile)?;
+                }
+                note(tx, &by, now_ms, ("create", "skill_model"), id).await
+            })
+            .await?;
+        self.in_use(scope, of).await?.ok_or(not_found("model"))
+    }
+
+    /// The version in use, if the task has one; it may be withdrawn.
+    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<SkillModel>> {
+        let row = sqlx::query_as(select_models!()).asked_by(scope).bind(of).bind(None::<i64>).bind(1);
+        Ok(row.fetch_optional(self.0.readers()).await?)
+    }
+
+    /// One version.
+    pub async fn get(&self, scope: &Scope, of: TaskId, version: i64) -> StoreResult<SkillModel> {
+        let row = sqlx::query_as(select_models!()).asked_by(scope).bind(of).bind(version).bind(1);
+        row.fetch_optional(self.0.readers()).await?.ok_or(not_found("model"))
+    }
+
+    /// The last hundred versions, newest first.
+    pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<SkillModel>> {
+        let rows = sqlx::query_as(select_models!()).asked_by(scope).bind(of).bind(None::<i64>).bind(100);
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+
+    /// Usable sessions of people of a declared level, measured by this version of the program: so many of each person, their
+    /// last ones, and of so many people of each level, those who practised last. For models alone: it is asked with nobody's
+    /// scope.
+    pub async fn declared(
+        &self,
+        of: TaskId,
+        pipeline: &str,
+        sessions_each: usize,
+        most_per_level: usize,
+    ) -> StoreResult<Vec<DeclaredSession>> {
+        let rows = sqlx::query_as::<_, (TraineeId, Level, i64, ResultId)>(declared!());
+        let rows = rows.bind(of).bind(pipeline).bind(sessions_each as i64).bind(most_per_level as i64);
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        let results: Vec<ResultId> = rows.iter().map(|row| row.3).collect();
+        let values = sqlx::query_as::<_, FeatureRow>(
+            "SELECT result_id, name, tool, space, value, low, high FROM feature
+             WHERE result_id IN (SELECT value FROM json_each($1)) AND space = '3d' ORDER BY result_id, position",
+        );
+        let mut readings: HashMap<ResultId, Vec<Reading>> = HashMap::new();
+        for (result, feature, tool, space, value, low, high) in
+            values.bind(Json(results)).fetch_all(self.0.readers()).await?
+        {
+            let bar = low.zip(high).map(|(low, high)| [low, high]);
+            readings.entry(result).or_default().push(Reading { feature, tool, space, value, bar });
+        }
+        let session = |(trainee, level, tools, result): (TraineeId, Level, i64, ResultId)| DeclaredSession {
+            trainee,
+            level,
+            tools: tools.unsigned_abs() as usize,
+            readings: readings.remove(&result).unwrap_or_default(),
+        };
+        Ok(rows.into_iter().map(session).collect())
+    }
+}
+
+/// Takes what models learnt of a person away, before the person goes.
+pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_ms: i64) -> StoreResult<()> {
+    let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
+               AND id IN (SELECT model_id FROM skill_model_trainee WHERE trainee_id = $1)";
+    sqlx::query(sql).bind(trainee).bind(now_ms).execute(tx).await?;
+    Ok(())
+}
+
+fn erased_meanwhile(error: sqlx::Error) -> StoreError {
+    match error.as_database_error() {
+        Some(e) if e.is_foreign_key_violation() => {
+            StoreError::refused("somebody of whom the model was made was erased meanwhile: make it again")
+        }
+        _ => error.into(),
+    }
+}
