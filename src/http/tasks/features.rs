@@ -1,11 +1,14 @@
 //! A task's features as a table: everybody's, for those who run the centre.
 
+use std::collections::HashSet;
+
 use axum::extract::State;
 use axum::response::Response;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
 use crate::domain::files::features::TableFormat;
+use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::http::auth::signed_in::Administrator;
@@ -13,7 +16,8 @@ use crate::http::error::Answer;
 use crate::http::export::{self, CalledBy, Many};
 use crate::http::read::{At, Params, named};
 use crate::http::state::App;
-use crate::store::SessionFilter;
+use crate::ids::TraineeId;
+use crate::store::{PageRequest, SessionFilter};
 
 /// Which rows, and how they are written.
 #[derive(Deserialize, IntoParams)]
@@ -49,14 +53,25 @@ pub async fn features(
 ) -> Answer<Response> {
     let task = app.store.tasks().get(&by.scope, &key).await?;
     let only = match &cohort {
-        Some(key) => {
-            let cohort = app.store.cohorts().get(&by.scope, key).await.map_err(named("cohort"))?;
-            Some(app.store.cohorts().members(&by.scope, cohort.id).await?.into_iter().collect())
-        }
+        Some(key) => Some(members(&app, &by.scope, key).await?),
         None => None,
     };
     let status = Some(SessionStatus::Done);
     let filter = SessionFilter { task: Some(Key::from(&task.id)), status, ..SessionFilter::default() };
     let name = format!("features-{}", task.code);
     export::of_many(app, by.scope, Many { filter, only, called: trainees }, format, &name).await
+}
+
+/// Everybody in a cohort, read page by page.
+async fn members(app: &App, scope: &Scope, cohort: &Key) -> Answer<HashSet<TraineeId>> {
+    let (mut all, mut after) = (HashSet::new(), None);
+    loop {
+        let page = PageRequest::new(PageRequest::MOST, after);
+        let page = app.store.cohorts().members(scope, cohort, &page).await.map_err(named("cohort"))?;
+        all.extend(page.items);
+        after = page.next;
+        if after.is_none() {
+            return Ok(all);
+        }
+    }
 }
