@@ -45,7 +45,7 @@ pub struct StretchRow {
 /// Why a feature has no stretches.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct NoEvidence {
-    /// Stable name: `whole_task`, `no_value`, `errors_not_stated`, `nothing_stands_out` or `refused`.
+    /// Stable name: `whole_task`, `no_value`, `errors_not_stated`, `nothing`, `nothing_stands_out` or `refused`.
     pub reason: String,
     /// The same in words.
     pub detail: String,

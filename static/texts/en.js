@@ -459,6 +459,7 @@ export default {
       },
       none: {
         whole_task: 'The whole task made it alike.',
+        nothing: 'There was none of it.',
         nothing_stands_out: 'No part of the task stands out by more than the measurement may be off.',
         errors_not_stated: 'The path does not say how far it may be off.',
       },

@@ -96,6 +96,9 @@ pub enum NoStretches {
     /// The path does not say how far it may be off.
     #[error("the path does not state its own errors, so that the hand's doing cannot be told from the tracker's")]
     NotStated,
+    /// The task has no stretch of this kind: no rest, no absence, no movement.
+    #[error("the task has no stretch of this kind")]
+    Nothing,
     /// All of it could be errors, or is as usual.
     #[error("no part of the task stands out from the rest of it by more than the path's errors")]
     NothingStandsOut,
@@ -111,6 +114,7 @@ impl NoStretches {
             NoStretches::Whole => "whole_task",
             NoStretches::NoValue => "no_value",
             NoStretches::NotStated => "errors_not_stated",
+            NoStretches::Nothing => "nothing",
             NoStretches::NothingStandsOut => "nothing_stands_out",
             NoStretches::Refused => "refused",
         }

@@ -100,6 +100,9 @@ impl Question<'_> {
         heard: usize,
         step_s: f64,
     ) -> Result<Vec<Stretch>, NoStretches> {
+        if self.proposed.is_empty() {
+            return Err(NoStretches::Nothing);
+        }
         if heard == 0 && self.errors != Errors::Not {
             return Err(NoStretches::NotStated);
         }
