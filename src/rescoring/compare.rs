@@ -10,7 +10,8 @@ pub const ROUNDING: f64 = 1e-9;
 
 /// The features that are not what they were: those whose error bars do not overlap first, then in the order in which people read them.
 pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
-    let find = |rows: &[FeatureRow], of: &FeatureKey| rows.iter().find(|row| FeatureKey::from(*row) == *of).and_then(barred);
+    let find =
+        |rows: &[FeatureRow], of: &FeatureKey| rows.iter().find(|row| FeatureKey::from(*row) == *of).and_then(barred);
     let only_old = old.iter().filter(|row| !new.iter().any(|other| FeatureKey::from(other) == FeatureKey::from(*row)));
     let change = |row: &FeatureRow| {
         let of = FeatureKey::from(row);
@@ -57,7 +58,9 @@ mod tests {
     use crate::domain::session::{FeatureError, FeatureSpace};
 
     fn row(name: &str, value: Option<f64>, half: Option<f64>) -> FeatureRow {
-        let bar = |value: f64| half.map(|half| FeatureError { sigma: half, low: value - half, high: value + half, as_measured: value });
+        let bar = |value: f64| {
+            half.map(|half| FeatureError { sigma: half, low: value - half, high: value + half, as_measured: value })
+        };
         FeatureRow {
             name: name.to_owned(),
             title: name.to_owned(),
@@ -77,8 +80,16 @@ mod tests {
     fn a_change_is_apart_only_where_no_value_lies_in_both_bars() {
         assert_eq!(change(Some(10.0), Some(12.1), Some(1.0)), Some(Change::Apart));
         assert_eq!(change(Some(10.0), Some(12.0), Some(1.0)), Some(Change::WithinError), "they touch");
-        assert_eq!(change(Some(10.0), Some(99.0), None), Some(Change::WithinError), "nobody knows how far it may be off");
-        assert_eq!(change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(0.0)), Some(Change::Apart), "bars without width");
+        assert_eq!(
+            change(Some(10.0), Some(99.0), None),
+            Some(Change::WithinError),
+            "nobody knows how far it may be off"
+        );
+        assert_eq!(
+            change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(0.0)),
+            Some(Change::Apart),
+            "bars without width"
+        );
         assert_eq!(change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(1.0)), None, "rounding");
         assert_eq!(change(Some(10.0), None, Some(1.0)), Some(Change::Lost));
         assert_eq!(change(None, Some(10.0), Some(1.0)), Some(Change::Gained));

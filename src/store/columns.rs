@@ -19,8 +19,8 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, RescoringId, ResultId, SelfTestId,
-    SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, FeedId, GroupId, JobId, LeaseToken, PaletteId, PersonId, RescoringId, ResultId,
+    SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.

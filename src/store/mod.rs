@@ -74,9 +74,7 @@ pub use jobs::{Job, Jobs, Lease, QueueCounts, Swept};
 pub use page::{Page, PageRequest};
 pub use palettes::{Palette, Palettes};
 pub use people::{NewPerson, People, Person, PersonChange};
-pub use rescorings::{
-    Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings,
-};
+pub use rescorings::{Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
 pub use sessions::{
     Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,

@@ -71,15 +71,8 @@ macro_rules! is_over {
              (SELECT 1 FROM rescoring_item WHERE rescoring_id = rescoring.id AND state IN ('waiting', 'working'))"
     };
 }
-type EndedRow = (
-    RescoringId,
-    SessionId,
-    ResultId,
-    Option<ResultId>,
-    Option<JobState>,
-    Option<Json<Problem>>,
-    Option<StandardId>,
-);
+type EndedRow =
+    (RescoringId, SessionId, ResultId, Option<ResultId>, Option<JobState>, Option<Json<Problem>>, Option<StandardId>);
 
 impl Rescorings<'_> {
     /// Orders a task's sessions to be scored again. One order of a task at a time.
@@ -232,7 +225,8 @@ impl Rescorings<'_> {
 
     /// Ends the orders of which no session waits or is worked on.
     pub async fn close(&self) -> StoreResult<()> {
-        let open: Vec<RescoringId> = sqlx::query_scalar(concat!("SELECT id", is_over!())).fetch_all(self.0.readers()).await?;
+        let open: Vec<RescoringId> =
+            sqlx::query_scalar(concat!("SELECT id", is_over!())).fetch_all(self.0.readers()).await?;
         if open.is_empty() {
             return Ok(());
         }

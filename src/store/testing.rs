@@ -139,7 +139,13 @@ impl Centre {
         let calibration = self.store.calibrations().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
         let palette = self.store.palettes().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
         NewResult {
-            versions: Versions { pipeline: "1".to_owned(), tracked_with: None, calibration: Some(calibration), palette: Some(palette), model: None },
+            versions: Versions {
+                pipeline: "1".to_owned(),
+                tracked_with: None,
+                calibration: Some(calibration),
+                palette: Some(palette),
+                model: None,
+            },
             video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
             tools: vec!["orange".to_owned()],
             features: vec![

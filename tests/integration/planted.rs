@@ -10,8 +10,8 @@ use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
 use trocar::domain::job::{JobInput, PaletteInput};
 use trocar::domain::palette::{NewPalette, PaletteReport};
-use trocar::domain::scope::Scope;
 use trocar::domain::problem::Problem;
+use trocar::domain::scope::Scope;
 use trocar::domain::session::{
     FeatureError, FeatureRow, FeatureSpace, NewResult, NewScore, NewSession, Versions, VideoFacts,
 };
@@ -115,7 +115,11 @@ impl Planter {
     /// The same, but the stored path cannot be scored again.
     pub async fn refuse_rescoring(&self) {
         let lease = self.claim_when_there().await;
-        self.store.jobs().fail(&lease, Problem::new("path-alone", "It cannot be scored again", "because")).await.unwrap();
+        self.store
+            .jobs()
+            .fail(&lease, Problem::new("path-alone", "It cannot be scored again", "because"))
+            .await
+            .unwrap();
     }
 
     /// What kind of work is next.
@@ -156,7 +160,13 @@ impl Planter {
         let id = session_of(lease);
         let (pipeline, calibration, palette) = (pipeline.to_owned(), self.calibration, self.palette);
         let result = NewResult {
-            versions: Versions { pipeline, tracked_with: None, calibration: Some(calibration), palette: Some(palette), model: None },
+            versions: Versions {
+                pipeline,
+                tracked_with: None,
+                calibration: Some(calibration),
+                palette: Some(palette),
+                model: None,
+            },
             video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
             tools: vec!["orange".to_owned()],
             features,

@@ -41,7 +41,8 @@ impl Jobs<'_> {
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                let latest: Option<ResultId> = sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(&mut *tx).await?;
+                let latest: Option<ResultId> =
+                    sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(&mut *tx).await?;
                 match latest == Some(score.from) {
                     true => insert_score(tx, id, score, now_ms).await,
                     false => Ok(()),

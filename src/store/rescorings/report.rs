@@ -213,7 +213,9 @@ impl Rescorings<'_> {
         ));
         let rows = rows.bind(id).bind(numbers[0]).bind(numbers[1]).bind(last).bind(page.rows());
         let rows = rows.fetch_all(self.0.readers()).await?;
-        Ok(Page::cut(rows, page, |one: &RescoringTrainee| format!("{}.{}.{}", one.judgements, one.apart, one.trainee_id)))
+        Ok(Page::cut(rows, page, |one: &RescoringTrainee| {
+            format!("{}.{}.{}", one.judgements, one.apart, one.trainee_id)
+        }))
     }
 }
 

@@ -44,7 +44,9 @@ impl Sessions<'_> {
     /// do while it waits or runs.
     pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
         if self.get(scope, id).await?.tracker.is_some() {
-            return Err(StoreError::refused("it was not tracked here: its rows are scored again with its task's others"));
+            return Err(StoreError::refused(
+                "it was not tracked here: its rows are scored again with its task's others",
+            ));
         }
         require_staff(scope, "tracking a session again")?;
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());

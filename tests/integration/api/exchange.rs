@@ -155,8 +155,14 @@ async fn features_leave_in_three_forms_and_only_to_who_sees_them() {
     let path = format!("/api/v1/sessions/{}/features", session_of(&centre.trainee, "ada").await);
     let json = centre.trainee.read(&path).await;
     let row = &json["items"][0];
-    assert_eq!((&row["feature"], &row["value"], &row["low"], &row["high"]), (&json!("duration"), &json!(60.0), &json!(59.0), &json!(61.0)));
-    assert_eq!((&row["trainee"], &row["tool"], &row["pipeline"]), (&json!("ada"), &Value::Null, &json!(PIPELINE_VERSION)));
+    assert_eq!(
+        (&row["feature"], &row["value"], &row["low"], &row["high"]),
+        (&json!("duration"), &json!(60.0), &json!(59.0), &json!(61.0))
+    );
+    assert_eq!(
+        (&row["trainee"], &row["tool"], &row["pipeline"]),
+        (&json!("ada"), &Value::Null, &json!(PIPELINE_VERSION))
+    );
     let csv = centre.trainee.get(&format!("{path}?format=csv")).await;
     assert_eq!(csv.headers()[header::CONTENT_TYPE], "text/csv; charset=utf-8");
     let csv = csv.text().await.unwrap();
@@ -242,7 +248,8 @@ async fn statements_say_what_the_standard_made_of_each_session() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_address_that_is_set_is_the_one_that_statements_name() {
-    let set = |settings: &mut trocar::settings::Settings| settings.http.public_url = Some("https://skills.example/".into());
+    let set =
+        |settings: &mut trocar::settings::Settings| settings.http.public_url = Some("https://skills.example/".into());
     let centre = Centre::open_in(Service::start_with(set).await).await;
     let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
     planter.session(planter.trainee("ada").await, NEW_YEAR_MS, vec![duration(40.0, 1.0)]).await;

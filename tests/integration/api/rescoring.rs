@@ -59,13 +59,14 @@ async fn a_report_says_what_changed_for_whom_and_whose_judgement_first() {
 
     // What the new program makes of 40, 45, 60 and 30 s: the same but for rounding, much slower, a bit faster, a bit slower.
     for _ in 0..4 {
-        planter.rescore(PIPELINE_VERSION, |old| match old as i64 {
-            40 => duration(40.0 * (1.0 + 1e-13), 1.0),
-            45 => duration(55.0, 1.0),
-            60 => duration(59.5, 1.0),
-            _ => duration(31.0, 1.0),
-        })
-        .await;
+        planter
+            .rescore(PIPELINE_VERSION, |old| match old as i64 {
+                40 => duration(40.0 * (1.0 + 1e-13), 1.0),
+                45 => duration(55.0, 1.0),
+                60 => duration(59.5, 1.0),
+                _ => duration(31.0, 1.0),
+            })
+            .await;
     }
     let ended = until(&centre, id, |order| order["ended_at"] != Value::Null).await;
     assert_eq!(ended["changes"], json!({"no_longer_passed": 1, "now_passed": 0, "apart": 1, "changed": 3}));
@@ -74,14 +75,18 @@ async fn a_report_says_what_changed_for_whom_and_whose_judgement_first() {
     let page = centre.administrator.read(&format!("/api/v1/rescorings/{id}/sessions?limit=1")).await;
     let first = &page["items"][0];
     assert_eq!((&first["old"]["judgement"], &first["new"]["judgement"]), (&json!("pass"), &json!("fail")));
-    assert_eq!((&first["old"]["versions"]["pipeline"], &first["new"]["versions"]["pipeline"]), (&json!("7"), &json!(PIPELINE_VERSION)));
+    assert_eq!(
+        (&first["old"]["versions"]["pipeline"], &first["new"]["versions"]["pipeline"]),
+        (&json!("7"), &json!(PIPELINE_VERSION))
+    );
     let feature = &first["features"][0];
     assert_eq!((&feature["feature"], &feature["change"]), (&json!("duration"), &json!("apart")));
     assert_eq!(feature["old"], json!({"value": 45.0, "low": 44.0, "high": 46.0}));
     assert_eq!(feature["new"], json!({"value": 55.0, "low": 54.0, "high": 56.0}));
     let (mut told, mut next) = (vec![first["changed"].clone()], page["next"].clone());
     while let Some(cursor) = next.as_str() {
-        let page = centre.administrator.read(&format!("/api/v1/rescorings/{id}/sessions?limit=1&cursor={cursor}")).await;
+        let page =
+            centre.administrator.read(&format!("/api/v1/rescorings/{id}/sessions?limit=1&cursor={cursor}")).await;
         told.extend(page["items"].as_array().unwrap().iter().map(|item| item["changed"].clone()));
         next = page["next"].clone();
     }
@@ -171,7 +176,10 @@ async fn only_administrators_order_and_read_and_cancel() {
     // A session that is erased meanwhile takes its part of the order with it.
     let session = centre.administrator.read("/api/v1/sessions").await["items"][0]["id"].as_str().unwrap().to_owned();
     centre.administrator.delete(&format!("/api/v1/sessions/{session}")).await;
-    assert_eq!(read(centre.administrator.get(&format!("/api/v1/rescorings/{id}")).await, StatusCode::OK).await["sessions"]["all"], 3);
+    assert_eq!(
+        read(centre.administrator.get(&format!("/api/v1/rescorings/{id}")).await, StatusCode::OK).await["sessions"]["all"],
+        3
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -279,7 +279,13 @@ async fn what_a_session_is_held_against_does_not_depend_on_which_worker_was_quic
     let finish = async |number: usize| {
         let JobInput::Track(input) = leases[number].job.input.clone() else { panic!("a session") };
         let TrackInput { calibration, palette, .. } = input;
-        let versions = Versions { pipeline: "1".into(), tracked_with: None, calibration: Some(calibration), palette: Some(palette), model: None };
+        let versions = Versions {
+            pipeline: "1".into(),
+            tracked_with: None,
+            calibration: Some(calibration),
+            palette: Some(palette),
+            model: None,
+        };
         store.jobs().finish_track(&leases[number], beside(versions, number as u64)).await.unwrap();
     };
     finish(0).await;

@@ -68,11 +68,18 @@ async fn scoring_stored_paths_again_gives_the_same_bytes_and_survives_kills() {
         // Numbers are written in the shortest form that reads back to the same bits.
         assert_eq!(new["features"].to_string(), old["features"].to_string());
         assert_eq!(new["quality"].to_string(), old["quality"].to_string());
-        assert_eq!((&new["versions"]["pipeline"], &new["versions"]["tracked_with"]), (&json!(PIPELINE_VERSION), &json!("7")));
+        assert_eq!(
+            (&new["versions"]["pipeline"], &new["versions"]["tracked_with"]),
+            (&json!(PIPELINE_VERSION), &json!("7"))
+        );
         let results = json_of(centre.get(&format!("{path}/results")).await).await;
         let in_use: Vec<(&Value, &Value)> =
             results["items"].as_array().unwrap().iter().map(|r| (&r["versions"]["pipeline"], &r["in_use"])).collect();
-        assert_eq!(in_use, [(&json!(PIPELINE_VERSION), &json!(true)), (&json!("7"), &json!(false))], "the old one stays");
+        assert_eq!(
+            in_use,
+            [(&json!(PIPELINE_VERSION), &json!(true)), (&json!("7"), &json!(false))],
+            "the old one stays"
+        );
         assert_eq!(new["status"], "done");
     }
     let again = centre.request(Method::POST, "/tasks/pegs/rescorings").json(&json!({})).send().await.unwrap();
@@ -90,7 +97,10 @@ async fn recordings_are_tracked_again_behind_new_sessions_and_give_the_same_byte
     for old in &before {
         let new = json_of(centre.get(&format!("/sessions/{}", old["id"].as_str().unwrap())).await).await;
         assert_eq!(new["features"].to_string(), old["features"].to_string());
-        assert_eq!((&new["versions"]["pipeline"], &new["versions"]["tracked_with"]), (&json!(PIPELINE_VERSION), &Value::Null));
+        assert_eq!(
+            (&new["versions"]["pipeline"], &new["versions"]["tracked_with"]),
+            (&json!(PIPELINE_VERSION), &Value::Null)
+        );
     }
     centre.kill();
     assert_eq!(centre.check(), "");

@@ -34,7 +34,9 @@ fn feature(tool: Option<&str>, value: Result<f64, &str>) -> FeatureRow {
         tool: tool.map(str::to_owned),
         space: FeatureSpace::Space3d,
         value: value.map_err(str::to_owned),
-        error: value.ok().map(|value| Ok(FeatureError { sigma: 0.5, low: value - 1.0, high: value + 1.0, as_measured: value })),
+        error: value
+            .ok()
+            .map(|value| Ok(FeatureError { sigma: 0.5, low: value - 1.0, high: value + 1.0, as_measured: value })),
     }
 }
 

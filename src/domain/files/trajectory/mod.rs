@@ -12,8 +12,8 @@ mod parquet;
 mod read;
 mod write;
 
-pub use import::{ImportLimits, ImportProblem, ImportedTable, read_import};
 pub use columns::{TrajectoryColumns, to_json_columns};
+pub use import::{ImportLimits, ImportProblem, ImportedTable, read_import};
 pub use parquet::{ParquetProblem, write_parquet};
 pub use read::{TrajectoryProblem, read_csv};
 pub use write::write_csv;
