@@ -49,15 +49,15 @@ async fn mark_colours_again(centre: &Centre) {
 async fn whose_turn_it_is_stands_at_the_head_of_the_index() {
     let centre = Centre::ready().await;
     let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", next_in_queue!())).await;
-    assert_eq!(plan, ["SCAN job USING INDEX job_waiting"], "no sorting");
+    assert_eq!(plan, ["SCAN job USING COVERING INDEX job_waiting"], "no sorting");
 }
 
 #[tokio::test]
 async fn places_in_the_queue_are_counted_along_the_index() {
     let centre = Centre::ready().await;
     let plan = plan(&centre, concat!("EXPLAIN QUERY PLAN ", places_in_queue!())).await;
-    let from_place_to_place =
-        "SEARCH ahead USING INDEX job_waiting (turn=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
+    let from_place_to_place = "SEARCH ahead USING COVERING INDEX job_waiting \
+        (turn=? AND (queued_at_ms,id)>(?,?) AND (queued_at_ms,id)<(?,?))";
     assert!(plan.iter().any(|line| line == from_place_to_place), "{plan:#?}");
     assert!(!plan.iter().any(|line| line.starts_with("SCAN job")), "{plan:#?}");
 }

@@ -44,7 +44,7 @@ async fn order(centre: &Centre, order: Value) -> String {
     json_of(answer).await["id"].as_str().unwrap().to_owned()
 }
 
-/// Kills the service some times in the middle of an order, then waits for its end.
+/// Kills the service some times in the middle of an order, then waits for its end. Two kills cannot quarantine a job.
 async fn ends_through_kills(centre: &mut Centre, id: &str, kills: usize) -> Value {
     let mut dice = Dice(0x9e37_79b9_7f4a_7c15);
     for _ in 0..kills {
@@ -59,7 +59,7 @@ async fn ends_through_kills(centre: &mut Centre, id: &str, kills: usize) -> Valu
 async fn scoring_stored_paths_again_gives_the_same_bytes_and_survives_kills() {
     let (mut centre, before) = with_old_results().await;
     let id = order(&centre, json!({})).await;
-    let ended = ends_through_kills(&mut centre, &id, 3).await;
+    let ended = ends_through_kills(&mut centre, &id, 2).await;
     assert_eq!((&ended["sessions"]["done"], &ended["progress"]), (&json!(SESSIONS), &json!(1.0)), "{ended}");
     assert_eq!((&ended["changes"]["changed"], &ended["changes"]["apart"]), (&json!(0), &json!(0)), "{ended}");
     for old in &before {

@@ -42,7 +42,7 @@ pub enum TableFormat {
 /// The table so far.
 pub enum FeatureTable {
     /// As CSV.
-    Csv(csv::Writer<Vec<u8>>),
+    Csv(Box<csv::Writer<Vec<u8>>>),
     /// As JSON: the text, and whether a row stands in it.
     Json(Vec<u8>, bool),
     /// As Parquet.
@@ -54,9 +54,9 @@ impl FeatureTable {
     pub fn new(format: TableFormat) -> Result<Self, TableProblem> {
         Ok(match format {
             TableFormat::Csv => {
-                let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+                let mut writer = lines();
                 writer.write_record(COLUMNS)?;
-                Self::Csv(writer)
+                Self::Csv(Box::new(writer))
             }
             TableFormat::Json => Self::Json(br#"{"items":["#.to_vec(), false),
             TableFormat::Parquet => Self::Parquet(Box::new(ParquetTable::new()?)),
@@ -69,8 +69,9 @@ impl FeatureTable {
             Self::Csv(writer) => {
                 rows.iter().try_for_each(|row| writer.serialize(row))?;
                 writer.flush().map_err(|error| TableProblem::Flush(error.to_string()))?;
-                let done = mem::replace(writer, csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new()));
-                done.into_inner().map_err(|error| TableProblem::Flush(error.to_string()))
+                mem::replace(&mut **writer, lines())
+                    .into_inner()
+                    .map_err(|error| TableProblem::Flush(error.to_string()))
             }
             Self::Json(text, has_rows) => {
                 for row in rows {
@@ -96,6 +97,11 @@ impl FeatureTable {
             Self::Parquet(table) => Ok(table.finish()?),
         }
     }
+}
+
+/// A writer of lines without a head: it has one already.
+fn lines() -> csv::Writer<Vec<u8>> {
+    csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new())
 }
 
 impl TableFormat {
