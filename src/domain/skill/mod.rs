@@ -147,7 +147,7 @@ pub fn fingerprint(data: &Dataset) -> (String, u64) {
     }
     data.numbers().for_each(|number| hash.update(number.to_bits().to_le_bytes()));
     let hash = hash.finalize();
-    let seed = hash.iter().take(8).fold(0, |seed: u64, byte| seed << 8 | u64::from(*byte));
+    let seed = hash.iter().take(8).fold(0, |seed: u64, byte| (seed << 8) | u64::from(*byte));
     (hash.iter().map(|byte| format!("{byte:02x}")).collect(), seed)
 }
 

@@ -93,12 +93,11 @@ impl Model {
     fn agreeing(&self, level: Level, readings: &[(f64, Interval)]) -> f64 {
         let mut dice = Dice::new(0, "error bars");
         let agrees = |_: &usize| {
-            let drawn: Vec<f64> = (readings.iter())
-                .map(|(value, bar)| {
-                    let z = dice.gauss();
-                    value + z / BAR * if z < 0.0 { value - bar.low } else { bar.high - value }
-                })
-                .collect();
+            let mut draw = |(value, bar): &(f64, Interval)| {
+                let z = dice.gauss() / BAR;
+                value + z * if z < 0.0 { value - bar.low } else { bar.high - value }
+            };
+            let drawn: Vec<f64> = readings.iter().map(&mut draw).collect();
             likeliest(&self.probabilities(&self.standardised(|place| drawn[place]))) == level
         };
         (0..DRAWS).filter(agrees).count() as f64 / DRAWS as f64
