@@ -35,6 +35,8 @@ pub struct Model {
     pub scorer: Scorer,
     /// What scores are divided by before they become probabilities.
     pub temperature: f64,
+    /// Share of the probability that is the same for all levels: who has seen so few people is not surer than this allows.
+    pub doubt: f64,
     /// Where its data lie.
     pub region: Region,
     /// Did it do better than models of shuffled levels? Else it gives no verdict.
@@ -80,7 +82,8 @@ impl Model {
 
     /// Each level's probability, of standardised features.
     pub(super) fn probabilities(&self, x: &[f64]) -> PerLevel {
-        shares(&self.scorer.scores(x), self.temperature)
+        let even = self.doubt / LEVELS as f64;
+        shares(&self.scorer.scores(x), self.temperature).map(|share| (1.0 - self.doubt) * share + even)
     }
 
     pub(super) fn standardised(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
@@ -140,7 +143,7 @@ impl Model {
             }
             Scorer::Tree { nodes } => !nodes.is_empty(),
         };
-        let positive = self.temperature > 0.0 && self.temperature.is_finite();
+        let positive = self.temperature > 0.0 && self.temperature.is_finite() && (0.0..1.0).contains(&self.doubt);
         n > 0 && scale && self.scale.deviation.iter().all(|d| *d > 0.0) && region && scorer && positive
     }
 }
