@@ -129,13 +129,15 @@ impl Definition {
 
     /// The model, if all that was read fits together.
     pub fn model(self) -> Result<Model, Invalid> {
-        let Self { features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows, .. } = self;
+        let Self { features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows, .. } =
+            self;
         let chosen = (0..features.len()).collect();
         let (mean, deviation) = features.iter().map(|of| (of.mean, of.deviation)).unzip();
         let scale = Scale { chosen, mean, deviation };
         let features = features.into_iter().map(|of| of.feature).collect();
         let region = Region { centres, precision, limit };
-        let model = Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, doubt, region, knows };
+        let model =
+            Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, doubt, region, knows };
         if model.is_sound() { Ok(model) } else { Err(Invalid::new("model", "its numbers do not fit together")) }
     }
 }
