@@ -5,8 +5,8 @@ mod standards;
 
 use axum::extract::State;
 use axum::http::StatusCode;
-use serde::Serialize;
 pub use models::*;
+use serde::Serialize;
 pub use standards::*;
 use utoipa::ToSchema;
 
