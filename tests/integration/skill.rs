@@ -28,7 +28,7 @@ fn path(seconds: f64) -> String {
     for frame in 0..(seconds * 25.0) as usize {
         let time = frame as f64 / 25.0;
         let (x, y, z) = (20.0 * (2.0 * time).sin(), 10.0 * (3.1 * time).sin(), 150.0 + 8.0 * (1.3 * time).cos());
-        writeln!(csv, "{frame},{time},orange,{x},{y},{z},,,,0,0,1,,,0.05,0.2,observed").unwrap();
+        writeln!(csv, "{frame},{time},orange,{x},{y},{z},,,,0,0,1,,,0.01,0.04,observed").unwrap();
     }
     csv
 }

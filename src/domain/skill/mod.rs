@@ -41,6 +41,8 @@ pub struct Definition {
     pub scorer: Scorer,
     /// What scores are divided by before they become probabilities.
     pub temperature: f64,
+    /// Share of the probability that is the same for all levels.
+    pub doubt: f64,
     /// The levels' centres, standardised.
     pub centres: [Vec<f64>; skill::LEVELS],
     /// Inverse of the covariance around them, row by row.
@@ -117,23 +119,25 @@ pub enum Node {
 impl Definition {
     /// A trained model as it is kept, for sessions with so many tools.
     pub fn of(model: Model, tools: usize) -> Self {
-        let Model { features, scale, learner, parameter, scorer, temperature, region, knows } = model;
+        let Model { features, scale, learner, parameter, scorer, temperature, doubt, region, knows } = model;
         let scaled = features.into_iter().zip(scale.mean).zip(scale.deviation);
         let features = scaled.map(|((feature, mean), deviation)| Scaled { feature, mean, deviation }).collect();
         let Region { centres, precision, limit } = region;
         let scorer = scorer.into();
-        Self { tools, features, learner, parameter, scorer, temperature, centres, precision, limit, knows }
+        Self { tools, features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows }
     }
 
     /// The model, if all that was read fits together.
     pub fn model(self) -> Result<Model, Invalid> {
-        let Self { features, learner, parameter, scorer, temperature, centres, precision, limit, knows, .. } = self;
+        let Self { features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows, .. } =
+            self;
         let chosen = (0..features.len()).collect();
         let (mean, deviation) = features.iter().map(|of| (of.mean, of.deviation)).unzip();
         let scale = Scale { chosen, mean, deviation };
         let features = features.into_iter().map(|of| of.feature).collect();
         let region = Region { centres, precision, limit };
-        let model = Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, region, knows };
+        let model =
+            Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, doubt, region, knows };
         if model.is_sound() { Ok(model) } else { Err(Invalid::new("model", "its numbers do not fit together")) }
     }
 }
@@ -147,7 +151,7 @@ pub fn fingerprint(data: &Dataset) -> (String, u64) {
     }
     data.numbers().for_each(|number| hash.update(number.to_bits().to_le_bytes()));
     let hash = hash.finalize();
-    let seed = hash.iter().take(8).fold(0, |seed: u64, byte| seed << 8 | u64::from(*byte));
+    let seed = hash.iter().take(8).fold(0, |seed: u64, byte| (seed << 8) | u64::from(*byte));
     (hash.iter().map(|byte| format!("{byte:02x}")).collect(), seed)
 }
 

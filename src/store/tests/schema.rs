@@ -9,12 +9,13 @@ use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
-const FILES: [&str; 7] = [
+const FILES: [&str; 8] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
     include_str!("../../../migrations/0007_self_tests.sql"),
     include_str!("../../../migrations/0011_standards.sql"),
+    include_str!("../../../migrations/0012_skill_models.sql"),
     include_str!("../../../migrations/0013_evidence_ratings.sql"),
     include_str!("../../../migrations/0014_rescoring.sql"),
 ];

@@ -21,7 +21,7 @@ fn model(trainees: &[TraineeId]) -> NewSkillModel {
     });
     let definition = json!({
         "tools": 1, "features": [{"feature": "duration", "mean": 60.0, "deviation": 20.0}], "learner": "lda", "parameter": "",
-        "scorer": {"kind": "linear", "weights": [[1.0], [0.0], [-1.0]], "offsets": [0.0, 0.0, 0.0]}, "temperature": 1.0,
+        "scorer": {"kind": "linear", "weights": [[1.0], [0.0], [-1.0]], "offsets": [0.0, 0.0, 0.0]}, "temperature": 1.0, "doubt": 0.1,
         "centres": [[1.0], [0.0], [-1.0]], "precision": [4.0], "limit": 3.0, "knows": true,
     });
     NewSkillModel {

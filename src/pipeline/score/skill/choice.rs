@@ -6,7 +6,7 @@ use super::learner::{CANDIDATES, Learner, Table};
 use super::model::{Model, shares};
 use super::region::{Region, SHARE_INSIDE};
 use super::scale::Scale;
-use super::{Level, PerLevel};
+use super::{LEVELS, Level, PerLevel};
 use crate::pipeline::score::people::quantile;
 use crate::random::Dice;
 
@@ -75,7 +75,9 @@ impl<'d> Part<'d> {
         let scorer = learner.fit(&table)?;
         let features = scale.chosen.iter().map(|feature| self.data.features[*feature].clone()).collect();
         let (learner, parameter) = (learner.name().to_owned(), learner.parameter());
-        Some(Model { features, scale, learner, parameter, scorer, temperature, region, knows: true })
+        // Laplace's rule of succession: as if one more person of each level had been seen, who was like any other.
+        let doubt = LEVELS as f64 / (self.people.len() + LEVELS) as f64;
+        Some(Model { features, scale, learner, parameter, scorer, temperature, doubt, region, knows: true })
     }
 
     fn try_all(&self, dice: &mut Dice) -> Tried {

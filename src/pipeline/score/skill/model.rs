@@ -35,6 +35,8 @@ pub struct Model {
     pub scorer: Scorer,
     /// What scores are divided by before they become probabilities.
     pub temperature: f64,
+    /// Share of the probability that is the same for all levels: who has seen so few people is not surer than this allows.
+    pub doubt: f64,
     /// Where its data lie.
     pub region: Region,
     /// Did it do better than models of shuffled levels? Else it gives no verdict.
@@ -80,7 +82,8 @@ impl Model {
 
     /// Each level's probability, of standardised features.
     pub(super) fn probabilities(&self, x: &[f64]) -> PerLevel {
-        shares(&self.scorer.scores(x), self.temperature)
+        let even = self.doubt / LEVELS as f64;
+        shares(&self.scorer.scores(x), self.temperature).map(|share| (1.0 - self.doubt) * share + even)
     }
 
     pub(super) fn standardised(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
@@ -93,12 +96,11 @@ impl Model {
     fn agreeing(&self, level: Level, readings: &[(f64, Interval)]) -> f64 {
         let mut dice = Dice::new(0, "error bars");
         let agrees = |_: &usize| {
-            let drawn: Vec<f64> = (readings.iter())
-                .map(|(value, bar)| {
-                    let z = dice.gauss();
-                    value + z / BAR * if z < 0.0 { value - bar.low } else { bar.high - value }
-                })
-                .collect();
+            let mut draw = |(value, bar): &(f64, Interval)| {
+                let z = dice.gauss() / BAR;
+                value + z * if z < 0.0 { value - bar.low } else { bar.high - value }
+            };
+            let drawn: Vec<f64> = readings.iter().map(&mut draw).collect();
             likeliest(&self.probabilities(&self.standardised(|place| drawn[place]))) == level
         };
         (0..DRAWS).filter(agrees).count() as f64 / DRAWS as f64
@@ -141,7 +143,7 @@ impl Model {
             }
             Scorer::Tree { nodes } => !nodes.is_empty(),
         };
-        let positive = self.temperature > 0.0 && self.temperature.is_finite();
+        let positive = self.temperature > 0.0 && self.temperature.is_finite() && (0.0..1.0).contains(&self.doubt);
         n > 0 && scale && self.scale.deviation.iter().all(|d| *d > 0.0) && region && scorer && positive
     }
 }

@@ -4,7 +4,7 @@ use smartcore::linalg::basic::arrays::Array;
 use smartcore::linalg::basic::matrix::DenseMatrix;
 use smartcore::linear::logistic_regression::{LogisticRegression, LogisticRegressionParameters};
 
-use super::super::LEVELS;
+use super::super::{LEVELS, Level};
 use super::{Learner, Scorer, Table};
 
 /// The larger the ridge, the smaller the weights.
@@ -30,19 +30,15 @@ impl Learner for Logistic {
             return None;
         }
         let (coefficients, intercept) = (fitted.coefficients(), fitted.intercept());
-        let place = |level: usize| fitted.classes().iter().position(|class| *class as usize == level);
-        let mut scorer = (std::array::from_fn(|_| Vec::new()), [0.0; LEVELS]);
-        // The levels' shares are taken out again: a rare level is as likely as a common one.
-        let shares = table.levels.iter().fold([0.0; LEVELS], |mut n: [f64; LEVELS], level| {
-            n[*level as usize] += 1.0;
-            n
-        });
-        for level in 0..LEVELS {
-            let row = place(level)?;
-            scorer.0[level] = (0..table.rows[0].len()).map(|feature| *coefficients.get((row, feature))).collect();
-            scorer.1[level] = *intercept.get((row, 0)) - shares[level].ln();
+        let (mut weights, mut offsets) = (std::array::from_fn(|_| Vec::new()), [0.0; LEVELS]);
+        for level in Level::ALL {
+            let row = fitted.classes().iter().position(|class| *class == level as u32)?;
+            weights[level as usize] =
+                (0..table.rows[0].len()).map(|feature| *coefficients.get((row, feature))).collect();
+            // The level's share of the sessions is taken out again: a rare level is as likely as a common one.
+            let sessions = table.levels.iter().filter(|of| **of == level).count() as f64;
+            offsets[level as usize] = *intercept.get((row, 0)) - sessions.ln();
         }
-        let (weights, offsets) = scorer;
         Some(Scorer::Linear { weights, offsets })
     }
 }

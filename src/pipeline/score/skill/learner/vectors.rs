@@ -67,8 +67,8 @@ impl Vectors {
             }
         }
         let norm = to.iter().flatten().map(|w| w * w).sum::<f64>().sqrt();
-        let shrink = (1.0 / (self.ridge.sqrt() * norm)).min(1.0);
-        to.iter_mut().flatten().for_each(|w| *w *= if norm > 0.0 { shrink } else { 1.0 });
+        let shrink = (1.0 / (self.ridge.sqrt() * norm)).min(1.0); // 1 of no weights at all
+        to.iter_mut().flatten().for_each(|w| *w *= shrink);
         *planes = to;
     }
 }
