@@ -110,6 +110,7 @@ impl Planter {
             pipeline: pipeline.to_owned(),
             tracked_with: Some(old.versions.pipeline),
             features: old.features.iter().map(|row| of(*row.value.as_ref().unwrap())).collect(),
+            evidence: Vec::new(),
             quality: old.quality,
         };
         self.store.jobs().finish_rescore(&lease, score).await.unwrap();
