@@ -89,13 +89,13 @@ fn measured(ids: &Ids) -> (Vec<GivenRating>, Vec<SessionValue>) {
     let noise = [5.0, 1.0, 9.0, 3.0, 7.0, 2.0, 8.0, 4.0, 6.0, 0.0, 5.5, 2.5];
     let mut given = Vec::new();
     let mut values = Vec::new();
-    for person in 0..12 {
+    for (person, noise) in noise.into_iter().enumerate() {
         for second in 0..2 {
             let mark = 10 + 3 * person as u8 + second as u8;
             given.push(ids.rating(person, second, 0, &[Some(mark)]));
             let seconds = 200.0 - 10.0 * person as f64 + if person % 4 == 0 { 25.0 } else { 0.0 };
             values.push(value(ids, person, second, "duration", None, seconds));
-            values.push(value(ids, person, second, "path_length", Some("left"), noise[person]));
+            values.push(value(ids, person, second, "path_length", Some("left"), noise));
         }
     }
     (given, values)

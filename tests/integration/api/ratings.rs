@@ -74,7 +74,7 @@ async fn a_rater_is_blind_until_they_have_rated_and_the_trainee_sees_all() {
     let own = centre.trainee.read(&ratings).await;
     assert_eq!(count(&own), 2);
     assert!(own["items"].as_array().unwrap().iter().all(|rating| rating["own"] == false));
-    assert_eq!((count(&centre.trainee.read(&comments).await)), 2);
+    assert_eq!(count(&centre.trainee.read(&comments).await), 2);
     problem(centre.trainee.post(&ratings, goals(5)).await, 403, "forbidden").await;
 }
 
