@@ -188,7 +188,8 @@ async fn a_tasks_table_is_the_administrators_and_tells_no_name() {
     assert!(!csv.contains("ada") && !csv.contains("bob"), "ids alone: {csv}");
     let named = centre.administrator.get(&format!("{path}?format=csv&trainees=code")).await.text().await.unwrap();
     assert!(named.contains(",ada,") && named.contains(",bob,"), "{named}");
-    centre.administrator.make("/api/v1/cohorts", json!({"name": "Only Bob", "members": ["bob"]})).await;
+    let bob = centre.administrator.read("/api/v1/trainees/bob").await["id"].clone();
+    centre.administrator.make("/api/v1/cohorts", json!({"name": "Only Bob", "members": [bob]})).await;
     let some = centre.administrator.read(&format!("{path}?cohort=only-bob")).await;
     assert_eq!(some["items"].as_array().unwrap().len(), 1);
     assert_eq!(some["items"][0]["value"], 50.0);
