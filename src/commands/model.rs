@@ -105,11 +105,11 @@ fn read_labels(path: &Path) -> Result<HashMap<String, Label>, Failure> {
     Ok(labels)
 }
 
-/// The usable sessions, with the version of the program that measured them and the number of tools that most of them have.
-fn samples(
-    sessions: Vec<Scored>,
-    mut labels: HashMap<String, Label>,
-) -> Result<(Vec<Sample<String>>, (String, usize)), Failure> {
+/// Usable sessions, with the version of the program that measured them and the number of tools that most of them have.
+type Usable = (Vec<Sample<String>>, (String, usize));
+
+/// Those of the sessions that are labelled and alike.
+fn samples(sessions: Vec<Scored>, mut labels: HashMap<String, Label>) -> Result<Usable, Failure> {
     let input = |why: String| Err(Failure::Input(anyhow!(why)));
     let pipeline = sessions.first().map_or_else(String::new, |session| session.pipeline.clone());
     let tools = most_common_tools(sessions.iter().map(|session| session.tools.len()));

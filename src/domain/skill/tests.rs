@@ -98,7 +98,8 @@ fn every_kind_of_model_is_kept_and_a_broken_file_is_refused() {
         let kept = ModelFile { model: Definition { scorer, ..file.model.clone() }, ..file.clone() };
         assert_eq!(ModelFile::parse(&serde_json::to_string(&kept).unwrap()).unwrap(), kept, "{}", learner.name());
     }
-    let broken: [(&str, fn(&mut ModelFile)); 5] = [
+    type Broken = (&'static str, fn(&mut ModelFile));
+    let broken: [Broken; 5] = [
         ("form", |file| file.form = 2),
         ("a weight too many", |file| {
             file.model.scorer =

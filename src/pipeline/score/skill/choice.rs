@@ -27,6 +27,9 @@ pub(super) struct Part<'d> {
     pub people: Vec<usize>,
 }
 
+/// What was chosen: a temperature, a number of features by its place, and a learner.
+type Choice = (f64, usize, &'static dyn Learner);
+
 /// What a candidate said of the people left out: of which row, and its scores.
 type Said = Vec<(usize, PerLevel)>;
 
@@ -93,9 +96,9 @@ impl<'d> Part<'d> {
 
     /// The temperature, number of features and learner that are least surprised by the people left out: the mean logarithm of the
     /// probability of their level, each person of a level counting the same, and each level.
-    fn best(&self, tried: &Tried) -> Option<(f64, usize, &'static dyn Learner)> {
+    fn best(&self, tried: &Tried) -> Option<Choice> {
         let weights = self.weights();
-        let mut best: Option<(f64, (f64, usize, &'static dyn Learner))> = None;
+        let mut best: Option<(f64, Choice)> = None;
         for (most, of_most) in tried.said.iter().enumerate() {
             for (learner, said) in CANDIDATES.iter().zip(of_most) {
                 let Some(said) = said else { continue };
