@@ -128,6 +128,9 @@ impl Workshop {
         match error {
             WorkError::Impossible(problem) => Ok(held.fail(problem).await.map(drop)?),
             WorkError::Store(StoreError::NotFound { what }) => Ok(held.fail(gone(what)).await.map(drop)?),
+            WorkError::Vault(VaultError::Damaged | VaultError::TooLong { .. }) => {
+                Ok(held.fail(damaged()).await.map(drop)?)
+            }
             WorkError::Vault(VaultError::NotFound) => Ok(held.fail(gone("file")).await.map(drop)?),
             error => {
                 held.give_back().await?;
@@ -325,6 +328,11 @@ fn tool_names(work: &Work) -> Vec<String> {
 pub(super) fn crashed(reason: &str) -> Problem {
     let detail = format!("the process that worked on it {reason}; after three times it is not tried again by itself");
     Problem::new("analysis-crashed", "The analysis did not survive this file", detail)
+}
+
+fn damaged() -> Problem {
+    let detail = "a stored file that this work needs is damaged: restore it from a backup, then try again";
+    Problem::new("input-damaged", "What the work needs is damaged", detail)
 }
 
 fn gone(what: &str) -> Problem {

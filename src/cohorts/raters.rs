@@ -184,8 +184,11 @@ fn correlations_of(
 ) -> Correlations {
     let whose: BTreeMap<SessionId, (i64, TraineeId)> =
         given.iter().map(|rating| (rating.session, (rating.recorded_at_ms, rating.trainee))).collect();
-    let newest = values.iter().max_by_key(|value| whose.get(&value.session).copied());
-    let pipeline = newest.map(|value| value.pipeline.clone());
+    let mut rated: BTreeMap<&str, BTreeSet<TraineeId>> = BTreeMap::new();
+    for value in &values {
+        rated.entry(&value.pipeline).or_default().extend(whose.get(&value.session).map(|(_, trainee)| *trainee));
+    }
+    let pipeline = rated.into_iter().max_by_key(|(_, people)| people.len()).map(|(pipeline, _)| pipeline.to_owned());
     values.retain(|value| Some(&value.pipeline) == pipeline.as_ref());
     let sessions: BTreeSet<SessionId> = values.iter().map(|value| value.session).collect();
     let people: BTreeSet<TraineeId> = sessions.iter().filter_map(|id| whose.get(id)).map(|(_, who)| *who).collect();

@@ -8,7 +8,7 @@ use crate::domain::session::FeatureRow;
 use crate::domain::skill::{
     Definition, ModelFile, Reading, Readings, ReasonName, SkillVerdict, features_offered, most_common_tools,
 };
-use crate::ids::TaskId;
+use crate::ids::{TaskId, TraineeId};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::score::skill::{Dataset, FEWEST_PER_LEVEL, Level, MOST_PER_LEVEL, NoModel, SESSIONS_EACH, Sample};
 use crate::store::{DeclaredSession, NewSkillModel, SessionResult, SkillModel, StoreError};
@@ -60,11 +60,12 @@ impl Cohorts {
         Ok(models.add(&scope, of, made.map_err(NoSkillModel::from)?).await?)
     }
 
-    /// What a task's model in use says of a session's result.
+    /// What a task's model in use says of a result of somebody's session. Of people whose sessions it was made of it says
+    /// nothing: it would tell what it was told, and is worth something else there than was measured.
     pub async fn verdict(
         &self,
         scope: &Scope,
-        of: TaskId,
+        (of, trainee): (TaskId, TraineeId),
         result: &SessionResult,
     ) -> Result<SkillVerdict, CohortsError> {
         let Some(model) = self.store.skill_models().in_use(scope, of).await? else {
@@ -72,8 +73,14 @@ impl Cohorts {
             return Ok(SkillVerdict::without(ReasonName::NoModel, detail));
         };
         let (version, report) = (model.version, model.report.clone());
+        let is_its_own = self.store.skill_models().is_made_of(model.id, trainee).await?;
         let verdict = match askable(&model, result) {
             Err(without) => *without,
+            Ok(_) if is_its_own => {
+                let detail =
+                    "the model was made of this person's own sessions among others: it would tell what it was told";
+                SkillVerdict::without(ReasonName::InTraining, detail)
+            }
             Ok(definition) => {
                 let (readings, tools) = (Readings::of(result.features.iter().map(reading)), result.tools.len());
                 self.calculate(move || definition.judge(&readings, tools)).await?

@@ -3,7 +3,7 @@
 //!
 //! | part | here |
 //! |---|---|
-//! | actor | the trainee's account: their code, at the service's address; no name |
+//! | actor | the trainee's account: their id, at the service's address; no name, and no code, which may be made of one |
 //! | verb | `passed` or `failed` where the task's standard could judge the session, else `completed` |
 //! | object | the task, by its address |
 //! | result | completion, success where it was judged, duration; features with their error bars as an extension |
@@ -28,7 +28,7 @@ pub struct Scored<'s> {
     pub session: String,
     /// Of its result.
     pub result: String,
-    /// The trainee's code.
+    /// The trainee's id.
     pub trainee: &'s str,
     /// The task's id and name.
     pub task: (String, &'s str),

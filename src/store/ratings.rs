@@ -134,8 +134,10 @@ impl Ratings<'_> {
                 let insert = sqlx::query(
                     "INSERT INTO rating (id, session_id, person_id, form, form_version, items, is_blind, created_at_ms)
                      SELECT $1, $2, $3, $4, $5, $6,
-                            NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3 AND form = $4)
-                                 AND EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id IS NOT $3 AND form = $4))
+                            NOT EXISTS (SELECT 1 FROM rating AS own
+                                        JOIN rating AS other ON other.session_id = own.session_id AND other.form = own.form
+                                             AND other.person_id IS NOT own.person_id
+                                        WHERE own.session_id = $2 AND own.person_id = $3)
                             AND NOT (EXISTS (SELECT 1 FROM rating WHERE session_id = $2 AND person_id = $3)
                                      AND EXISTS (SELECT 1 FROM comment LEFT JOIN person ON person.id = comment.person_id
                                                  WHERE session_id = $2 AND person_id IS NOT $3
@@ -198,7 +200,7 @@ impl Ratings<'_> {
         Ok(rows.into_iter().map(given).collect())
     }
 
-    /// The features of these sessions' latest results, but for those that were refused; of those that the scope sees.
+    /// The features of these sessions' latest results, but for those that were refused or not measured here; of those that the scope sees.
     pub async fn values(&self, scope: &Scope, sessions: &[SessionId]) -> StoreResult<Vec<SessionValue>> {
         require_staff(scope, "what ratings go with")?;
         let results = sqlx::query_as::<_, ResultRow>(concat!(
@@ -207,7 +209,7 @@ impl Ratings<'_> {
              JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                                          ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              WHERE session.id IN (SELECT value FROM json_each($3))
-               AND json_extract(result.quality, '$.verdict') IS NOT 'refused' AND ",
+               AND json_extract(result.quality, '$.verdict') IS NOT 'refused' AND result.calibration_id IS NOT NULL AND ",
             sees_trainee!("session.trainee_id")
         ));
         let results = results.asked_by(scope).bind(Json(sessions)).fetch_all(self.0.readers()).await?;

@@ -58,7 +58,7 @@ const ITEMS: &str = "INSERT INTO rescoring_item (rescoring_id, session_id, old_r
      JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
      JOIN job ON job.id = (SELECT latest.id FROM job AS latest
-                           WHERE latest.session_id = session.id AND latest.kind <> 'rescore'
+                           WHERE latest.session_id = session.id AND latest.turn < 2
                            ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
      WHERE session.task_id = $2 AND job.state = 'done' AND (NOT $4 OR session.tracker IS NULL)
        AND (NOT $5 OR CASE WHEN $4 THEN coalesce(result.tracked_with, result.pipeline) ELSE result.pipeline END

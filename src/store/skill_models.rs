@@ -13,7 +13,7 @@ use super::{Scope, Store};
 use crate::domain::session::FeatureSpace;
 use crate::domain::skill::{Definition, Reading, Report};
 use crate::domain::trainee::Level;
-use crate::ids::{ModelId, ResultId, TaskId, TraineeId};
+use crate::ids::{ModelId, ResultId, SessionId, TaskId, TraineeId};
 
 /// The tasks' models of skill.
 pub struct SkillModels<'s>(pub(super) &'s Store);
@@ -149,6 +149,12 @@ impl SkillModels<'_> {
         row.fetch_optional(self.0.readers()).await?.ok_or(not_found("model"))
     }
 
+    /// Was it made of this trainee's sessions, among others?
+    pub async fn is_made_of(&self, model: ModelId, trainee: TraineeId) -> StoreResult<bool> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM skill_model_trainee WHERE model_id = $1 AND trainee_id = $2)";
+        Ok(sqlx::query_scalar(sql).bind(model).bind(trainee).fetch_one(self.0.readers()).await?)
+    }
+
     /// The last hundred versions, newest first.
     pub async fn list(&self, scope: &Scope, of: TaskId) -> StoreResult<Vec<SkillModel>> {
         let rows = sqlx::query_as(select_models!()).asked_by(scope).bind(of).bind(None::<i64>).bind(100);
@@ -195,6 +201,15 @@ pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_
     let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
                AND id IN (SELECT model_id FROM skill_model_trainee WHERE trainee_id = $1)";
     sqlx::query(sql).bind(trainee).bind(now_ms).execute(tx).await?;
+    Ok(())
+}
+
+/// The same before a session goes: its task's models that were made of this trainee's sessions, since they may hold this one.
+pub(super) async fn withdraw_of_session(tx: &mut SqliteConnection, session: SessionId, now_ms: i64) -> StoreResult<()> {
+    let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
+               AND task_id = (SELECT task_id FROM session WHERE id = $1) AND id IN (SELECT model_id FROM skill_model_trainee
+                              WHERE trainee_id = (SELECT trainee_id FROM session WHERE id = $1))";
+    sqlx::query(sql).bind(session).bind(now_ms).execute(tx).await?;
     Ok(())
 }
 

@@ -20,7 +20,7 @@ export function Skill({ verdict }) {
         ${!level && probabilities && html`<p class="small muted">${words.all(LEVELS.map(of =>
           `${words.levels[of]} ${whole(probabilities[of])}`))}</p>`}
         ${carried.length > 0 && html`<${Carried} carried=${carried} likeliest=${likeliest(probabilities)} />`}
-        ${reason?.name !== 'knows_nothing' && accuracy && html`<p class="small muted">${worth(given ?? accuracy, Boolean(given))}</p>`}
+        ${probabilities && reason?.name !== 'knows_nothing' && accuracy && html`<p class="small muted">${worth(given ?? accuracy, Boolean(given))}</p>`}
       </div>
     </section>`;
 }

@@ -539,11 +539,12 @@ export default {
       worth: (share, low, high, people) =>
         `On ${people} people whom it had not seen, such a model found the level in ${share} of the sessions (${low} to ${high}).`,
       worthGiven: (share, low, high, people) =>
-        `Where such a model gave a level to people whom it had not seen, it was right in ${share} of the sessions (${low} to ${high}, ${people} people).`,
+        `Where such a model gave this level to people whom it had not seen, it was right in ${share} of the sessions (${low} to ${high}, ${people} people).`,
       reasons: {
         no_model: 'the task has no model of skill. Administrators make one under Tasks, of people whose level is declared.',
         withdrawn: 'somebody of whom the model was made was erased, and the model with them.',
         other_pipeline: 'this session was measured by another version of the program than the model’s sessions.',
+        in_training: 'the model was made of this person’s own sessions, among others: it would tell what it was told.',
         other_tools: 'this session has another number of tools than the model’s sessions.',
         knows_nothing: 'the model did no better than models of shuffled levels. It knows nothing.',
         not_measured: 'a feature that the model goes by was not measured.',

@@ -8,7 +8,7 @@ use anyhow::{Context, anyhow};
 use crate::commands::Failure;
 use crate::commands::model::percent;
 use crate::domain::session::FeatureSpace;
-use crate::domain::skill::{Carried, ModelFile, Reading, Readings, ReasonName, SkillVerdict};
+use crate::domain::skill::{Carried, ModelFile, Reading, Readings, ReasonName, Share, SkillVerdict};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::Assessment;
 use crate::pipeline::features::FeatureValue;
@@ -37,11 +37,7 @@ pub fn verdict(model: &ModelFile, assessment: &Assessment, is_refused: bool) -> 
         return SkillVerdict::without(ReasonName::Refused, "no feature of this session is to be believed");
     }
     let readings = Readings::of(assessment.features.iter().map(|value| reading(value, &assessment.tools)));
-    SkillVerdict {
-        accuracy: Some(model.report.accuracy),
-        accuracy_where_given: model.report.speaking.right,
-        ..model.model.judge(&readings, assessment.tools.len())
-    }
+    model.model.judge(&readings, assessment.tools.len()).worth(&model.report)
 }
 
 fn reading(value: &FeatureValue, tools: &[String]) -> Reading {
@@ -65,12 +61,15 @@ pub fn text(verdict: &SkillVerdict) -> String {
         let [novice, intermediate, expert] = [of.novice, of.intermediate, of.expert].map(percent);
         format!(" (novice {novice}, intermediate {intermediate}, expert {expert})")
     });
-    let worth = verdict.accuracy.map_or_else(String::new, |of| {
+    let of_people = |of: Share| {
         let [value, low, high] = [of.value, of.low, of.high].map(percent);
-        format!(
-            "  – on people it had not seen the model found the level in {value} ({low} to {high}) of the sessions\n"
-        )
-    });
+        format!("in {value} ({low} to {high}, {} people) of the sessions of people whom they had not seen\n", of.people)
+    };
+    let worth = match (verdict.accuracy_where_given, verdict.accuracy) {
+        (Some(given), _) => format!("  – where such models gave this level, it was right {}", of_people(given)),
+        (None, Some(all)) => format!("  – such models found the level {}", of_people(all)),
+        (None, None) => String::new(),
+    };
     let carried = |of: &Carried| {
         let [value, mean] = [of.value, of.mean].map(super::significant);
         format!("  – {} {value} {}, mean {mean}: {:+.0} %\n", of.feature, of.unit, 100.0 * of.raises)

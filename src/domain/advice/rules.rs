@@ -104,7 +104,7 @@ pub const RULES: &[Rule] = &[
     },
     Rule {
         id: "stay_in_view",
-        lower: &["not_seen_share", "left_view_share", "absences", "longest_absence"],
+        lower: &["left_view_share"], // of the others part may be the tracker's doing
         higher: &[],
         support: Support::LeftView,
         words: "Keep the tip in the picture.",

@@ -79,15 +79,15 @@ fn no_advice_where_the_error_covers_the_limit_or_is_unknown_or_nothing_was_measu
 
 #[test]
 fn no_advice_without_seconds_that_are_the_hands_doing() {
-    let targets = || vec![target("not_seen_share", Some("left"), Better::Lower, 0.1)];
-    let features = [row("not_seen_share", Some("left"), 0.4, 0.01)];
-    let ask = |cause| told(targets(), &features, &[seen("not_seen_share", Some("left"), cause)]);
+    let targets = || vec![target("left_view_share", Some("left"), Better::Lower, 0.1)];
+    let features = [row("left_view_share", Some("left"), 0.4, 0.01)];
+    let ask = |cause| told(targets(), &features, &[seen("left_view_share", Some("left"), cause)]);
     assert_eq!(ask(Some(AbsenceCause::LeftView)).len(), 1);
     assert!(
         ask(Some(AbsenceCause::Lost)).is_empty() && ask(Some(AbsenceCause::Hidden)).is_empty() && ask(None).is_empty()
     );
     let reason = NoEvidence { reason: "nothing_stands_out".into(), detail: String::new() };
-    let none = EvidenceRow { stretches: vec![], none: Some(reason), ..seen("not_seen_share", Some("left"), None) };
+    let none = EvidenceRow { stretches: vec![], none: Some(reason), ..seen("left_view_share", Some("left"), None) };
     assert!(told(targets(), &features, &[none]).is_empty());
     assert!(told(targets(), &features, &[]).is_empty());
 }

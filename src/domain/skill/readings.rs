@@ -30,12 +30,16 @@ pub struct Reading {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Readings(BTreeMap<String, Option<Measured>>);
 
+/// Shares of one tool in what both did: their mean over both is a half, whoever holds them.
+const SHARES_OF_A_PAIR: [&str; 2] = ["handedness", "handedness_in_time"];
+
 /// Names of the features that may carry a verdict.
 pub fn features_offered() -> Vec<String> {
     let key = |name: &str| FeatureKey { feature: name.to_owned(), tool: None, space: FeatureSpace::Space3d };
     let offered =
         FEATURES.iter().filter(|f| f.spaces.iter().any(|space| FeatureSpace::from(*space) == FeatureSpace::Space3d));
-    offered.map(|feature| feature.name).filter(|name| !is_of_one_camera(&key(name))).map(str::to_owned).collect()
+    let speaks = |name: &&str| !is_of_one_camera(&key(name)) && !SHARES_OF_A_PAIR.contains(name);
+    offered.map(|feature| feature.name).filter(speaks).map(str::to_owned).collect()
 }
 
 impl Readings {

@@ -90,6 +90,8 @@ pub struct Speaking {
     pub share: f64,
     /// Share of these whose level was right; `null` if it never spoke.
     pub right: Option<Share>,
+    /// The same of those that were given novice, intermediate, expert; `null` of a level that it never gave.
+    pub of_level: [Option<Share>; skill::LEVELS],
 }
 
 /// How often a learner was chosen.
@@ -99,6 +101,13 @@ pub struct Chosen {
     pub learner: String,
     /// In so many outer folds.
     pub folds: usize,
+}
+
+impl Speaking {
+    /// Where this level was given, the share that was right.
+    pub fn right_where(&self, given: Level) -> Option<Share> {
+        self.of_level[skill::Level::from(given) as usize]
+    }
 }
 
 impl Report {
@@ -130,7 +139,11 @@ impl Report {
             levels: levels.map(of_level).into(),
             confusion: confusion.map(PerLevel::from).into(),
             baseline: Baseline { permutations, mean, high, p },
-            speaking: Speaking { share: speaking.share, right: speaking.right.map(Share::from) },
+            speaking: Speaking {
+                share: speaking.share,
+                right: speaking.right.map(Share::from),
+                of_level: speaking.of_level.map(|share| share.map(Share::from)),
+            },
             chosen: chosen.into_iter().map(|(learner, folds)| Chosen { learner, folds }).collect(),
         }
     }

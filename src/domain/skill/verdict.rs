@@ -27,7 +27,7 @@ pub struct SkillVerdict {
     pub carried: Vec<Carried>,
     /// In how many sessions of people whom it never saw such models found the level.
     pub accuracy: Option<Share>,
-    /// The same where they gave a level.
+    /// Where they gave this level, in how many it was right; `null` without a level.
     pub accuracy_where_given: Option<Share>,
 }
 
@@ -51,6 +51,8 @@ named! {
         OtherPipeline = "other_pipeline",
         /// The session's quality does not allow to believe its features.
         Refused = "refused",
+        /// The model was made of sessions of this person's: of them it says what it was told.
+        InTraining = "in_training",
         /// The session has another number of tools than the model's sessions.
         OtherTools = "other_tools",
         /// The model did no better than models of shuffled levels.
@@ -99,10 +101,15 @@ impl SkillVerdict {
         }
     }
 
+    /// The same with what it is worth.
+    pub fn worth(self, report: &Report) -> Self {
+        let accuracy_where_given = self.level.and_then(|level| report.speaking.right_where(level));
+        Self { accuracy: Some(report.accuracy), accuracy_where_given, ..self }
+    }
+
     /// The same, of this version of the model with what it is worth.
     pub fn by(self, version: i64, report: &Report) -> Self {
-        let (accuracy, accuracy_where_given) = (Some(report.accuracy), report.speaking.right);
-        Self { model: Some(version), accuracy, accuracy_where_given, ..self }
+        Self { model: Some(version), ..self.worth(report) }
     }
 }
 

@@ -64,11 +64,12 @@ pub fn statement(home: &str, session: &Session, result: &SessionResult, standard
         let hand = session.trainee_handedness;
         (standard.version, standard.definition.judge(&result.features, &result.versions.pipeline, hand))
     };
+    let trainee = session.trainee_id.to_string();
     xapi::statement(&Scored {
         home,
         session: session.id.to_string(),
         result: result.id.to_string(),
-        trainee: session.trainee_code.as_str(),
+        trainee: &trainee,
         task: (session.task_id.to_string(), session.task_name.as_str()),
         recorded_at: to_rfc3339(session.recorded_at_ms),
         duration_s: result.video.duration_s,

@@ -94,11 +94,11 @@ pub async fn erase(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCo
 impl App {
     /// A session with its latest result, judged by its task's standard and its model of skill.
     async fn judged(&self, scope: &Scope, session: store::Session) -> Answer<Session> {
-        let handedness = session.trainee_handedness;
+        let (handedness, of) = (session.trainee_handedness, (session.task_id, session.trainee_id));
         let result = self.store.sessions().result(scope, session.id).await?;
         let standard = self.store.standards().in_use(scope, session.task_id).await?;
         let verdict = match &result {
-            Some(result) => Some(self.cohorts.verdict(scope, session.task_id, result).await?),
+            Some(result) => Some(self.cohorts.verdict(scope, of, result).await?),
             None => None,
         };
         Ok(Session::of(session, result).judged_by(standard.as_ref(), handedness).with_verdict(verdict))

@@ -17,6 +17,9 @@ use crate::http::show::Paging;
 use crate::http::state::App;
 use crate::store::SessionFilter;
 
+/// Most statements on a page: each is made of a whole result.
+const MOST_STATEMENTS: u32 = 50;
+
 /// Read a trainee's sessions as xAPI statements, by the page, newest first
 ///
 /// As a learning record store gives them: `more` is the address of the next page, and empty on the last. Sessions without a result
@@ -32,6 +35,7 @@ pub async fn xapi(
 ) -> Answer<Json<StatementResult>> {
     let trainee = app.store.trainees().get(&by.scope, &key).await?;
     let home = app.home(&headers);
+    let paging = paging.at_most(MOST_STATEMENTS);
     let limit = paging.limit();
     let page = paging.request(app.settings.page_items)?;
     let filter = SessionFilter {

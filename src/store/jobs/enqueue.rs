@@ -33,6 +33,7 @@ async fn insert_for(
     let key = (input.kind(), Blob::of(text.as_bytes()).hash, versions);
     if let Some(id) = find(tx, key).await? {
         requeue(tx, id, now_ms).await?;
+        hasten(tx, id, turn).await?;
         // They were sent once more. Where the job has let them go, they are collected by their rows.
         for blob in input.blobs() {
             blobs::record(tx, blob, now_ms).await?;
@@ -55,6 +56,12 @@ async fn insert_for(
         link.bind(id).bind(blob.hash).execute(&mut *tx).await?;
     }
     Ok(id)
+}
+
+/// Work that a person asks for now waits no longer for the turn of a rescoring that had asked for it before.
+pub(super) async fn hasten(tx: &mut SqliteConnection, id: JobId, turn: Turn) -> StoreResult<()> {
+    sqlx::query("UPDATE job SET turn = min(turn, $2) WHERE id = $1").bind(id).bind(turn as i64).execute(tx).await?;
+    Ok(())
 }
 
 /// Queues a job again that has failed or was quarantined, with all its attempts; `false` if it has not.

@@ -176,7 +176,9 @@ async fn insert_assessed(
     evidence: Vec<EvidenceRow>,
 ) -> StoreResult<()> {
     evidence::insert(tx, result, evidence).await?;
-    let told = sqlx::query("UPDATE rescoring_item SET new_result_id = $2 WHERE job_id = $1").bind(job).bind(result);
+    let told = sqlx::query("UPDATE rescoring_item SET new_result_id = $2 WHERE job_id = $1 AND state = 'working'")
+        .bind(job)
+        .bind(result);
     told.execute(&mut *tx).await?;
     for (position, feature) in features.into_iter().enumerate() {
         let insert = sqlx::query(

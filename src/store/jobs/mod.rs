@@ -154,6 +154,8 @@ impl Jobs<'_> {
         self.0
             .write(async move |tx| {
                 if enqueue::requeue(tx, id, now_ms).await? {
+                    let job = lease::read(tx, id).await?;
+                    enqueue::hasten(tx, id, job.input.turn()).await?;
                     note(tx, &scope, now_ms, ("retry", "job"), id).await?;
                 }
                 lease::read(tx, id).await

@@ -147,7 +147,8 @@ impl Session {
     }
 }
 
-/// Sessions with all that a [`Session`] says; conditions follow.
+/// Sessions with all that a [`Session`] says; conditions follow. Scoring it again (turn 2) is no state of a session: whatever comes of
+/// that, its result stays.
 macro_rules! select_sessions {
     () => {
         "SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
@@ -165,7 +166,7 @@ macro_rules! select_sessions {
          JOIN training_box ON training_box.id = session.box_id
          LEFT JOIN blob ON blob.hash = session.video
          LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest
-                                    WHERE latest.session_id = session.id AND latest.kind <> 'rescore'
+                                    WHERE latest.session_id = session.id AND latest.turn < 2
                                     ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)"
     };
 }

@@ -85,7 +85,7 @@ macro_rules! practised {
                     json_extract(result.quality, '$.verdict') = 'refused' AS refused, count(*) OVER () AS in_all
              FROM session
              LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest
-                                    WHERE latest.session_id = session.id AND latest.kind <> 'rescore'
+                                    WHERE latest.session_id = session.id AND latest.turn < 2
                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              LEFT JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id

@@ -6,7 +6,7 @@ use super::super::audit::note;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
 use super::super::jobs::{self, enqueue_track};
 use super::super::visibility::{require_staff, require_trainee};
-use super::super::{Scope, blobs};
+use super::super::{Scope, blobs, skill_models};
 use super::{Session, Sessions};
 use crate::domain::job::{ImportInput, JobInput, JobState};
 use crate::domain::session::NewSession;
@@ -70,6 +70,7 @@ impl Sessions<'_> {
             .erase(|| {
                 let scope = scope.clone();
                 async move |tx| {
+                    skill_models::withdraw_of_session(tx, id, now_ms).await?;
                     let deleted = sqlx::query("DELETE FROM session WHERE id = $1").bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
                         return Err(not_found("session"));

@@ -78,10 +78,18 @@ async fn a_model_is_made_of_people_judges_a_session_and_goes_with_the_first_of_t
     let said = verdict(&centre.trainee).await;
     assert_eq!((&said["level"], &said["model"]), (&json!("expert"), &json!(1)), "{said}");
     assert!(said["probabilities"]["expert"].as_f64() > Some(0.6) && said["accuracy"] == *accuracy, "{said}");
+    assert_eq!(said["accuracy_where_given"], made["report"]["speaking"]["of_level"][2], "{said}");
     assert_eq!(said["carried"][0]["feature"], "duration", "{said}");
     assert_eq!(verdict(&centre.instructor).await, said);
     let hidden = centre.other_instructor.read("/api/v1/sessions?trainee=ada").await;
     assert_eq!(hidden["items"], json!([]));
+
+    // Of those whom it was made of it says nothing.
+    let theirs = centre.administrator.read("/api/v1/sessions?trainee=person-1").await;
+    let theirs =
+        centre.administrator.read(&format!("/api/v1/sessions/{}", theirs["items"][0]["id"].as_str().unwrap())).await;
+    let said = &theirs["verdict"];
+    assert_eq!((&said["level"], &said["reason"]["name"]), (&Value::Null, &json!("in_training")), "{said}");
 
     // What it cannot judge it says so of.
     for (day, rows, made, why) in [

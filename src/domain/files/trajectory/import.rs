@@ -8,6 +8,7 @@
 //! [`read_csv`]: super::read_csv
 
 use super::read::{Lines, TrajectoryProblem, read_lines};
+use super::shown;
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
 /// Largest magnitude of a number beside the position: as far outside any picture in pixels, or as fast in mm/s, as nothing
@@ -132,13 +133,13 @@ fn check_tools(tools: &[String], rows: &Lines, known: &[String], limits: &Import
     for (index, tool) in tools.iter().enumerate() {
         let mut lines = rows.iter().filter(|(sample, _)| sample.tool == index).map(|(_, line)| *line);
         let (line, second) = (lines.next().unwrap_or_default(), lines.next());
-        let tool = tool.clone();
+        let shown = shown(tool);
         if index >= limits.tools {
-            return Err(ImportProblem::TooManyTools { line, tool, most: limits.tools });
+            return Err(ImportProblem::TooManyTools { line, tool: shown, most: limits.tools });
         }
-        if !known.is_empty() && !known.contains(&tool) {
+        if !known.is_empty() && !known.contains(tool) {
             let known = known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
-            return Err(ImportProblem::UnknownTool { line, tool, known });
+            return Err(ImportProblem::UnknownTool { line, tool: shown, known });
         }
         let begins_well = tool.chars().next().is_some_and(char::is_alphanumeric); // `=…` is a formula to a spreadsheet
         if tool.chars().count() > LONGEST_NAME || tool.chars().any(char::is_control) || !begins_well {
@@ -147,7 +148,7 @@ fn check_tools(tools: &[String], rows: &Lines, known: &[String], limits: &Import
             return Err(ImportProblem::Beyond { line, column: "tool", value, expected });
         }
         if second.is_none() {
-            return Err(ImportProblem::OneRow { line, tool });
+            return Err(ImportProblem::OneRow { line, tool: shown });
         }
     }
     Ok(())

@@ -44,6 +44,15 @@ pub const COLUMNS: [&str; 17] = [
 /// How many of [`COLUMNS`] a reader cannot do without.
 pub const REQUIRED: usize = 6;
 
+/// Text of a file as a message repeats it: a field may be megabytes long.
+fn shown(text: &str) -> String {
+    const MOST: usize = 60;
+    match text.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// The word for a state in the column `state`.
 fn state_name(state: SampleState) -> &'static str {
     match state {

@@ -10,7 +10,7 @@ use std::io::Read;
 use csv::StringRecord;
 use nalgebra::{Point2, Point3, Vector3};
 
-use super::{COLUMNS, REQUIRED};
+use super::{COLUMNS, REQUIRED, shown};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
 /// Largest coordinate that can be meant, mm: ten metres, far outside any box. Catches metres given as micrometres,
@@ -139,7 +139,7 @@ fn check_order(rows: &[(Sample, u64)], tools: &[String]) -> Result<(), Trajector
     for pair in rows.windows(2) {
         let [(before, earlier), (after, line)] = pair else { continue };
         if before.frame == after.frame && before.tool == after.tool {
-            let tool = tools[after.tool].clone();
+            let tool = shown(&tools[after.tool]);
             let (earlier, line) = (*earlier.min(line), *earlier.max(line));
             return Err(TrajectoryProblem::RepeatedRow { line, tool, frame: after.frame, earlier });
         }
@@ -233,7 +233,7 @@ impl Fields<'_> {
     }
 
     fn wrong(&self, column: &'static str, expected: &'static str) -> TrajectoryProblem {
-        TrajectoryProblem::Field { line: self.line, column, text: self.text(column).to_owned(), expected }
+        TrajectoryProblem::Field { line: self.line, column, text: shown(self.text(column)), expected }
     }
 
     fn frame(&self) -> Result<u64, TrajectoryProblem> {

@@ -72,6 +72,8 @@ pub struct Speaking {
     pub share: f64,
     /// Of these, the share whose level was right, over people of whom it spoke; `None` if it never did.
     pub right: Option<Share>,
+    /// The same of the sessions that were given this level, for each level.
+    pub of_level: [Option<Share>; LEVELS],
 }
 
 /// Of each person with any, the mean over their sessions.

@@ -111,6 +111,10 @@ fn report(data: &Dataset, guesses: &[Guess], chosen: Vec<String>, baseline: Base
     let row = |row: Level| -> PerLevel { Level::ALL.map(|column| given(row, column)) };
     let spoken = by_person(guesses, |guess| Some(f64::from(guess.said.is_some())));
     let right_where_spoken = by_person(guesses, |guess| guess.said.map(|said| f64::from(said == guess.level)));
+    let right_where_said = |level: Level| {
+        let given = |guess: &Guess| guess.said.filter(|said| *said == level);
+        share(&by_person(guesses, |guess| given(guess).map(|said| f64::from(said == guess.level))), |_| true).ok()
+    };
     let mut learners: Vec<(String, usize)> = Vec::new();
     for name in chosen {
         match learners.iter_mut().find(|(known, _)| *known == name) {
@@ -131,6 +135,7 @@ fn report(data: &Dataset, guesses: &[Guess], chosen: Vec<String>, baseline: Base
         speaking: Speaking {
             share: spoken.iter().map(|(_, share)| share).sum::<f64>() / spoken.len().max(1) as f64,
             right: share(&right_where_spoken, |_| true).ok(),
+            of_level: Level::ALL.map(right_where_said),
         },
         chosen: learners,
     })
