@@ -51,20 +51,23 @@ async fn a_rating_is_blind_unless_the_rater_could_have_seen_anothers() {
     centre.group("One", &[&one, &two], &[&ana]).await;
     let session = centre.session(ana.id, "video").await.id;
     let (one, two) = (Scope::instructor(one.id), Scope::instructor(two.id));
-    let give = async |by: &Scope, form, mark| {
+    let give_to = async |session, by: &Scope, form, mark| {
         centre.store.ratings().give(by, session, (form, 1), marks(mark)).await.unwrap().is_blind
     };
+    let give = async |by: &Scope, form, mark| give_to(session, by, form, mark).await;
     assert!(give(&one, Form::Goals, 2).await);
     assert!(give(&one, Form::Goals, 3).await, "nobody else has rated yet");
     assert!(give(&two, Form::Goals, 5).await);
     assert!(!give(&one, Form::Goals, 5).await, "by now the other's could be read");
-    assert!(give(&one, Form::Osats, 4).await, "of this form nobody else's could");
-    centre.store.comments().add(&two, session, comment("poor"), [2.0, 2.0]).await.unwrap();
-    assert!(!give(&one, Form::Osats, 1).await, "the other's comment could be read");
+    assert!(!give(&one, Form::Osats, 4).await, "who read marks on one form has them in mind on another");
+    let second = centre.session(ana.id, "another video").await.id;
+    assert!(give_to(second, &one, Form::Goals, 2).await);
+    centre.store.comments().add(&two, second, comment("poor"), [2.0, 2.0]).await.unwrap();
+    assert!(!give_to(second, &one, Form::Osats, 1).await, "the other's comment could be read");
     let given = centre.store.ratings().given(&one, centre.task.id, Form::Goals).await.unwrap();
     let mut totals: Vec<_> = given.iter().map(|rating| rating.items[0].mark).collect();
     totals.sort();
-    assert_eq!(totals, [Some(3), Some(5)], "the last blind rating of each");
+    assert_eq!(totals, [Some(2), Some(3), Some(5)], "the last blind rating of each");
 }
 
 #[tokio::test]

@@ -122,6 +122,11 @@ async fn rows_of_another_tracker_are_a_version_of_their_own_and_never_tracked() 
     result.versions.pipeline = crate::domain::session::version_of_rows(&"Kinovea".parse().unwrap());
     (result.versions.calibration, result.versions.palette, result.diagnostics) = (None, None, None);
     centre.store.jobs().finish_track(&lease, result).await.unwrap();
+    assert_eq!(
+        centre.store.ratings().values(&service, &[session.id]).await.unwrap(),
+        [],
+        "what was measured elsewhere goes with nothing"
+    );
     let rescorings = centre.store.rescorings();
     assert!(rescorings.create(&service, centre.task.id, OLDER).await.is_err(), "it is of the present version");
     let from_recording = NewRescoring { from: RescoringSource::Recording, which: Which::All };
@@ -146,4 +151,26 @@ async fn an_item_whose_work_failed_keeps_the_reason_and_the_order_ends() {
     assert_eq!(page.items[0].problem.as_ref().unwrap().slug, "path-alone");
     let session = centre.store.sessions().get(&service, page.items[0].session_id).await.unwrap();
     assert_eq!(session.status().name(), "done", "a session stands by its own work");
+}
+
+#[tokio::test]
+async fn a_recording_that_cannot_be_tracked_again_leaves_the_session_as_it_was_until_a_person_asks() {
+    let centre = practised(1).await;
+    let (rescorings, service) = (centre.store.rescorings(), Scope::service());
+    centre.calibrate().await; // another camera than then
+    let from_recording = NewRescoring { from: RescoringSource::Recording, which: Which::All };
+    let id = rescorings.create(&service, centre.task.id, from_recording).await.unwrap();
+    rescoring::look(&centre.store, 1).await.unwrap();
+    let session = rescorings.items(&service, id, &PageRequest::default()).await.unwrap().items[0].session_id;
+    let status = async || centre.store.sessions().get(&service, session).await.unwrap().status().name();
+    let lease = centre.claim().await.unwrap();
+    assert_eq!((lease.job.kind.name(), status().await), ("track", "done"), "under way");
+    centre.store.jobs().fail(&lease, Problem::new("other-size", "No", "because")).await.unwrap();
+    rescoring::look(&centre.store, 1).await.unwrap();
+    assert_eq!(rescorings.get(&service, id).await.unwrap().failed, 1);
+    assert_eq!(status().await, "done", "its result is there, and counts");
+    rescorings.create(&service, centre.task.id, NewRescoring { which: Which::All, ..OLDER }).await.unwrap();
+
+    centre.store.jobs().retry(&service, lease.job.id).await.unwrap();
+    assert_eq!(status().await, "queued", "a person asked for it");
 }

@@ -17,7 +17,7 @@ fn model(trainees: &[TraineeId]) -> NewSkillModel {
     let report = json!({
         "knows": true, "people": [8, 8, 8], "sessions": [8, 8, 8], "left_out": 0, "offered": 1, "accuracy": share, "balanced": 0.8,
         "levels": [], "confusion": [], "baseline": {"permutations": 99, "mean": 0.33, "high": 0.5, "p": 0.01},
-        "speaking": {"share": 0.9, "right": share}, "chosen": [],
+        "speaking": {"share": 0.9, "right": share, "of_level": [share, null, share]}, "chosen": [],
     });
     let definition = json!({
         "tools": 1, "features": [{"feature": "duration", "mean": 60.0, "deviation": 20.0}], "learner": "lda", "parameter": "",
@@ -66,6 +66,21 @@ async fn a_model_is_withdrawn_with_the_first_person_of_whom_it_was_made() {
     assert!(audit.items.iter().any(|entry| (entry.action.as_str(), entry.noun.as_str()) == ("create", "skill_model")));
     store.tasks().delete(&service, &Key::from(&task)).await.unwrap();
     assert!(models.list(&service, task).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn a_model_is_withdrawn_with_the_first_session_that_it_may_hold() {
+    let centre = Centre::ready().await;
+    let (models, service) = (centre.store.skill_models(), Scope::service());
+    let (ana, ben) = (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id);
+    let [anas, bens] = [(ana, "a"), (ben, "b")].map(|(whom, content)| centre.session(whom, content));
+    let (anas, bens) = (anas.await.id, bens.await.id);
+    let made = models.add(&service, centre.task.id, model(&[ana])).await.unwrap();
+    assert!(models.is_made_of(made.id, ana).await.unwrap() && !models.is_made_of(made.id, ben).await.unwrap());
+    centre.store.sessions().erase(&service, bens).await.unwrap();
+    assert!(models.in_use(&service, centre.task.id).await.unwrap().unwrap().definition.is_some());
+    centre.store.sessions().erase(&service, anas).await.unwrap();
+    assert!(models.in_use(&service, centre.task.id).await.unwrap().unwrap().definition.is_none());
 }
 
 #[tokio::test]

@@ -114,6 +114,13 @@ fn a_field_that_cannot_be_meant_is_named_with_its_line() {
 }
 
 #[test]
+fn a_message_repeats_no_more_than_a_line_of_the_file() {
+    let long = "x".repeat(1 << 20);
+    let message = read(&with_rows(&format!("0,0,a,{long},1,1\n"))).unwrap_err().to_string();
+    assert!(message.contains("xxx…") && message.len() < 300, "{}", message.len());
+}
+
+#[test]
 fn one_tool_twice_on_a_frame_is_refused_with_both_lines() {
     let problem = read(&with_rows("5,0.2,a,1,1,1\n6,0.24,a,1,1,1\n5,0.2,a,1,1,1\n")).unwrap_err();
     assert_eq!(problem, TrajectoryProblem::RepeatedRow { line: 4, tool: "a".to_owned(), frame: 5, earlier: 2 });
