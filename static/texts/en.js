@@ -474,6 +474,7 @@ export default {
         refused: 'This session is refused: advice from its numbers would be as wrong as they are.',
         no_standard: 'This task has no standard yet. Advice is given against a standard’s limits alone.',
         no_evidence: 'Which seconds made these features was not kept yet. Score the recording again to get advice.',
+        no_seconds: 'A limit of the standard is missed, but no seconds stand out that show why.',
         nothing_sure: 'No feature misses the standard by more than it may be off.',
       },
       rules: {

@@ -6,6 +6,7 @@ use utoipa::ToSchema;
 
 use crate::domain::advice::{self, Advice, Measured};
 use crate::domain::evidence::EvidenceRow;
+use crate::domain::standard::SessionJudgement;
 use crate::http::auth::signed_in::Member;
 use crate::http::error::Answer;
 use crate::http::read::{At, Json};
@@ -36,7 +37,7 @@ pub struct AdviceGiven {
 /// Why there is no advice.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct NoAdvice {
-    /// Stable name: `not_scored`, `refused`, `no_standard`, `no_evidence` or `nothing_sure`.
+    /// Stable name: `not_scored`, `refused`, `no_standard`, `no_evidence`, `no_seconds` or `nothing_sure`.
     reason: &'static str,
     /// The same in words.
     detail: &'static str,
@@ -55,9 +56,11 @@ const NO_EVIDENCE: NoAdvice = NoAdvice {
     reason: "no_evidence",
     detail: "The result is of a program that did not keep where features come from. Score the session again.",
 };
-const NOTHING_SURE: NoAdvice = NoAdvice {
-    reason: "nothing_sure",
-    detail: "No feature misses its limit by more than it may be off, with seconds that show why.",
+const NOTHING_SURE: NoAdvice =
+    NoAdvice { reason: "nothing_sure", detail: "No feature misses its limit by more than it may be off." };
+const NO_SECONDS: NoAdvice = NoAdvice {
+    reason: "no_seconds",
+    detail: "A limit is missed, but no seconds stand out of which a rule could speak.",
 };
 
 /// Read which seconds made a session's features
@@ -109,5 +112,10 @@ fn advice_of(
         handedness: session.trainee_handedness,
     };
     let items = advice::advise(&standard.definition, measured);
-    if items.is_empty() { Err(NOTHING_SURE) } else { Ok(items) }
+    let judged = standard.definition.judge(&result.features, &result.versions.pipeline, session.trainee_handedness);
+    match (items.is_empty(), judged) {
+        (false, _) => Ok(items),
+        (true, SessionJudgement::Fail) => Err(NO_SECONDS),
+        (true, _) => Err(NOTHING_SURE),
+    }
 }

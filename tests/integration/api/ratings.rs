@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use trocar::domain::evidence::{EvidenceRow, StretchRow};
 use trocar::domain::feature::FeatureKey;
 use trocar::domain::session::FeatureSpace;
+use trocar::pipeline::PIPELINE_VERSION;
 use trocar::store::{Store, StoreSettings};
 use trocar::time::System;
 
@@ -167,6 +168,12 @@ fn key(feature: &str) -> FeatureKey {
     FeatureKey { feature: feature.to_owned(), tool: None, space: FeatureSpace::Space3d }
 }
 
+async fn advice_of_newest(centre: &Centre) -> Value {
+    let list = centre.trainee.read("/api/v1/sessions").await;
+    let newest = list["items"].as_array().unwrap().iter().map(|row| row["id"].as_str().unwrap()).max().unwrap();
+    centre.trainee.read(&format!("/api/v1/sessions/{newest}/advice")).await
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_surely_missed() {
     let centre = Centre::open().await;
@@ -204,13 +211,17 @@ async fn evidence_is_told_as_it_was_kept_and_advice_only_where_the_limit_is_sure
             assert_eq!(told["none"]["reason"], "nothing_sure");
         }
     }
+    // What is missed without seconds to look at is not said to be kept.
+    let steady = json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": 20.0, "unit": "s"}}]});
+    centre.instructor.make("/api/v1/tasks/peg/standards", steady).await;
+    planter.evidence[0].stretches.clear();
+    planter.result(ada, NEW_YEAR_MS + DAY_MS / 2, vec![duration(110.0, 4.0)], (PIPELINE_VERSION, "valid")).await;
+    let told = advice_of_newest(&centre).await;
+    assert_eq!(told["none"]["reason"], "no_seconds", "{told}");
     // Of a refused session there is none, whatever it says.
-    let refused = ("9", "refused");
+    let refused = (PIPELINE_VERSION, "refused");
     planter.result(ada, NEW_YEAR_MS + DAY_MS, vec![duration(110.0, 4.0)], refused).await;
-    let list = centre.trainee.read("/api/v1/sessions").await;
-    let newest =
-        list["items"].as_array().unwrap().iter().map(|row| row["id"].as_str().unwrap()).max().unwrap().to_owned();
-    let told = centre.trainee.read(&format!("/api/v1/sessions/{newest}/advice")).await;
+    let told = advice_of_newest(&centre).await;
     assert_eq!(told["none"]["reason"], "refused", "{told}");
     let waiting = of_ada(&centre).await;
     assert_eq!(centre.trainee.read(&format!("{waiting}/advice")).await["none"]["reason"], "not_scored");
