@@ -158,6 +158,7 @@ async fn a_recording_that_cannot_be_tracked_again_leaves_the_session_as_it_was_u
     let centre = practised(1).await;
     let (rescorings, service) = (centre.store.rescorings(), Scope::service());
     centre.calibrate().await; // another camera than then
+    centre.clock.advance(std::time::Duration::from_millis(1)); // the newest work tells how a session stands
     let from_recording = NewRescoring { from: RescoringSource::Recording, which: Which::All };
     let id = rescorings.create(&service, centre.task.id, from_recording).await.unwrap();
     rescoring::look(&centre.store, 1).await.unwrap();
