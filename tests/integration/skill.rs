@@ -74,7 +74,10 @@ fn declared_levels_become_a_model_that_says_what_it_is_worth() {
     assert_eq!(skill["level"], "expert", "{skill}");
     assert!(skill["accuracy"]["low"].as_f64() > Some(0.4) && skill["carried"][0]["raises"].is_number(), "{skill}");
     let text = String::from_utf8(trocar(folder, "score --model model.json new.csv").stdout).unwrap();
-    assert!(text.contains("skill: expert (novice") && text.contains("where such models gave this level, it was right"), "{text}");
+    assert!(
+        text.contains("skill: expert (novice") && text.contains("where such models gave this level, it was right"),
+        "{text}"
+    );
 
     // Without stated errors, and from other worlds, no level.
     let bare: String =
