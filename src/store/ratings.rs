@@ -1,8 +1,8 @@
 //! What raters give sessions. Rows are added and never changed; of each rater the latest on a form counts.
 //!
 //! **Blind.** A member of staff sees others' ratings on a form, and their comments, only after a rating of their own; the
-//! session's trainee sees all. Each row remembers whether it was given so: whoever rates again after others did could have read
-//! them.
+//! session's trainee sees all. Each row remembers whether it was given so: whoever rates again after others did, on this form
+//! or another, could have read them.
 
 use std::collections::HashSet;
 

@@ -84,8 +84,7 @@ macro_rules! select_models {
 }
 
 /// Usable sessions of task `$1` by people of a declared level, measured by version `$2`: of each person the last `$3`, of each
-/// level the
-/// `$4` people who practised last.
+/// level the `$4` people who practised last.
 macro_rules! declared {
     () => {
         "WITH usable AS (
