@@ -1,15 +1,19 @@
 #!/usr/bin/env python3
 """The README's figures: calibrate → track → evaluate, on every scene with a known answer, beside the OpenCV peer and the limits.
 
-Usage: python3 benches/figures TROCAR SHARED WORK [--readme README.md] [--only PART,…] [--quick]
+Usage: python3 benches/figures TROCAR SHARED WORK [--readme README.md] [--only PART,…] [--kept] [--quick]
 
 TROCAR is the release binary, SHARED the folder with `scenes/`, `peer/`, WORK a folder for results. Everything is done
-as a user would: photos and annotations in, nothing else. PARTs are those of `PARTS` below. `--quick` runs each part once on
-short clips, to see that it works: its figures are not for the README.
+as a user would: photos and annotations in, nothing else. PARTs are those of `PARTS` below. What a part measured is kept
+in WORK: with `--kept` it is measured only if this very program was not, so that a part that takes the time can have a quiet
+machine. `--quick` runs each part once on short clips, to see that it works: its figures are not for the README.
 """
 import argparse
+import hashlib
+import json
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import accuracy
@@ -20,7 +24,7 @@ import memory
 import repeatability
 import rest
 import skill
-from programs import ROUNDS, Bench
+from programs import ROUNDS, Bench, Goal, Part
 from scenes import Scenes
 
 PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features, "skill": skill,
@@ -34,8 +38,11 @@ def main():
     scenes = Scenes(bench)
     goals, tables = [], []
     for name in options.only:
-        print(f"… {name}", file=sys.stderr)
-        part = PARTS[name].measure(bench, scenes)
+        part = kept(bench, name) if options.kept else None
+        if part is None:
+            print(f"… {name}", file=sys.stderr)
+            part = PARTS[name].measure(bench, scenes)
+            keep(bench, name, part)
         goals += part.goals
         tables += part.tables
     text = "\n\n".join([goals_table(goals), *tables, note(bench)])
@@ -53,6 +60,7 @@ def arguments():
     parser.add_argument("work", type=Path)
     parser.add_argument("--readme", type=Path)
     parser.add_argument("--only", type=lambda names: names.split(","), default=list(PARTS))
+    parser.add_argument("--kept", action="store_true")
     parser.add_argument("--quick", action="store_true")
     options = parser.parse_args()
     if unknown := set(options.only) - set(PARTS):
@@ -60,6 +68,28 @@ def arguments():
     if options.readme and (options.quick or options.only != list(PARTS)):
         parser.error("--readme needs every part, and not --quick")
     return options
+
+
+def keep(bench, name, part):
+    place(bench, name).write_text(json.dumps({"of": made_by(bench), **asdict(part)}))
+
+
+def kept(bench, name):
+    """What this program was measured to do, if it was."""
+    if not place(bench, name).exists():
+        return None
+    known = json.loads(place(bench, name).read_text())
+    return Part([Goal(**goal) for goal in known["goals"]], known["tables"]) if known["of"] == made_by(bench) else None
+
+
+def place(bench, name):
+    return bench.work / f"{name}{'-quick' if bench.quick else ''}.json"
+
+
+def made_by(bench):
+    """The program and these scripts."""
+    sources = [bench.trocar, *sorted(Path(__file__).parent.glob("*.py"))]
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 def goals_table(goals):
