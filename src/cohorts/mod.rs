@@ -9,7 +9,7 @@
 //! | `progress.rs` | a trainee's sessions of a task over time |
 //! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
 //! | `series.rs` | one feature of them: points, place, curve |
-//! | `monitors.rs` | charts, computed once per design |
+//! | `known.rs` | charts and curves that were computed lately |
 //! | `raters.rs` | whether raters agree, and what their ratings go with |
 //! | `skill.rs` | a task's model of skill: made, and asked of a session |
 //! | `answer.rs` | what is answered, as it is told |
@@ -18,7 +18,7 @@
 //! this room but to who may see that person.
 
 pub mod answer;
-mod monitors;
+mod known;
 mod people;
 mod progress;
 mod propose;
@@ -35,7 +35,7 @@ use crate::domain::text::Invalid;
 use crate::store::{Store, StoreError};
 use crate::time::SharedClock;
 
-use monitors::Monitors;
+use known::Known;
 pub use progress::{Asked, Found};
 pub use propose::{Proposal, Proposed};
 pub use raters::{Agreement, CorrelationRow, Correlations};
@@ -80,7 +80,7 @@ pub enum CohortsError {
 pub struct Cohorts {
     store: Store,
     clock: SharedClock,
-    monitors: Arc<Monitors>,
+    known: Arc<Known>,
     places: Arc<Semaphore>,
     training: Arc<Semaphore>,
 }
@@ -90,7 +90,7 @@ impl Cohorts {
     pub fn new(store: Store, clock: SharedClock) -> Self {
         let places = |most| Arc::new(Semaphore::new(most));
         let (places, training) = (places(CALCULATIONS), places(TRAININGS));
-        Self { store, clock, monitors: Arc::default(), places, training }
+        Self { store, clock, known: Arc::default(), places, training }
     }
 
     /// Calculates beside the async threads.

@@ -5,6 +5,7 @@
 //! believed result's, so that a program's update does not end what was learnt before the old sessions are tracked again.
 
 use super::answer::{Course, SetAside, Step};
+use super::known::Known;
 use super::people::LAST_SESSIONS;
 use super::series::{Numbered, Whom, series};
 use super::verdicts::Verdicts;
@@ -76,13 +77,13 @@ impl Cohorts {
             Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &keys).await?),
             None => None,
         };
-        let (monitors, now_ms) = (self.monitors.clone(), self.clock.now_ms());
+        let (known, now_ms) = (self.known.clone(), self.clock.now_ms());
         let (id, handedness) = (trainee.id, trainee.handedness);
         let definition = standard.as_ref().map(|standard| standard.definition.clone());
         let calculation = move || {
             let whom = Whom { trainee: id, handedness, among: among.as_deref() };
-            let monitor = definition.as_ref().and_then(|definition| monitors.of(definition.charts).ok());
-            followed(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &whom, now_ms)
+            let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
+            followed(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &whom, &known, now_ms)
         };
         let course = self.calculate(calculation).await?;
         Ok(Found { trainee, task: Some(task), standard, cohort, course })
@@ -153,6 +154,7 @@ fn followed(
     keys: Vec<FeatureKey>,
     standard: Option<(&Definition, &Monitor)>,
     whom: &Whom<'_>,
+    known: &Known,
     now_ms: i64,
 ) -> Course {
     let believed = |session: &'_ Practised| session.result.clone().filter(|outcome| !outcome.refused);
@@ -175,7 +177,8 @@ fn followed(
         set_aside: set_aside(at.session),
         trial: told.as_ref().and_then(|told| told.trials.get(index)).map(|trial| (*trial).into()),
     };
-    let of = |key: FeatureKey| find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, whom));
+    let of =
+        |key: FeatureKey| find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, whom, known));
     Course {
         pipeline: pipeline.clone(),
         earlier: practice.earlier,

@@ -76,9 +76,9 @@ impl Cohorts {
             ready.push((feature, key, way));
         }
         let charts = charts.unwrap_or_default();
-        let monitors = self.monitors.clone();
+        let known = self.known.clone();
         let calculation = move || {
-            monitors.of(charts).map_err(|why| Invalid::new("charts", why.to_string()))?;
+            known.charts(charts).map_err(|why| Invalid::new("charts", why.to_string()))?;
             let targets = ready.into_iter().map(|(feature, key, way)| proposed(feature, key, &way)).collect();
             Ok::<_, Invalid>(Proposal { targets, rule, charts })
         };

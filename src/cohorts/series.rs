@@ -3,13 +3,14 @@
 use super::answer::{
     Curve, Estimate, Forecast, ForecastState, Learning, LearningState, LinePoint, Place, Point, Series, Withheld,
 };
+use super::known::Known;
 use super::people::Like;
 use crate::domain::feature::FeatureKey;
 use crate::domain::standard::{Definition, Target, ToJudge};
 use crate::domain::trainee::Handedness;
 use crate::ids::TraineeId;
 use crate::pipeline::features::{Direction, Feature};
-use crate::pipeline::score::curve::{self, Session, fit};
+use crate::pipeline::score::curve::{self, Session};
 use crate::pipeline::score::interval::Measured;
 use crate::pipeline::score::{NoAnswer, cohort};
 use crate::store::{CohortValue, Measurement, Outcome, Practised};
@@ -59,6 +60,7 @@ pub fn series(
     sessions: &[Numbered<'_>],
     standard: Option<&Definition>,
     whom: &Whom<'_>,
+    known: &Known,
 ) -> Series {
     let target = standard.and_then(|standard| standard.target(of));
     let points = sessions.iter().filter_map(|session| point(session, of, target, whom.handedness)).collect();
@@ -67,7 +69,7 @@ pub fn series(
         Some(Ok(place)) => (Some(place), None),
         Some(Err(why)) => (None, Some(why)),
     };
-    let learning = learning(of, feature.direction, sessions, target);
+    let learning = learning(of, feature.direction, sessions, target, known);
     let (title, unit, better) = (feature.title, feature.unit, feature.direction.name());
     Series { of: of.clone(), title, unit, better, target: target.cloned(), points, place, no_place, learning }
 }
@@ -122,7 +124,13 @@ fn place(
     })
 }
 
-fn learning(of: &FeatureKey, direction: Direction, sessions: &[Numbered<'_>], target: Option<&Target>) -> Learning {
+fn learning(
+    of: &FeatureKey,
+    direction: Direction,
+    sessions: &[Numbered<'_>],
+    target: Option<&Target>,
+    known: &Known,
+) -> Learning {
     let value = |session: &Numbered<'_>| {
         let Measured { value, .. } = session.evidence(of, None)?.measured()?;
         Some(Session { number: session.number as u32, value })
@@ -130,14 +138,18 @@ fn learning(of: &FeatureKey, direction: Direction, sessions: &[Numbered<'_>], ta
     let counted: Vec<Session> = sessions.iter().filter(|session| session.counts).filter_map(value).collect();
     let told = |state| Learning { state, curve: None, forecast: None, withheld: None };
     let withheld = |why: NoAnswer| Learning { withheld: Some(why.into()), ..told(LearningState::Withheld) };
-    match fit(&counted, direction) {
-        Err(why) => withheld(why),
-        Ok(curve::Learning::TooFew { found, needed }) => withheld(NoAnswer::TooFew { of: "sessions", found, needed }),
-        Ok(curve::Learning::NoCurve) => told(LearningState::NoCurve),
-        Ok(curve::Learning::StillStraight) => told(LearningState::StillStraight),
-        Ok(curve::Learning::Curve(curve)) => Learning {
-            forecast: target.map(|target| forecast(&curve, target.limit)),
-            curve: Some(shown(&curve, counted.first().map_or(1, |session| session.number))),
+    let first = counted.first().map_or(1, |session| session.number);
+    let found = match known.curve(counted, direction) {
+        Ok(found) => found,
+        Err(why) => return withheld(why),
+    };
+    match &*found {
+        &curve::Learning::TooFew { found, needed } => withheld(NoAnswer::TooFew { of: "sessions", found, needed }),
+        curve::Learning::NoCurve => told(LearningState::NoCurve),
+        curve::Learning::StillStraight => told(LearningState::StillStraight),
+        curve::Learning::Curve(curve) => Learning {
+            forecast: target.map(|target| forecast(curve, target.limit)),
+            curve: Some(shown(curve, first)),
             ..told(LearningState::Curve)
         },
     }
