@@ -21,14 +21,15 @@ import bad_case
 import cost
 import features
 import memory
+import rates
 import repeatability
 import rest
 import skill
 from programs import ROUNDS, Bench, Goal, Part
 from scenes import Scenes
 
-PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features, "skill": skill,
-         "cost": cost, "memory": memory}
+PARTS = {"accuracy": accuracy, "repeatability": repeatability, "rest": rest, "bad": bad_case, "features": features,
+         "rates": rates, "skill": skill, "cost": cost, "memory": memory}
 BEGIN, END = "<!-- figures: made by `make figures`; do not edit by hand -->", "<!-- /figures -->"
 
 
@@ -71,7 +72,7 @@ def arguments():
 
 
 def keep(bench, name, part):
-    place(bench, name).write_text(json.dumps({"of": made_by(bench), **asdict(part)}))
+    place(bench, name).write_text(json.dumps({"of": made_by(bench, name), **asdict(part)}))
 
 
 def kept(bench, name):
@@ -79,16 +80,16 @@ def kept(bench, name):
     if not place(bench, name).exists():
         return None
     known = json.loads(place(bench, name).read_text())
-    return Part([Goal(**goal) for goal in known["goals"]], known["tables"]) if known["of"] == made_by(bench) else None
+    return Part([Goal(**goal) for goal in known["goals"]], known["tables"]) if known["of"] == made_by(bench, name) else None
 
 
 def place(bench, name):
     return bench.work / f"{name}{'-quick' if bench.quick else ''}.json"
 
 
-def made_by(bench):
-    """The program and these scripts."""
-    sources = [bench.trocar, *sorted(Path(__file__).parent.glob("*.py"))]
+def made_by(bench, name):
+    """The program and the part's script."""
+    sources = [bench.trocar, Path(PARTS[name].__file__)]
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 

@@ -1,6 +1,6 @@
 """Scenes with a known answer, each with the photos that its camera took: rendered ones, the peer's, the project's own."""
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -63,11 +63,17 @@ class Scenes:
         seconds = ["--seconds", 4] if self.bench.quick and scene != "slide" else []
         return self._own(f"own {scene} {view}", f"own {scene}, {view}", ["--scene", scene, "--view", view, "--seed", 5, *seconds])
 
-    def person(self, seed, level, task, view, box):
+    def person(self, seed, level, task, view, box, fps=25):
         """A whole task of somebody's, 720p."""
         seconds = ["--seconds", 6] if self.bench.quick else []
-        return self._own(f"person {seed}", f"person {seed}", ["--scene", task, "--view", view, "--skill", level, "--box", box,
-                                                              "--seed", seed, *seconds])
+        name = f"person {seed}" + (f" {fps} fps" if fps != 25 else "")
+        return self._own(name, name, ["--scene", task, "--view", view, "--skill", level, "--box", box, "--fps", fps, "--seed", seed,
+                                      *seconds])
+
+    def beside(self, scene, how):
+        """A place for another clip of a scene and what is marked on it; photos and truth are the scene's."""
+        out = self._folder(f"{scene.name} {how}")
+        return replace(scene, name=f"{scene.name} {how}", out=out, video=out / "clip.mp4", annotations=out / "annotations.json")
 
     def hands(self, seed, level, person, box):
         """A whole peg transfer by somebody with hands of their own: small and at 15 frames a second, since there are many."""

@@ -1,0 +1,67 @@
+"""Do features depend on how often pictures are taken? One performance at 25 and at 50 frames a second, and with a tenth of the frames lost.
+
+Two values of a feature agree where they differ by no more than their error bars together, as errors of different pictures add up:
+the root of the sum of squares of the two that face each other.
+"""
+import json
+import random
+from collections import Counter
+
+from features import features
+from programs import Goal, Part, run, table
+
+# Seed, level, task, view, box: none is among those of `features.py`.
+PEOPLE = [(501, "novice", "pegs", "top", 2), (502, "intermediate", "crossing", "side", 3), (503, "expert", "wire", "top", 4)]
+LOST = 0.1
+WAYS = {"50 frames a second": lambda scenes, person: scenes.person(*person, fps=50),
+        "a tenth of the frames lost": lambda scenes, person: with_losses(scenes, person)}
+
+
+def measure(bench, scenes):
+    people = PEOPLE[:1] if bench.quick else PEOPLE
+    agree, all_of = Counter(), Counter()
+    rows, goals = [], []
+    for way, scene_of in WAYS.items():
+        for person in people:
+            for name, does in compared(bench, scenes.person(*person), scene_of(scenes, person)):
+                all_of[way, name] += 1
+                agree[way, name] += does
+        found, values = (sum(count for (of, _), count in counts.items() if of == way) for counts in (agree, all_of))
+        share = 100 * found / max(values, 1)
+        apart = [f"{name} ({all_of[key] - agree[key]} of {all_of[key]})" for key in all_of if (name := key[1]) and key[0] == way
+                 and agree[key] < all_of[key]]
+        rows.append([way, str(values), f"{share:.1f} %", ", ".join(apart) or "–"])
+        goals.append(Goal(f"features agree within their error bars: 25 frames a second and {way}", "≥ 95 %",
+                          f"{share:.1f} % of {values}", share >= 95))
+    about = (f"Features of {len(people)} simulated people at 25 frames a second, held against those of the same performance seen otherwise: how "
+             "many agree within their error bars, and which do not.")
+    return Part(goals, [about, table(["seen otherwise", "values", "agree", "apart"], rows)])
+
+
+def compared(bench, one, other):
+    """Name of each feature that both have with a bar, and whether the two agree."""
+    first, second = (features(bench, bench.track(scene, bench.calibrate(scene))[0]) for scene in (one, other))
+    for key, value in first.items():
+        if value["low"] is not None and second.get(key, {}).get("low") is not None:
+            below, above = sorted((value, second[key]), key=lambda of: of["value"])
+            room = ((below["high"] - below["value"]) ** 2 + (above["value"] - above["low"]) ** 2) ** 0.5
+            yield value["name"], above["value"] - below["value"] <= room
+
+
+def with_losses(scenes, person):
+    """The clip at 25 frames a second without a tenth of its frames, each lost by chance; the marked ones stay."""
+    whole = scenes.person(*person)
+    lossy = scenes.beside(whole, "with losses")
+    if not lossy.video.exists():
+        marks = json.loads(whole.annotations.read_text())
+        marked = {label["frame"] for label in marks["labels"]}
+        count = len(json.loads(whole.truth.read_text())["frames"])
+        chance = random.Random(person[0])
+        lost = [frame for frame in range(count) if chance.random() < LOST and frame not in marked]
+        for label in marks["labels"]:
+            label["frame"] -= sum(gone < label["frame"] for gone in lost)
+        lossy.annotations.write_text(json.dumps(marks))
+        kept = f"select=not({'+'.join(f'eq(n,{frame})' for frame in lost)})"
+        run(["ffmpeg", "-v", "error", "-y", "-i", whole.video, "-vf", kept, "-fps_mode", "passthrough", "-c:v", "libx264", "-qp", 10,
+             "-pix_fmt", "yuv420p", lossy.video])
+    return lossy
