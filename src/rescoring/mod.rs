@@ -77,6 +77,11 @@ async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
         Ok(_) => match compared(store, &item).await {
             Ok(compared) => store.rescorings().settle(&item, Ok(compared)).await,
             Err(StoreError::NotFound { .. }) => Ok(()), // erased with its session meanwhile, and the item with it
+            // One damaged row must not hold up everybody's orders; a store that does not answer at all is asked again.
+            Err(StoreError::Database(error)) => {
+                tracing::warn!(%error, session = %item.session, "comparing what a rescoring changed");
+                store.rescorings().settle(&item, Err(not_compared())).await
+            }
             Err(error) => Err(error),
         },
         Err(problem) => {
@@ -102,6 +107,12 @@ async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Compared> {
     });
     let apart = changes.iter().filter(|change| change.change == Change::Apart).count();
     Ok(Compared { new_result: new.id, judged, apart: apart as u64, changed: changes.len() as u64 })
+}
+
+fn not_compared() -> Problem {
+    let detail = "the new score stands, but one of the two results cannot be read, so that nobody can say what changed; \
+                  the service’s log says which";
+    Problem::new("not-compared", "It could not be compared", detail)
 }
 
 fn gone() -> Problem {

@@ -6,11 +6,15 @@
 // that box's self-test with a board of 9x6 corners and 21 mm), TROCAR_SCREENSHOTS (a folder), TROCAR_CHROMIUM
 // (/usr/bin/chromium), TROCAR_PATIENCE_S (how long a score may take, 180).
 import assert from 'node:assert/strict';
-import { mkdirSync, statSync, writeFileSync } from 'node:fs';
+import { execFileSync } from 'node:child_process';
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
 import { basename, join } from 'node:path';
 import { after, before, test } from 'node:test';
 
+import { violationsOf } from './access.mjs';
 import { launch, LOOKS } from './chromium.mjs';
+import { HOSTILE, strangers } from './hostile.mjs';
 import { beginFeed, endFeed } from './sender.mjs';
 import { tracesOf } from './watch.mjs';
 
@@ -399,9 +403,10 @@ test('a session and a trainee print on one side of A4, black on white, with what
 /** How many pages a PDF has: one object of the type Page for each. */
 const pagesOf = pdf => pdf.toString('latin1').match(/\/Type\s*\/Page\b(?!s)/g)?.length ?? 0;
 
-test('every page is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
+/** Every page, about what the scenario made. */
+async function pages() {
   const { trainee, box } = await ask(`sessions/${session}`);
-  const pages = {
+  return {
     today: '/',
     'wall-empty': '/live',
     sessions: '/sessions',
@@ -418,19 +423,87 @@ test('every page is shown in both themes on a desk and on a tablet, and none is 
     people: '/people',
     account: '/account',
   };
+}
+
+async function open(name, path) {
+  await page.goto(url + path);
+  await page.locator('main h1').waitFor();
+  await page.waitForFunction(() => !document.querySelector('main .loading'));
+  if (name === 'session') await page.locator('.plots canvas').first().waitFor();
+}
+
+test('every page is shown in both themes on a desk and on a tablet, none wider than the screen, all open to everybody', async () => {
+  const faults = [];
   for (const look of LOOKS) {
     await wear(look);
-    for (const [name, path] of Object.entries(pages)) {
-      await page.goto(url + path);
-      await page.locator('main h1').waitFor();
-      await page.waitForFunction(() => !document.querySelector('main .loading'));
-      if (name === 'session') await page.locator('.plots canvas').first().waitFor();
+    for (const [name, path] of Object.entries(await pages())) {
+      await open(name, path);
       await picture(`page-${name}-${look.name}`);
       const over = await excess();
-      assert.ok(over <= 0, `${name} is ${over} px wider than a ${look.name}`);
+      if (over > 0) faults.push(`${name} is ${over} px wider than a ${look.name}`);
+      faults.push(...(await violationsOf(page)).map(violation => `${name}, ${look.name}: ${violation}`));
     }
   }
+  assert.deepEqual(faults, []);
 });
+
+test('text from people and from files stays text on every page', async () => {
+  await page.addInitScript(() => {
+    window.hits = 0;
+    window.hit = () => window.hits++;
+  });
+  const refused = await page.evaluate(tell, { texts: HOSTILE, session });
+  assert.deepEqual(refused, []);
+  await page.goto(`${url}/upload`);
+  for (const label of ['Trainee', 'Task'])
+    await page.getByLabel(label, { exact: true }).selectOption({ label: HOSTILE[7] });
+  await page.getByLabel('Box', { exact: true }).selectOption({ label: process.env.TROCAR_BOX });
+  await page.setInputFiles('.drop input[type=file]', { name: `${HOSTILE[8]}.mp4`, mimeType: 'video/mp4', buffer: hostileClip() });
+  const link = page.locator('.sending li', { hasText: 'onerror' }).getByRole('link', { name: 'Open the session' });
+  const theirs = new URL(await link.getAttribute('href', { timeout: patience }), url).pathname.split('/').pop();
+  const [{ items: [trainee] }, { items: [box] }] = [await ask('trainees?limit=1'), await ask('boxes?limit=1')];
+  const more = { hostile: `/sessions/${theirs}`, trainee: `/trainees/${trainee.id}`, report: `/trainees/${trainee.id}/report`,
+    box: `/boxes/${box.id}` };
+  for (const [name, path] of [...Object.entries(await pages()), ...Object.entries(more)]) {
+    await open(name, path);
+    const found = { strangers: await strangers(page), hits: await page.evaluate(() => window.hits) };
+    assert.deepEqual(found, { strangers: [], hits: 0 }, name);
+  }
+});
+
+/** Says each text wherever the service takes one; returns what was not taken. Runs in the page. */
+async function tell({ texts, session }) {
+  const post = async (path, json) => {
+    const answer = await fetch(`/api/v1/${path}`, {
+      method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(json) });
+    return answer.ok ? [] : [`${path} ${JSON.stringify(json)}: ${answer.status} ${await answer.text()}`];
+  };
+  const refused = [];
+  for (const [number, text] of texts.entries()) {
+    const named = { name: text };
+    const all = [
+      ['trainees', named], ['tasks', { ...named, description: text }], ['boxes', { ...named, view: 'top', notes: text }],
+      ['groups', named], ['cohorts', named], [`sessions/${session}/comments`, { from_s: 1, text }],
+      ['people', { ...named, login: `hostile-${number}`, password: 'a long enough secret', role: 'instructor' }],
+    ];
+    for (const [path, json] of all) refused.push(...(await post(path, json)));
+  }
+  return refused;
+}
+
+/** The clip, with such texts in all that its container says of it. */
+function hostileClip() {
+  const said = ['title', 'artist', 'comment', 'description', 'copyright', 'genre'].flatMap((key, number) =>
+    ['-metadata', `${key}=${HOSTILE[number]}`]);
+  const folder = mkdtempSync(join(tmpdir(), 'hostile-'));
+  try {
+    const out = join(folder, 'clip.mp4');
+    execFileSync('ffmpeg', ['-loglevel', 'error', '-t', '1', '-i', clip, '-c', 'copy', ...said, out]);
+    return readFileSync(out);
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
 
 test('nothing was asked of another server, nothing broke the policy, nothing was thrown', () => {
   assert.deepEqual(traces(), { foreign: [], broken: [] });

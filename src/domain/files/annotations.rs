@@ -13,6 +13,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{LONGEST_TOOL_NAME, is_tool_name};
+
 /// Labels that are not tools.
 pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
 
@@ -151,6 +153,11 @@ pub enum AnnotationsError {
     /// A tool that is called what no tool may be, so that its rectangles would count as tape.
     #[error("`{0}` under tools is a label for what is no tool; give the tool a name of its own")]
     NotATool(String),
+    /// A name that no tool can have.
+    #[error(
+        "`{0}…` cannot be a tool's name: use at most {LONGEST_TOOL_NAME} characters, of which the first is a letter or a digit"
+    )]
+    Name(String),
     /// More colours than the tracker tells apart.
     #[error(
         "{0} colours are marked; at most {MOST_COLOURS} can be told apart: label what is no tape as background or other"
@@ -268,6 +275,10 @@ impl AnnotationsFile {
     }
 
     fn marked_tool(&self, name: &str, colour: &str) -> Result<MarkedTool, AnnotationsError> {
+        if !is_tool_name(name) {
+            let shown = name.escape_debug().take(LONGEST_TOOL_NAME).collect();
+            return Err(AnnotationsError::Name(shown));
+        }
         let own = self.tools.iter().find(|t| t.tool == name);
         let side = own.and_then(|t| t.side).or_else(|| Side::in_name(name));
         let diameter_mm = own

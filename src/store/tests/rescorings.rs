@@ -154,6 +154,27 @@ async fn an_item_whose_work_failed_keeps_the_reason_and_the_order_ends() {
 }
 
 #[tokio::test]
+async fn a_result_that_cannot_be_read_holds_up_nothing_but_its_own_comparison() {
+    let centre = practised(2).await;
+    let (rescorings, service) = (centre.store.rescorings(), Scope::service());
+    let id = rescorings.create(&service, centre.task.id, OLDER).await.unwrap();
+    rescoring::look(&centre.store, 2).await.unwrap();
+    for _ in 0..2 {
+        let lease = centre.claim().await.unwrap();
+        score(&centre, &lease, 100.0).await;
+    }
+    let damage = "UPDATE result SET tools = '7' WHERE id = (SELECT min(id) FROM result)";
+    centre.store.write(async move |tx| Ok(sqlx::query(damage).execute(&mut *tx).await?)).await.unwrap();
+    rescoring::look(&centre.store, 2).await.unwrap();
+    let ended = rescorings.get(&service, id).await.unwrap();
+    assert_eq!((ended.done, ended.failed, ended.ended_at_ms.is_some()), (1, 1, true));
+    let page = rescorings.items(&service, id, &PageRequest::default()).await.unwrap();
+    let problems: Vec<_> = page.items.iter().filter_map(|item| item.problem.as_ref()).collect();
+    assert!(problems.len() == 1 && problems[0].slug == "not-compared", "{problems:?}");
+    assert_eq!(centre.store.count_results().await, 4, "the new scores stand");
+}
+
+#[tokio::test]
 async fn a_recording_that_cannot_be_tracked_again_leaves_the_session_as_it_was_until_a_person_asks() {
     let centre = practised(1).await;
     let (rescorings, service) = (centre.store.rescorings(), Scope::service());

@@ -60,6 +60,20 @@ fn background_cannot_be_made_tape_by_naming_a_tool_so() {
 }
 
 #[test]
+fn a_tool_cannot_be_called_what_a_spreadsheet_would_calculate() {
+    for name in ["=1+1", "+cyan", "-cyan", "@cyan", " cyan", "", "two\\nlines", &"c".repeat(65)] {
+        let listed = format!(r#"{{"tool":"{name}","colour":"cyan"}}"#);
+        for file in [named(&listed, &["cyan"]), named("", &[name])] {
+            let refused = file.unwrap().marked_tools().unwrap_err();
+            assert!(matches!(refused, AnnotationsError::Name(_)), "{name:?}: {refused}");
+        }
+    }
+    for name in ["left", "2nd", "Änne", &"c".repeat(64)] {
+        assert!(named("", &[name]).unwrap().marked_tools().is_ok(), "{name:?}");
+    }
+}
+
+#[test]
 fn no_more_colours_are_accepted_than_can_be_told_apart() {
     let colours: Vec<String> = (0..=MOST_COLOURS).map(|i| format!("colour {i}")).collect();
     let labels: Vec<&str> = colours.iter().map(String::as_str).collect();

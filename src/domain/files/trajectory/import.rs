@@ -9,6 +9,7 @@
 
 use super::read::{Lines, TrajectoryProblem, read_lines};
 use super::shown;
+use crate::domain::files::{LONGEST_TOOL_NAME, is_tool_name};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
 /// Largest magnitude of a number beside the position: as far outside any picture in pixels, or as fast in mm/s, as nothing
@@ -17,9 +18,6 @@ const LARGEST: f64 = 1e7;
 
 /// How far the length of a direction may be from 1: what three decimals of its parts leave.
 const UNIT: f64 = 0.005;
-
-/// Longest name of a tool, characters: what the box's own may have.
-const LONGEST_NAME: usize = 64;
 
 /// How much of a table is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -141,10 +139,10 @@ fn check_tools(tools: &[String], rows: &Lines, known: &[String], limits: &Import
             let known = known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
             return Err(ImportProblem::UnknownTool { line, tool: shown, known });
         }
-        let begins_well = tool.chars().next().is_some_and(char::is_alphanumeric); // `=…` is a formula to a spreadsheet
-        if tool.chars().count() > LONGEST_NAME || tool.chars().any(char::is_control) || !begins_well {
-            let expected = format!("a name of at most {LONGEST_NAME} characters that begins with a letter or a digit");
-            let value = format!("`{}…`", tool.escape_debug().take(LONGEST_NAME).collect::<String>());
+        if !is_tool_name(tool) {
+            let expected =
+                format!("a name of at most {LONGEST_TOOL_NAME} characters that begins with a letter or a digit");
+            let value = format!("`{}…`", tool.escape_debug().take(LONGEST_TOOL_NAME).collect::<String>());
             return Err(ImportProblem::Beyond { line, column: "tool", value, expected });
         }
         if second.is_none() {
