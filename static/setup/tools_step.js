@@ -56,7 +56,7 @@ function Tool({ tool, number, onChange, onRemove }) {
   const called = tool.name || tool.tape || words.numbered(number);
   return html`
     <li>
-      <fieldset class="tool">
+      <fieldset class="instrument">
         <legend>${called}</legend>
         <div class="fields">
           <${Field} label=${words.tape} hint=${words.tapeHint} required list="tapes" maxlength="40" value=${tool.tape} onInput=${text('tape')} />

@@ -1052,7 +1052,9 @@ export default {
       next: 'What the next photo should show',
       map: (filled, all) => `Corners in ${filled} of ${all} parts of the picture`,
       missing: areas => `Bring the board to the ${list(areas.map(area))} of the picture.`,
-      untilted: edges => `Tilt the board so that its ${list(edges.map(edge => SIDES[edge]))} side comes nearer to the camera${edges.length > 1 ? ', one after the other' : ''}.`,
+      untilted: edges => edges.length > 1
+          ? `Tilt the board so that its ${list(edges.map(edge => SIDES[edge]))} sides come nearer to the camera, one after the other.`
+          : `Tilt the board so that its ${SIDES[edges[0]]} side comes nearer to the camera.`,
       more: count => `${plural(count, 'good photo', 'good photos')} more would do.`,
       enough: 'That will do. More photos do no harm.',
       tilted: {

@@ -9,6 +9,7 @@ import { mkdirSync, readdirSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 
+import { strokeOf } from '../../static/setup/marks.js';
 import { launch, LOOKS } from './chromium.mjs';
 import { tracesOf } from './watch.mjs';
 
@@ -60,6 +61,26 @@ async function goTo(title) {
   await step(title).click();
   await page.locator('.setup-step h2', { hasText: title }).waitFor();
 }
+
+test('a stroke’s rectangles lie within the brush’s reach, inside the picture, and none over another', () => {
+  const size = { width: 200, height: 120 };
+  const path = [[-4, 10], [60, 50], [190, 118], [230, 119]];
+  const along = path.slice(1).flatMap(([x, y], i) =>
+    Array.from({ length: 401 }, (_, n) => [path[i][0] + ((x - path[i][0]) * n) / 400, path[i][1] + ((y - path[i][1]) * n) / 400]));
+  for (const diameter of [3, 7, 24]) {
+    const painted = new Set();
+    for (const { x, y, w, h } of strokeOf(path, diameter, size))
+      for (let row = y; row < y + h; row++)
+        for (let column = x; column < x + w; column++) {
+          assert.ok(column >= 0 && column < size.width && row >= 0 && row < size.height);
+          assert.ok(!painted.has(row * size.width + column), 'twice');
+          painted.add(row * size.width + column);
+          const off = Math.min(...along.map(([u, v]) => Math.hypot(u - column - 0.5, v - row - 0.5)));
+          assert.ok(off <= diameter / 2 + diameter / 4 + 1, `${column}, ${row} is ${off} px beside the path`);
+        }
+    assert.ok(painted.has(50 * size.width + 60), 'where the brush went is painted');
+  }
+});
 
 test('a new box is made, and its row leads to the first step', async () => {
   await page.goto(`${url}/boxes`);
@@ -137,7 +158,7 @@ test('instruments are described by their tape and sizes', async () => {
   await goTo('Instruments');
   for (const [index, tool] of marks.tools.entries()) {
     await page.getByRole('button', { name: 'Add an instrument' }).click();
-    const form = page.locator('fieldset.tool').nth(index);
+    const form = page.locator('fieldset.instrument').nth(index);
     await form.getByLabel('Colour of the tape').fill(tool.colour ?? tool.tool);
     await form.getByLabel('Diameter over the tape').fill(String(tool.diameter_mm));
     await form.getByLabel('Length of the tape').fill(String(tool.band_length_mm));
