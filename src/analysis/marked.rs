@@ -161,3 +161,24 @@ fn of_frame(
     };
     colours.iter().enumerate().filter_map(of_colour).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rectangles_are_one_mark_only_if_they_share_a_stroke_and_a_label() {
+        let mark = |label: &str, x| Rectangle { label: label.to_owned(), x, y: 0, w: 2, h: 2 };
+        let marks = [
+            (Some(1), mark("orange", 0)),
+            (None, mark("orange", 1)),
+            (Some(2), mark("orange", 2)),
+            (Some(1), mark("orange", 3)),
+            (Some(1), mark("background", 4)),
+            (None, mark("orange", 5)),
+        ];
+        let columns = |stroke: Vec<Rectangle>| stroke.iter().map(|mark| mark.x).collect::<Vec<_>>();
+        let found: Vec<Vec<usize>> = strokes(marks.into_iter()).into_iter().map(columns).collect();
+        assert_eq!(found, [vec![0, 3], vec![1], vec![2], vec![4], vec![5]]);
+    }
+}

@@ -30,7 +30,7 @@ class Bench {
 
   /** Is there anything that only this page has? */
   get isLaden() {
-    return this.photos.length > 0 || this.frames.length > 0;
+    return (this.photos.length > 0 && !this.job.calibration) || (this.frames.length > 0 && !this.job.colours);
   }
 }
 
