@@ -444,7 +444,7 @@ fn what_a_photo_shows_is_believed_only_if_a_board_can_look_so() {
         spoil(&mut check);
         assert!(say(check).is_err(), "spoil {index}");
     }
-    let twice = [honest_check(), honest_check()].map(Answer::PhotoCheck).to_vec();
+    let twice = vec![Answer::PhotoCheck(honest_check()), Answer::PhotoCheck(honest_check())];
     assert!(answered(&check_work(), twice).is_err());
     assert!(answered(&Work::Advise, vec![Answer::PhotoCheck(honest_check())]).is_err());
 }
