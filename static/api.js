@@ -117,9 +117,13 @@ export const api = {
     putCamera: (id, json) => call('PUT', ['boxes', id, 'camera'], { json }),
     calibrations: id => everything(['boxes', id, 'calibrations']),
     calibrate: (id, form) => call('POST', ['boxes', id, 'calibrations'], { form }),
+    /** One photo of the board, looked at at once. */
+    checkPhoto: (id, form) => call('POST', ['boxes', id, 'calibrations', 'check'], { form }),
     /** The versions of the colours, newest first. */
     palettes: id => everything(['boxes', id, 'palette']),
     putPalette: (id, form) => call('PUT', ['boxes', id, 'palette'], { form }),
+    /** What marks would take for tape on a few frames, at once; nothing is learned. */
+    previewPalette: (id, form, signal) => call('POST', ['boxes', id, 'palette', 'preview'], { form, signal }),
     /** Which tapes suit the box, by a picture of it: a job, which has the advice once it is done. */
     advise: (id, form) => call('POST', ['boxes', id, 'palette', 'advice'], { form }),
     /** The latest hundred, newest first. */

@@ -61,6 +61,12 @@ const PAGES = [
     load: () => import('./pages/box.js'),
     needs: 'see_boxes',
   },
+  {
+    name: 'boxes',
+    at: path => path[0] === 'boxes' && path.length === 3 && path[2] === 'setup',
+    load: () => import('./pages/setup.js'),
+    needs: 'edit_boxes',
+  },
   { name: 'people', at: path => path[0] === 'people', load: () => import('./pages/people.js'), needs: 'people' },
   { name: 'account', at: path => path[0] === 'account', load: () => import('./pages/account.js') },
 ];

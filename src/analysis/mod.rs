@@ -6,7 +6,8 @@
 //!    └── save (one transaction) ◀── assess ◀── receipt (checks every record)
 //! ```
 //! Pixels are touched in the child alone; the parent sees numbers, and believes none of them unchecked. A path that lies here already, or
-//! that another tracker sent, has no pixels: `again.rs` assesses it without a child.
+//! that another tracker sent, has no pixels: `again.rs` assesses it without a child. A photo or a few frames for which somebody
+//! waits are no job: `glance.rs` looks at them in a child of their own, at once.
 
 pub mod calibration;
 pub mod child;
@@ -18,6 +19,7 @@ pub mod self_test;
 mod again;
 mod attempt;
 mod diagnostics;
+mod glance;
 mod orders;
 mod product;
 mod receipt;
@@ -25,6 +27,7 @@ mod settings;
 mod worker;
 
 pub use attempt::{Attempt, Failure, attempt};
+pub use glance::{Glances, Unseen};
 pub use orders::{LiveOrders, track_in};
 pub use receipt::{Heard, News};
 pub use settings::AnalysisSettings;

@@ -8,7 +8,7 @@ use super::protocol::{
 };
 use super::worker::WorkError;
 use crate::domain::boxes::BoxTool;
-use crate::domain::files::annotations::{LabelledRectangle, View};
+use crate::domain::files::annotations::{AnnotationsFile, LabelledRectangle, View};
 use crate::domain::job::{CalibrateInput, JobInput, PaletteInput, SelfTestInput, TrackInput};
 use crate::domain::problem::Problem;
 use crate::domain::scope::Scope;
@@ -76,7 +76,9 @@ impl Orders {
                 Work::Track(track(input, camera.camera.camera().into(), store).await?)
             }
             JobInput::Import(_) | JobInput::Rescore(_) => return Ok(None),
-            JobInput::Palette(input) => Work::Palette(palette(input)?),
+            JobInput::Palette(PaletteInput { annotations, frames, is_video, .. }) => {
+                Work::Palette(palette(annotations, (!is_video).then(|| frames.clone()))?)
+            }
             JobInput::Advice(_) => Work::Advise,
             JobInput::Calibrate(input) => Work::Calibrate(calibrate(input, now)),
             JobInput::SelfTest(input) => Work::SelfTest(self_test(input, store).await?),
@@ -185,18 +187,20 @@ async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
     Ok(store.boxes().get(&Scope::service(), &Key::from(&of)).await?.view)
 }
 
-fn palette(input: &PaletteInput) -> Result<PaletteWork, WorkError> {
-    let colour_of = |label: &LabelledRectangle| input.annotations.colour_of(&label.label).to_owned();
-    let marks = input.annotations.labels.iter().map(|l| mark(l, colour_of(l))).collect::<Result<_, _>>()?;
-    let tools = input.annotations.tapes();
-    Ok(PaletteWork { marks, tools, frames: (!input.is_video).then(|| input.frames.clone()) })
+/// What is marked, on these frames or on a clip's.
+pub(super) fn palette(annotations: &AnnotationsFile, frames: Option<Vec<u64>>) -> Result<PaletteWork, Problem> {
+    let colour_of = |label: &LabelledRectangle| annotations.colour_of(&label.label).to_owned();
+    let marks = annotations.labels.iter().map(|l| mark(l, colour_of(l))).collect::<Result<_, _>>()?;
+    Ok(PaletteWork { marks, tools: annotations.tapes(), frames })
 }
 
 /// A rectangle as a mark of a colour.
 fn mark(label: &LabelledRectangle, colour: String) -> Result<MarkShape, Problem> {
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(u32::try_from);
     match (x, y, w, h) {
-        (Ok(x), Ok(y), Ok(w), Ok(h)) => Ok(MarkShape { frame: label.frame, label: colour, x_y_w_h: [x, y, w, h] }),
+        (Ok(x), Ok(y), Ok(w), Ok(h)) => {
+            Ok(MarkShape { frame: label.frame, label: colour, x_y_w_h: [x, y, w, h], stroke: label.stroke })
+        }
         _ => Err(outside(label)),
     }
 }
@@ -219,7 +223,7 @@ impl From<BoxTool> for ToolShape {
 }
 
 fn outside(label: &LabelledRectangle) -> Problem {
-    let LabelledRectangle { frame, label, x, y, w, h } = label;
+    let LabelledRectangle { frame, label, x, y, w, h, .. } = label;
     let detail = format!(
         "the rectangle `{label}` on frame {frame} begins at x {x}, y {y} and measures {w}×{h}: outside any frame"
     );

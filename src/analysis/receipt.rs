@@ -4,15 +4,18 @@
 //! are checked here; what is accepted can be stored and shown.
 
 mod advices;
+mod glances;
 mod problems;
 mod self_tests;
 
+use super::marked::colours_of;
 use super::protocol::{
     self, Answer, BoardShape, CalibrationShape, Followed, FollowedFrame, FollowedTool, KindShape, PaletteShape,
     PathRow, PlacementShape, QualityShape, RunningRow, SeenRow, Work,
 };
 use crate::domain::feed::{MOST_FRAMES, MOST_PAYLOAD};
-use crate::domain::palette::{PaletteAdvice, PaletteReport};
+use crate::domain::palette::{FrameMask, PaletteAdvice, PaletteReport};
+use crate::domain::photo_check::PhotoCheck;
 use crate::domain::problem::Problem;
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, Limits, SourceInfo};
@@ -62,6 +65,10 @@ pub struct Heard {
     pub palette_report: Option<PaletteReport>,
     /// Which tapes suit a box.
     pub palette_advice: Option<PaletteAdvice>,
+    /// What of each picture is taken for tape.
+    pub masks: Vec<FrameMask>,
+    /// What a photo of a board is good for.
+    pub photo_check: Option<PhotoCheck>,
     /// A calibration.
     pub calibration: Option<CalibrationShape>,
     /// What a self-test found.
@@ -80,6 +87,10 @@ pub(super) struct Receipt {
     tools: usize,
     /// Board and tools of a self-test.
     tested: Option<(BoardShape, Vec<String>)>,
+    /// Board that is looked for on a photo.
+    sought: Option<BoardShape>,
+    /// Pictures of which masks are made, and of how many colours.
+    masked: (Vec<u64>, usize),
     limits: Limits,
     heard: Heard,
     /// Number and time of the last frame that was followed.
@@ -92,6 +103,8 @@ enum Kind {
     Track,
     Palette,
     Advise,
+    Mask,
+    Check,
     Calibrate,
     SelfTest,
     Assemble,
@@ -121,18 +134,25 @@ impl Receipt {
             Work::SelfTest(test) => Some((test.board, test.track.tools.iter().map(|tool| tool.name.clone()).collect())),
             _ => None,
         };
+        let sought = if let Work::Check(board) = work { Some(*board) } else { None };
+        let masked = match work {
+            Work::Mask(of) => (of.frames.clone().unwrap_or_default(), colours_of(&of.tools).len()),
+            _ => (Vec::new(), 0),
+        };
         let (work, tools) = match work {
             Work::Probe => (Kind::Probe, 0),
             Work::Track(track) => (Kind::Track, track.tools.len()),
             Work::Palette(_) => (Kind::Palette, 0),
             Work::Advise => (Kind::Advise, 0),
+            Work::Mask(_) => (Kind::Mask, 0),
+            Work::Check(_) => (Kind::Check, 0),
             Work::Calibrate(_) => (Kind::Calibrate, 0),
             Work::SelfTest(_) => (Kind::SelfTest, 0),
             Work::Assemble(_) => (Kind::Assemble, 0),
             Work::Demux => (Kind::Demux, 0),
             Work::Follow(follow) => (Kind::Follow, follow.track.tools.len()),
         };
-        Self { work, tools, tested, limits, heard: Heard::default(), followed: None }
+        Self { work, tools, tested, sought, masked, limits, heard: Heard::default(), followed: None }
     }
 
     /// Takes one record; an error ends the child.
@@ -165,6 +185,8 @@ impl Receipt {
             Answer::Palette(palette) => self.palette(palette)?,
             Answer::PaletteReport(report) => self.palette_report(report)?,
             Answer::PaletteAdvice(advice) => self.palette_advice(advice)?,
+            Answer::Mask(mask) => self.mask(mask)?,
+            Answer::PhotoCheck(check) => self.photo_check(check)?,
             Answer::Calibration(calibration) => {
                 self.only(&[Kind::Calibrate])?;
                 once(&mut self.heard.calibration, calibration, "calibration")?;
@@ -344,8 +366,28 @@ impl Receipt {
         once(&mut self.heard.self_test, report, "self-test")
     }
 
+    fn mask(&mut self, mask: FrameMask) -> Result<(), String> {
+        self.only(&[Kind::Mask])?;
+        let (frames, colours) = &self.masked;
+        let next = frames.get(self.heard.masks.len()).ok_or("a mask of no picture")?;
+        if !glances::is_possible_mask(&mask, *next, *colours, self.limits) {
+            return Err("a mask that cannot be".into());
+        }
+        self.heard.masks.push(mask);
+        Ok(())
+    }
+
+    fn photo_check(&mut self, check: PhotoCheck) -> Result<(), String> {
+        self.only(&[Kind::Check])?;
+        let Some(board) = self.sought else { return Err("an answer to another question".into()) };
+        if !glances::is_possible_check(&check, board, self.limits) {
+            return Err("a photo that cannot be".into());
+        }
+        once(&mut self.heard.photo_check, check, "photo")
+    }
+
     fn palette_report(&mut self, report: PaletteReport) -> Result<(), String> {
-        self.only(&[Kind::Palette])?;
+        self.only(&[Kind::Palette, Kind::Mask])?;
         if !report.numbers().all(sensible) || report.texts().any(|text| text.chars().count() > TEXTS[2]) {
             return Err("a report on colours that cannot be".into());
         }

@@ -20,6 +20,11 @@ pub struct AnalysisSettings {
     pub longest_s: u64,
     /// Longest a child may go without a sign of progress, s. Usually 60.
     pub silence_s: u64,
+    /// Photos and frames looked at beside the queue at the same time, for people who set up a box and wait. More take a core
+    /// each while they are looked at. Usually 2.
+    pub glances: usize,
+    /// Longest that such a look may take, and wait for its turn, s. Usually 20.
+    pub glance_s: u64,
     /// Refuse to start where the kernel does not enforce Landlock (Linux 5.13 or newer, and switched on), instead of going
     /// on behind the system call filter alone.
     pub require_landlock: bool,
@@ -27,11 +32,25 @@ pub struct AnalysisSettings {
 
 impl Default for AnalysisSettings {
     fn default() -> Self {
-        Self { decoder_threads: 2, memory_mib: 448, longest_s: 4 * 3600, silence_s: 60, require_landlock: false }
+        Self {
+            decoder_threads: 2,
+            memory_mib: 448,
+            longest_s: 4 * 3600,
+            silence_s: 60,
+            glances: 2,
+            glance_s: 20,
+            require_landlock: false,
+        }
     }
 }
 
 impl AnalysisSettings {
+    /// The budget of a child for whom somebody waits.
+    pub fn glance_budget(&self) -> Budget {
+        let longest = Duration::from_secs(self.glance_s);
+        Budget { cpu: longest, wall: longest, silence: longest, ..self.budget() }
+    }
+
     /// A child's budget.
     pub fn budget(&self) -> Budget {
         let landlock = if self.require_landlock { LandlockPolicy::Required } else { LandlockPolicy::IfAvailable };

@@ -19,7 +19,7 @@ use tracing_subscriber::EnvFilter;
 
 use super::demonstration::{self, Builder};
 use super::{Failure, keep_to_ourselves};
-use crate::analysis::{AnalysisSettings, Workshop};
+use crate::analysis::{AnalysisSettings, Glances, Workshop};
 use crate::cohorts::Cohorts;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
@@ -216,6 +216,7 @@ pub async fn start(
         settings: settings.http.clone(),
         shutdown: shutdown.clone(),
         cohorts: Cohorts::new(store.clone(), clock.clone()),
+        glances: Glances::new(vault.clone(), child.clone(), settings.analysis.clone(), clock.clone(), shutdown.clone()),
         store,
         vault,
         intake,

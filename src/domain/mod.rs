@@ -17,6 +17,7 @@
 //! | [`standard`] | what a task asks for: targets, pass rule, charts |
 //! | [`cohort`] | who is in a reference group |
 //! | [`calibration`] | a version of a box's camera |
+//! | [`photo_check`] | what one photo of a checkerboard is good for |
 //! | [`palette`] | a version of a box's colour samples |
 //! | [`self_test`] | a box's traffic light |
 //! | [`blob`] | files by their content |
@@ -41,6 +42,7 @@ pub mod feed;
 pub mod files;
 pub mod job;
 pub mod palette;
+pub mod photo_check;
 pub mod problem;
 pub mod rating;
 pub mod rescoring;

@@ -34,6 +34,37 @@ pub struct LabelCount {
     pub samples: u64,
 }
 
+/// What marks would make of frames, before anything is learned from them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct PalettePreview {
+    /// The colours of tape, in the order in which masks count them.
+    pub colours: Vec<String>,
+    /// A mask for each frame, in the order in which they were sent.
+    pub frames: Vec<FrameMask>,
+    /// What the colours are worth, as it would be told of them once they are learned.
+    #[serde(flatten)]
+    pub report: PaletteReport,
+}
+
+/// What of a frame the tracker takes for tape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct FrameMask {
+    /// Which frame.
+    pub frame: u64,
+    /// Columns of the frame, pixels.
+    pub width: u32,
+    /// Rows of the frame, pixels.
+    pub height: u32,
+    /// A cell's side, pixels: the tracker looks once at each.
+    pub cell_px: u32,
+    /// Cells in a row.
+    pub columns: u32,
+    /// Rows of cells.
+    pub rows: u32,
+    /// The cells, row by row, as runs of `[class, cells]`: class 0 is no tape, 1 the first of `colours`, and so on.
+    pub runs: Vec<[u32; 2]>,
+}
+
 /// What a palette's colours are worth: found before anything is recorded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PaletteReport {

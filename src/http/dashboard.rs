@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn live_pages_warn_from_where_the_verdict_will() {
+    fn pages_warn_from_where_the_verdict_will() {
         let [coverage, rate] = [Cause::Coverage, Cause::FrameRate].map(Cause::limits);
         let care = |cause: Cause| cause.limits().care;
         for (script, name, limit) in [
@@ -93,6 +93,7 @@ mod tests {
             ("parts/seen_level.js", "LEAST_SEEN", coverage.care),
             ("parts/seen_level.js", "LEAST_SEEN_AT_ALL", coverage.refuse),
             ("parts/record_news.js", "LEAST_RATE", rate.care),
+            ("setup/steps.js", "MOST_RMS_PX", care(Cause::Calibration)),
         ] {
             let (text, limit) = (Pages::get(script).unwrap().data, limit.unwrap());
             let text = str::from_utf8(&text).unwrap();

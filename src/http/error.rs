@@ -12,6 +12,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
+use crate::analysis::Unseen;
 use crate::cohorts::{CohortsError, NoSkillModel};
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::intake::IntakeError;
@@ -227,6 +228,22 @@ impl From<VaultError> for Problem {
             VaultError::NotFound | VaultError::Damaged | VaultError::Lost { .. } | VaultError::Io { .. } => {
                 Problem::internal("handling a file", error)
             }
+        }
+    }
+}
+
+/// The one table from what a glance failed at to refusals.
+impl From<Unseen> for Problem {
+    fn from(error: Unseen) -> Self {
+        match error {
+            Unseen::Problem(problem) => Refusal::Invalid.with(format!("{}: {}.", problem.title, problem.detail)),
+            Unseen::Crashed(why) => {
+                tracing::warn!(why, "a glance did not end well");
+                Refusal::Invalid
+                    .with("It cannot be looked at: the process that did so did not survive it. Send another picture.")
+            }
+            Unseen::Busy => busy("Others look at pictures now. Try again in a moment."),
+            Unseen::Vault(error) => error.into(),
         }
     }
 }

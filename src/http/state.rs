@@ -8,6 +8,7 @@ use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
 use super::settings::HttpSettings;
+use crate::analysis::Glances;
 use crate::cohorts::Cohorts;
 use crate::events::Events;
 use crate::intake::Intake;
@@ -48,6 +49,8 @@ pub struct Parts {
     pub feeds: Feeds,
     /// Places for their connections.
     pub feed_places: Arc<Semaphore>,
+    /// Looks at pictures while people wait.
+    pub glances: Glances,
     /// Places for event streams.
     pub streams: Arc<Semaphore>,
     /// Numbers for the people who run the service.

@@ -45,15 +45,17 @@ export default function BoxPage({ person, route }) {
   if (!box)
     return html`<${PageHead} title=${t.nav.boxes} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const isReady = box.calibration && box.palette;
   return html`
     <${PageHead} title=${box.name} lead=${[box.code, t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>
+      ${mayEdit && html`<a class=${`button ${isReady ? '' : 'main'}`} href=${href(['boxes', box.id, 'setup'])}>${t.setup.open}</a>`}
       <a class="button" href=${href(['record'], { box: box.id })}>${t.nav.record}</a>
       <a class="button" href=${href(['sessions'], { box: box.id })}>${t.sessions.title}</a>
       ${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change} />`}
     <//>
     <div class="steps">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      <${State} ready=${box.calibration && box.palette} palette=${box.palettes[0]} />
+      <${State} box=${box} ready=${isReady} palette=${box.palettes[0]} mayEdit=${mayEdit} />
       <section class="card">
         <header><h2>${words.camera}</h2><${CameraState} calibration=${box.calibration} /></header>
         <div class="body stack">
@@ -82,9 +84,10 @@ export default function BoxPage({ person, route }) {
 }
 
 /** A box that can score may still have a tape whose scores nobody should want. */
-const State = ({ ready, palette }) => {
+const State = ({ box, ready, palette, mayEdit }) => {
   const bad = (palette?.verdicts ?? []).filter(({ grade }) => grade === 'bad').map(({ tool }) => tool);
-  if (!ready) return html`<${Notice} tone="warn" title=${words.needed} />`;
+  const link = mayEdit && html`<a href=${href(['boxes', box.id, 'setup'])}>${t.setup.open}</a>`;
+  if (!ready) return html`<${Notice} tone="warn" title=${words.needed}>${link}<//>`;
   if (bad.length) return html`<${Notice} tone="warn" title=${words.readyBut(bad)} />`;
   return html`<${Notice} tone="good" title=${words.ready} />`;
 };

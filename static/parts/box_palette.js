@@ -54,10 +54,10 @@ export function PaletteSummary({ palette }) {
 const GRADES = { good: 'good', at_risk: 'warn', bad: 'bad' };
 
 /** What the colours are worth, before anything is recorded with them. */
-const Verdicts = ({ verdicts }) => html`
+export const Verdicts = ({ verdicts }) => html`
   <ul class="stack">
     ${verdicts.map(({ tool, grade, reasons }) => html`
-      <li key=${tool}>
+      <li key=${tool} data-grade=${grade}>
         <span class=${`pill ${GRADES[grade]}`}>${tool}: ${words.grades[grade]}</span>
         ${reasons.map(reason => html`<p key=${reason} class="small muted">${reason}</p>`)}
       </li>`)}

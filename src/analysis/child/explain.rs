@@ -146,7 +146,7 @@ pub(super) fn mark_without_picture(frame: u64) -> Problem {
 
 /// A rectangle that is empty or leaves the frame.
 pub(super) fn mark_outside(mark: &MarkShape, width: usize, height: usize) -> Problem {
-    let MarkShape { frame, label, x_y_w_h: [x, y, w, h] } = mark;
+    let MarkShape { frame, label, x_y_w_h: [x, y, w, h], .. } = mark;
     let detail = format!(
         "the rectangle `{label}` on frame {frame} spans x {x}..{}, y {y}..{}, outside the {width}×{height} frame",
         u64::from(*x) + u64::from(*w),

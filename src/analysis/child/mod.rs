@@ -2,6 +2,7 @@
 
 mod assemble;
 mod calibrate;
+mod check;
 mod demux;
 mod explain;
 mod follow;
@@ -89,6 +90,11 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
             palette::from_pictures(&marks, &tools, pictures, reporter)
         }
         Work::Advise => palette::advise_on(inputs, limits, reporter),
+        Work::Mask(PaletteWork { marks, tools, frames }) => {
+            let pictures = palette::Pictures { frames: &frames.unwrap_or_default(), inputs, limits };
+            palette::mask_on(&marks, &tools, pictures, reporter)
+        }
+        Work::Check(board) => check::run(board, inputs, limits, reporter),
         Work::Calibrate(work) => calibrate::run(work, inputs, limits, reporter),
         Work::SelfTest(work) => self_test::run(work, open(inputs, limits)?, reporter),
         Work::Follow(work) => follow::run(work, inputs, limits, reporter),

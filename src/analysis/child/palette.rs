@@ -6,7 +6,7 @@ use std::io::BufReader;
 
 use super::reporter::Reporter;
 use super::{Halt, explain};
-use crate::analysis::marked::MarkedFrames;
+use crate::analysis::marked::{MarkedFrames, colours_of, strokes};
 use crate::analysis::protocol::{Answer, MarkShape, PaletteShape};
 use crate::domain::palette::PaletteAdvice;
 use crate::media::{Limits, Picture, VideoFile, photo};
@@ -52,6 +52,34 @@ pub(super) struct Pictures<'a> {
 pub(super) fn from_pictures(
     marks: &[MarkShape],
     tools: &[String],
+    pictures: Pictures<'_>,
+    reporter: &mut Reporter,
+) -> Result<(), Halt> {
+    let mut marked = MarkedFrames::default();
+    look_at(&mut marked, marks, pictures, reporter)?;
+    tell(&marked, tools, reporter)
+}
+
+/// What the marks make of these pictures, marked or not.
+pub(super) fn mask_on(
+    marks: &[MarkShape],
+    tools: &[String],
+    pictures: Pictures<'_>,
+    reporter: &mut Reporter,
+) -> Result<(), Halt> {
+    let mut marked = MarkedFrames::keeping_all();
+    look_at(&mut marked, marks, pictures, reporter)?;
+    let nothing = || Halt::Explained(explain::no_input());
+    reporter.say(&Answer::PaletteReport(marked.report(tools).ok_or_else(nothing)?))?;
+    for mask in marked.masks(&colours_of(tools)).ok_or_else(nothing)? {
+        reporter.say(&Answer::Mask(mask))?;
+    }
+    Ok(())
+}
+
+fn look_at(
+    marked: &mut MarkedFrames,
+    marks: &[MarkShape],
     Pictures { frames, inputs, limits }: Pictures<'_>,
     reporter: &mut Reporter,
 ) -> Result<(), Halt> {
@@ -59,13 +87,12 @@ pub(super) fn from_pictures(
         return Err(Halt::Explained(explain::mark_without_picture(unseen.frame)));
     }
     let of = Some(inputs.len() as u64);
-    let mut marked = MarkedFrames::default();
     for (done, (file, &frame)) in (1..).zip(inputs.into_iter().zip(frames)) {
         let picture = photo::read_picture(BufReader::new(file), frame, limits)?;
-        take(&mut marked, marks, frame, picture)?;
+        take(marked, marks, frame, picture)?;
         reporter.say(&Answer::Alive { done, of })?;
     }
-    tell(&marked, tools, reporter)
+    Ok(())
 }
 
 /// Which tapes suit the box in this picture.
@@ -86,9 +113,9 @@ fn take(marked: &mut MarkedFrames, marks: &[MarkShape], number: u64, picture: Pi
         if rectangle.w == 0 || rectangle.h == 0 || right > width || bottom > height {
             return Err(Halt::Explained(explain::mark_outside(mark, width, height)));
         }
-        rectangles.push(rectangle);
+        rectangles.push((mark.stroke, rectangle));
     }
-    marked.take(picture, rectangles);
+    marked.take(picture, strokes(rectangles.into_iter()));
     Ok(())
 }
 

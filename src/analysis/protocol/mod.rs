@@ -6,6 +6,8 @@
 //! track      Confined  Recording  Frames*  Path*  Quality  Preview              Done
 //! palette    Confined  Recording? Alive*   Palette  PaletteReport               Done
 //! advise     Confined  PaletteAdvice                                            Done
+//! mask       Confined  Alive*              PaletteReport  Mask*                  Done
+//! check      Confined  PhotoCheck                                               Done
 //! calibrate  Confined  Recording? Alive*   Calibration                          Done
 //! self-test  Confined  Alive*              SelfTest                             Done
 //! follow     Confined  (Followed | Alive)*                                      Done
@@ -31,7 +33,8 @@ pub use shapes::{
 };
 
 use crate::domain::feed::{FrameCodec, TimeBase};
-use crate::domain::palette::{PaletteAdvice, PaletteReport};
+use crate::domain::palette::{FrameMask, PaletteAdvice, PaletteReport};
+use crate::domain::photo_check::PhotoCheck;
 use crate::domain::problem::Problem;
 use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, SourceInfo};
@@ -57,6 +60,10 @@ pub enum Work {
     Palette(PaletteWork),
     /// Find out which tapes suit a box: from a photo of it without tools, or a video's first frame.
     Advise,
+    /// Mark what the colours of marked pictures take for tape on each of them, and judge them; nothing is learned.
+    Mask(PaletteWork),
+    /// Look for a board on one photo.
+    Check(BoardShape),
     /// Calibrate from one video, or from photos.
     Calibrate(CalibrateWork),
     /// Test a box: the board and a rod in one recording.
@@ -180,6 +187,10 @@ pub enum Answer {
     PaletteReport(PaletteReport),
     /// Which tapes suit a box.
     PaletteAdvice(PaletteAdvice),
+    /// What of the next picture is taken for tape.
+    Mask(FrameMask),
+    /// What a photo of a board is good for.
+    PhotoCheck(PhotoCheck),
     /// A calibration.
     Calibration(CalibrationShape),
     /// What a self-test found.

@@ -119,6 +119,8 @@ pub struct MarkShape {
     pub label: String,
     /// First column, first row, columns, rows.
     pub x_y_w_h: [u32; 4],
+    /// Rectangles of a frame and label with the same number are one mark.
+    pub stroke: Option<u32>,
 }
 
 impl MarkShape {

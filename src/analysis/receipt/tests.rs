@@ -395,3 +395,78 @@ proptest! {
         }
     }
 }
+
+fn check_work() -> Work {
+    Work::Check(BoardShape { columns: 9, rows: 6, square_mm: 1.0 })
+}
+
+fn honest_check() -> PhotoCheck {
+    let mut corners = vec![0; 48];
+    corners[20] = 54;
+    PhotoCheck {
+        width: 640,
+        height: 360,
+        found: true,
+        corners: vec![[300.0, 200.0]; 54],
+        reason: None,
+        hints: vec![],
+        cut_off: vec![],
+        near: None,
+        coverage: crate::domain::photo_check::PhotoCoverage { columns: 8, rows: 6, corners },
+    }
+}
+
+fn answered(work: &Work, answers: Vec<Answer>) -> Result<Heard, String> {
+    let mut receipt = Receipt::new(work, Limits::default());
+    for answer in [Answer::Confined { landlock: true }].into_iter().chain(answers) {
+        receipt.take(&encode(&answer).unwrap())?;
+    }
+    Ok(receipt.into_heard())
+}
+
+#[test]
+fn what_a_photo_shows_is_believed_only_if_a_board_can_look_so() {
+    let say = |check: PhotoCheck| answered(&check_work(), vec![Answer::PhotoCheck(check)]);
+    assert_eq!(say(honest_check()).unwrap().photo_check, Some(honest_check()));
+    type Spoil = fn(&mut PhotoCheck);
+    let spoils: [Spoil; 8] = [
+        |check| check.corners.truncate(53),
+        |check| check.corners[0][0] = f64::NAN,
+        |check| check.found = false,
+        |check| check.reason = Some("x".repeat(201)),
+        |check| check.width = 100_000,
+        |check| check.coverage.corners[0] = 1,
+        |check| check.coverage.columns = 9,
+        |check| check.hints = vec![crate::domain::photo_check::PhotoHint::Dark],
+    ];
+    for (index, spoil) in spoils.into_iter().enumerate() {
+        let mut check = honest_check();
+        spoil(&mut check);
+        assert!(say(check).is_err(), "spoil {index}");
+    }
+    let twice = vec![Answer::PhotoCheck(honest_check()), Answer::PhotoCheck(honest_check())];
+    assert!(answered(&check_work(), twice).is_err());
+    assert!(answered(&Work::Advise, vec![Answer::PhotoCheck(honest_check())]).is_err());
+}
+
+#[test]
+fn a_mask_fills_its_picture_with_known_colours_and_comes_in_turn() {
+    let work = || Work::Mask(PaletteWork { marks: vec![], tools: vec!["orange".into()], frames: Some(vec![3, 9]) });
+    let mask = |frame, runs: &[[u32; 2]]| {
+        Answer::Mask(FrameMask { frame, width: 9, height: 4, cell_px: 2, columns: 5, rows: 2, runs: runs.to_vec() })
+    };
+    let whole: &[[u32; 2]] = &[[0, 4], [1, 6]];
+    let heard = answered(&work(), vec![mask(3, whole), mask(9, &[[0, 10]])]).unwrap();
+    assert_eq!(heard.masks.len(), 2);
+    for (what, answers) in [
+        ("another picture", vec![mask(9, whole)]),
+        ("one picture too many", vec![mask(3, whole), mask(9, whole), mask(3, whole)]),
+        ("an unknown colour", vec![mask(3, &[[0, 4], [2, 6]])]),
+        ("too few cells", vec![mask(3, &[[0, 4], [1, 5]])]),
+        ("an empty run", vec![mask(3, &[[0, 4], [1, 0], [0, 6]])]),
+        ("a run in two", vec![mask(3, &[[0, 4], [0, 6]])]),
+    ] {
+        assert!(answered(&work(), answers).is_err(), "{what}");
+    }
+    assert!(answered(&Work::Probe, vec![mask(3, whole)]).is_err());
+}

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, anyhow};
 
 use super::{Failure, print_result};
-use crate::analysis::marked::MarkedFrames;
+use crate::analysis::marked::{MarkedFrames, strokes};
 use crate::commands::table::Table;
 use crate::commands::track::{about, open, read, rectangle};
 use crate::domain::files::annotations::AnnotationsFile;
@@ -44,10 +44,8 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
             let what = anyhow!("a rectangle is on frame {last}, but {} has only {index} frames", path.display());
             return Err(about(annotations, what));
         };
-        frames.take(
-            picture,
-            marked.labels.iter().filter(|label| label.frame == index).map(|label| rectangle(marked, label)).collect(),
-        );
+        let labels = marked.labels.iter().filter(|label| label.frame == index);
+        frames.take(picture, strokes(labels.map(|label| (label.stroke, rectangle(marked, label)))));
     }
     frames.report(&marked.tapes()).ok_or_else(|| about(path, MediaError::NoFrames))
 }

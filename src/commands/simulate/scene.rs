@@ -157,7 +157,7 @@ fn annotations_of(world: &World, setup: &Setup, times: &[f64]) -> anyhow::Result
 
 fn rectangle(mark: Mark) -> LabelledRectangle {
     let Mark { frame, label, x, y, w, h } = mark;
-    LabelledRectangle { frame: frame as u64, label: label.to_owned(), x, y, w, h }
+    LabelledRectangle { frame: frame as u64, label: label.to_owned(), x, y, w, h, stroke: None }
 }
 
 fn write_text(path: &PathBuf, text: &str) -> anyhow::Result<()> {

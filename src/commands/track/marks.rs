@@ -7,6 +7,7 @@ use anyhow::anyhow;
 
 use super::stages::{Stage, StageClock};
 use super::{Failure, about, open, rectangle};
+use crate::analysis::marked::strokes;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::media::{MediaError, VideoFile};
 use crate::pipeline::frame::Frame;
@@ -92,8 +93,9 @@ impl Collector<'_> {
     /// Takes what is marked on this frame. The first one's encoding is that of all samples.
     pub(super) fn look_at(&mut self, frame: &Frame<'_>) {
         let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
-        for label in self.marked.labels.iter().filter(|label| label.frame == frame.index) {
-            samples.collect(frame, &rectangle(self.marked, label));
+        let labels = self.marked.labels.iter().filter(|label| label.frame == frame.index);
+        for stroke in strokes(labels.map(|label| (label.stroke, rectangle(self.marked, label)))) {
+            samples.collect_stroke(frame, &stroke);
         }
     }
 

@@ -46,6 +46,10 @@ pub struct LabelledRectangle {
     pub w: i64,
     /// Rows.
     pub h: i64,
+    /// Rectangles of one frame and label with the same number were painted in one go: together they are one mark, since
+    /// what touches looks alike.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stroke: Option<u32>,
 }
 
 /// The side of the picture on which a tool's hand is.

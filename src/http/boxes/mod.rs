@@ -2,12 +2,14 @@
 
 mod calibrations;
 mod form;
+mod looks;
 mod palette;
 mod self_tests;
 
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use calibrations::*;
+pub use looks::*;
 pub use palette::*;
 pub use self_tests::*;
 use serde::Serialize;

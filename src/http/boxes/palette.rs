@@ -93,7 +93,7 @@ pub async fn put_palette(State(app): State<App>, by: Staff, At(key): At, form: F
 }
 
 /// What a [`PaletteForm`] says.
-async fn read(mut form: Form) -> Answer<(AnnotationsFile, Pictures)> {
+pub(super) async fn read(mut form: Form) -> Answer<(AnnotationsFile, Pictures)> {
     let (mut annotations, mut pictures) = (None, Pictures::default());
     while let Some(part) = form.next().await? {
         match (part.name.as_str(), frame(&part.name)) {

@@ -6,6 +6,8 @@
 //! luma plane → checkerboard::find → corners → calibrate (initial → refine → leave out) → Calibration
 //! ```
 //!
+//! [`glance`](mod@glance) tells of one photo alone whether it will serve, and if not, why.
+//!
 //! [`placed`] asks the other way round: where does a board lie before a camera that is known, and does it still know it?
 
 mod bend;
@@ -13,6 +15,7 @@ pub mod board;
 mod calibrate;
 pub mod checkerboard;
 pub mod film;
+pub mod glance;
 mod initial;
 pub mod model;
 pub mod placed;

@@ -54,16 +54,26 @@ impl ColourSamples {
     /// Adds the pixels inside a rectangle; parts outside the frame are left out. A frame in another encoding than
     /// the samples' gives codes that are brought to theirs.
     pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &Rectangle) {
-        let label = self.label_index(&rectangle.label);
+        self.collect_stroke(frame, std::slice::from_ref(rectangle));
+    }
+
+    /// The same of rectangles of one label that were painted in one go: together they count as one.
+    pub fn collect_stroke(&mut self, frame: &Frame<'_>, rectangles: &[Rectangle]) {
         let number = self.samples.last().map_or(0, |last| last.rectangle + 1);
-        let right = rectangle.x.saturating_add(rectangle.w).min(frame.width());
-        let bottom = rectangle.y.saturating_add(rectangle.h).min(frame.height());
-        let pixels = right.saturating_sub(rectangle.x) * bottom.saturating_sub(rectangle.y);
+        let end = |of: &Rectangle| {
+            (of.x.saturating_add(of.w).min(frame.width()), of.y.saturating_add(of.h).min(frame.height()))
+        };
+        let size = |of: &Rectangle| end(of).0.saturating_sub(of.x) * end(of).1.saturating_sub(of.y);
+        let pixels: usize = rectangles.iter().map(size).sum();
         let step = (pixels.div_ceil(MOST_PER_RECTANGLE) as f64).sqrt().ceil().max(1.0) as usize;
-        for y in (rectangle.y..bottom).step_by(step) {
-            for x in (rectangle.x..right).step_by(step) {
-                let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));
-                self.samples.push(ColourSample { label, rectangle: number, yuv });
+        for rectangle in rectangles {
+            let label = self.label_index(&rectangle.label);
+            let (right, bottom) = end(rectangle);
+            for y in (rectangle.y..bottom).step_by(step) {
+                for x in (rectangle.x..right).step_by(step) {
+                    let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));
+                    self.samples.push(ColourSample { label, rectangle: number, yuv });
+                }
             }
         }
     }

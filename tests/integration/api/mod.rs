@@ -6,6 +6,7 @@ mod documents;
 mod exchange;
 mod full_disk;
 mod hostile;
+mod looks;
 mod models;
 mod nouns;
 mod playback;

@@ -114,7 +114,7 @@ fn a_mark_on_a_frame_that_was_not_sent_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("frame_3.png");
     image::RgbImage::new(20, 20).save(&picture).unwrap();
-    let mark = MarkShape { frame: 4, label: "orange".into(), x_y_w_h: [1, 1, 2, 2] };
+    let mark = MarkShape { frame: 4, label: "orange".into(), x_y_w_h: [1, 1, 2, 2], stroke: None };
     let work = Work::Palette(PaletteWork { marks: vec![mark], tools: vec![], frames: Some(vec![3]) });
     assert_eq!(problem(ask(work, &[picture])), "mark-without-picture");
 }

@@ -55,6 +55,7 @@ impl SharedScene {
             frame: l.frame,
             label: l.label.clone(),
             x_y_w_h: [l.x, l.y, l.w, l.h].map(|n| n.try_into().unwrap()),
+            stroke: l.stroke,
         };
         self.annotations.labels.iter().map(mark).collect()
     }
@@ -152,7 +153,7 @@ fn a_recording_without_the_marker_says_so() {
 #[test]
 fn marks_that_cannot_be_are_named() {
     let Some(scene) = SharedScene::find("V1") else { return };
-    let mark = |frame, x_y_w_h| MarkShape { frame, label: "orange".into(), x_y_w_h };
+    let mark = |frame, x_y_w_h| MarkShape { frame, label: "orange".into(), x_y_w_h, stroke: None };
     let cases = [
         (mark(1_000_000, [1, 1, 2, 2]), "mark-beyond-the-end"),
         (mark(0, [1, 1, u32::MAX, 2]), "mark-outside"),

@@ -11,6 +11,7 @@ use nalgebra::{Point2, Vector2};
 use super::corner::{Corner, Place};
 use super::grey::Grey;
 use super::grid::Grid;
+use crate::pipeline::space::Pixel;
 
 type Cell = (i32, i32);
 
@@ -125,6 +126,11 @@ impl Lattice {
             size if size == (rows, columns) => turn(true),
             _ => None,
         }
+    }
+
+    /// Every corner, in no order.
+    pub fn positions(&self) -> Vec<Pixel> {
+        self.corners.values().map(|corner| Pixel(corner.at)).collect()
     }
 
     fn bounds(&self) -> Option<Bounds> {

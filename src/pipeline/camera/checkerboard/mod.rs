@@ -68,23 +68,40 @@ pub enum BoardReason {
 /// All inner corners of the board, row by row. Which of the (equivalent) first corners is chosen is not defined, but
 /// rows run so that columns lie clockwise of them in the picture: the board is seen from its face.
 pub fn find(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, BoardReason> {
+    seek(photo, board).map_err(|missed| missed.reason)
+}
+
+/// A board that was not found whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Missed {
+    /// Why not.
+    pub reason: BoardReason,
+    /// What was seen of it, in no order: where to look for what is wrong.
+    pub seen: Vec<Pixel>,
+}
+
+/// As [`find`]; where that fails, with what was seen.
+pub fn seek(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, Missed> {
+    let mut missed = Missed { reason: BoardReason::NoBoard, seen: Vec::new() };
     if photo.width.min(photo.height) < SMALLEST_PHOTO_PX {
-        return Err(BoardReason::NoBoard);
+        return Err(missed);
     }
     let scales = Scales::of(photo);
-    let mut reason = BoardReason::NoBoard;
     for scale in (0..scales.pictures.len()).rev() {
         for lattice in scales.lattices(scale, board) {
             match corners_of(&lattice, board) {
                 Ok(corners) => return Ok(corners),
-                Err(BoardReason::OtherBoard { columns, rows }) => {
-                    return Err(BoardReason::OtherBoard { columns, rows });
+                Err(reason @ BoardReason::OtherBoard { .. }) => {
+                    return Err(Missed { reason, seen: lattice.positions() });
                 }
-                Err(other) => reason = telling(reason, other),
+                Err(reason) if weight(&reason) > weight(&missed.reason) => {
+                    missed = Missed { reason, seen: lattice.positions() };
+                }
+                Err(_) => {}
             }
         }
     }
-    Err(reason)
+    Err(missed)
 }
 
 fn corners_of(lattice: &Lattice, board: Board) -> Result<Vec<Pixel>, BoardReason> {
@@ -117,15 +134,14 @@ fn upright((a, b): (usize, usize), board: Board) -> (usize, usize) {
     if miss(a, b) <= miss(b, a) { (a, b) } else { (b, a) }
 }
 
-/// Of two reasons the one that saw more of the board.
-fn telling(a: BoardReason, b: BoardReason) -> BoardReason {
-    let seen = |reason: &BoardReason| match reason {
+/// Of several reasons the one counts that saw most of the board.
+fn weight(reason: &BoardReason) -> usize {
+    match reason {
         BoardReason::NoBoard => 0,
         BoardReason::Incomplete { columns, rows } => columns * rows,
         BoardReason::Irregular => usize::MAX - 1,
         BoardReason::Blurred { .. } | BoardReason::OtherBoard { .. } => usize::MAX,
-    };
-    if seen(&b) > seen(&a) { b } else { a }
+    }
 }
 
 /// The photo at full, half, quarter … size.

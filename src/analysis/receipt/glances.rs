@@ -1,0 +1,50 @@
+//! Could an honest child have seen this on a photo, or made this mask?
+
+use super::{TEXTS, sensible};
+use crate::analysis::protocol::BoardShape;
+use crate::domain::palette::FrameMask;
+use crate::domain::photo_check::{PhotoCheck, PhotoHint};
+use crate::media::Limits;
+use crate::pipeline::camera::{Board, Coverage};
+
+/// As many corners as the board has where it was found, and at most as many as a search brings where not; all within reach
+/// of the picture.
+pub(super) fn is_possible_check(check: &PhotoCheck, board: BoardShape, limits: Limits) -> bool {
+    let PhotoCheck { width, height, found, corners, reason, hints, cut_off, near, coverage } = check;
+    let counted = coverage.corners.iter().map(|&count| u64::from(count)).sum::<u64>();
+    let is_word = |text: &String| text.chars().count() <= TEXTS[1] && !text.chars().any(char::is_control);
+    let whole = u64::from(board.columns) * u64::from(board.rows);
+    let most = if *found { whole } else { (Board::MOST as u64 + 2).pow(2) };
+    is_size(*width, *height, limits)
+        && corners.len() as u64 <= most
+        && (!found || corners.len() as u64 == whole)
+        && corners.iter().flatten().all(|&at| sensible(at))
+        && *found == reason.is_none()
+        && reason.iter().all(is_word)
+        && (!found || hints.is_empty())
+        && hints.len() <= PhotoHint::ALL.len()
+        && cut_off.len() <= 4
+        && (*found || near.is_none())
+        && [coverage.columns, coverage.rows] == [Coverage::COLUMNS as u32, Coverage::ROWS as u32]
+        && coverage.corners.len() == Coverage::COLUMNS * Coverage::ROWS
+        && counted <= if *found { whole } else { 0 }
+}
+
+/// Cells that fill a picture of this frame, of no more colours than there are.
+pub(super) fn is_possible_mask(mask: &FrameMask, frame: u64, colours: usize, limits: Limits) -> bool {
+    let FrameMask { width, height, cell_px, columns, rows, runs, .. } = mask;
+    let fills = |cells: u32, size: u32| *cell_px > 0 && cells == size.div_ceil(*cell_px);
+    let cells: u64 = runs.iter().map(|[_, cells]| u64::from(*cells)).sum();
+    mask.frame == frame
+        && is_size(*width, *height, limits)
+        && fills(*columns, *width)
+        && fills(*rows, *height)
+        && cells == u64::from(*columns) * u64::from(*rows)
+        && runs.iter().all(|[class, cells]| *class as usize <= colours && *cells > 0)
+        && runs.windows(2).all(|pair| pair[0][0] != pair[1][0])
+}
+
+fn is_size(width: u32, height: u32, limits: Limits) -> bool {
+    let longest = limits.width.max(limits.height);
+    (1..=longest).contains(&width) && (1..=longest).contains(&height)
+}

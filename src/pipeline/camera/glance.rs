@@ -1,0 +1,222 @@
+//! One photo of a board at a glance, while whoever took it still holds the board: its corners, or what is wrong and where.
+//!
+//! In: one luma plane and the board that was shown. Out: the corners, to which side the board leans, and which parts of the
+//! picture it fills; or the reason why it was not found, what was seen of it, and hints at the cause. Method: [`checkerboard`]
+//! decides; the hints are grey levels of the whole picture and the distance of what was seen to its rim. Which side of the
+//! board is nearer is told by the lengths of its opposite sides, once the lens's bending is taken out by the one number that
+//! makes a homography of the corners fit best: a camera is not known yet. It is rough, and meant for "tilt it the other way".
+//!
+//! Says nothing of accuracy: only all photos together do ([`super::calibrate`]).
+
+use nalgebra::{Point2, Vector2};
+
+use super::checkerboard::{self, BoardReason, Missed};
+use super::{Board, Coverage, initial};
+use crate::pipeline::frame::Plane;
+use crate::pipeline::space::Pixel;
+
+/// A picture with a median below this has no light to find a board by, codes.
+const DARK: u8 = 36;
+/// Codes from here on are burnt out.
+const BURNT: usize = 250;
+/// More than this share of burnt pixels may hide squares. A white sheet in good light stays below the code.
+const MOST_BURNT: f64 = 0.12;
+/// Where the steepest edges climb less than this share of the picture's contrast from one pixel to the next, nothing is sharp.
+const SOFT: f64 = 0.12;
+/// Share of neighbours that are steeper than "the steepest edges".
+const STEEPEST: f64 = 0.002;
+/// What was seen ends at the picture's rim if the next corner would lie outside, or nearly, squares.
+const AT_THE_RIM: f64 = 1.3;
+/// Natural logarithm of opposite sides' lengths from which a board is tilted: about 8° at a box's distances.
+const LEAST_TILT: f64 = 0.06;
+/// The lens's bending that is tried, as in `r / (1 + k r²)` with r = 1 in the picture's corner.
+const BENDINGS: [f64; 15] =
+    [0.15, 0.1, 0.05, 0.0, -0.05, -0.1, -0.15, -0.2, -0.25, -0.3, -0.35, -0.4, -0.45, -0.5, -0.55];
+
+/// A side of the picture, or of the board as it is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edge {
+    /// Left.
+    Left,
+    /// Right.
+    Right,
+    /// Top.
+    Top,
+    /// Bottom.
+    Bottom,
+}
+
+/// What may be the cause.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hint {
+    /// Too little light.
+    Dark,
+    /// Burnt out by the light or its reflection.
+    Glare,
+    /// Nothing in the picture is sharp.
+    Soft,
+    /// What was seen of the board ends at this side of the picture.
+    CutOff(Edge),
+}
+
+/// What a photo shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Glance {
+    /// All inner corners, row by row; where there is a reason, those that were seen, in no order.
+    pub corners: Vec<Pixel>,
+    /// Why they are not all there.
+    pub reason: Option<BoardReason>,
+    /// What may be its cause.
+    pub hints: Vec<Hint>,
+    /// The side of the board that is nearer to the camera; `None` where it faces it, or was not found.
+    pub near: Option<Edge>,
+    /// Where a calibration would find corners in it.
+    pub coverage: Coverage,
+}
+
+/// Looks at one photo.
+pub fn glance(photo: &Plane<'_>, board: Board) -> Glance {
+    let coverage = |corners: &[Pixel]| Coverage::of(corners.iter(), photo.width as u32, photo.height as u32);
+    let size = Vector2::new(photo.width as f64, photo.height as f64);
+    match checkerboard::seek(photo, board) {
+        Ok(corners) => {
+            let (near, coverage) = (near_side(&corners, board, size), coverage(&corners));
+            Glance { near, coverage, corners, reason: None, hints: Vec::new() }
+        }
+        Err(Missed { reason, seen }) => {
+            let hints = hints(photo, &reason, &seen);
+            Glance { hints, coverage: coverage(&[]), corners: seen, reason: Some(reason), near: None }
+        }
+    }
+}
+
+fn hints(photo: &Plane<'_>, reason: &BoardReason, seen: &[Pixel]) -> Vec<Hint> {
+    let levels = Levels::of(photo);
+    let is_another_board = matches!(reason, BoardReason::OtherBoard { .. });
+    let is_unseen = matches!(reason, BoardReason::NoBoard);
+    let told = [
+        (Hint::Dark, levels.median < DARK),
+        (Hint::Glare, levels.burnt > MOST_BURNT),
+        (Hint::Soft, is_unseen && levels.median >= DARK && levels.steepest < SOFT),
+    ];
+    let of_light = told.into_iter().filter(|(_, holds)| *holds && !is_another_board).map(|(hint, _)| hint);
+    let is_part = matches!(reason, BoardReason::Incomplete { .. } | BoardReason::Irregular);
+    of_light.chain(rims(photo, if is_part { seen } else { &[] }).into_iter().map(Hint::CutOff)).collect()
+}
+
+/// The sides of the picture at which what was seen ends.
+fn rims(photo: &Plane<'_>, seen: &[Pixel]) -> Vec<Edge> {
+    let Some(square) = square_px(seen) else { return Vec::new() };
+    let limit = AT_THE_RIM * square;
+    let least = |of: fn(&Pixel) -> f64| seen.iter().map(of).fold(f64::INFINITY, f64::min);
+    let most = |of: fn(&Pixel) -> f64| seen.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
+    let sides = [
+        (Edge::Left, least(Pixel::u)),
+        (Edge::Right, photo.width as f64 - most(Pixel::u)),
+        (Edge::Top, least(Pixel::v)),
+        (Edge::Bottom, photo.height as f64 - most(Pixel::v)),
+    ];
+    sides.into_iter().filter(|(_, distance)| *distance < limit).map(|(edge, _)| edge).collect()
+}
+
+/// Median distance of a corner to its nearest neighbour.
+fn square_px(corners: &[Pixel]) -> Option<f64> {
+    let nearest = |one: &Pixel| {
+        let others = corners.iter().map(|other| (other.0 - one.0).norm()).filter(|distance| *distance > 0.0);
+        others.fold(f64::INFINITY, f64::min)
+    };
+    let mut distances: Vec<f64> = corners.iter().map(nearest).filter(|distance| distance.is_finite()).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied()
+}
+
+/// Grey levels of a whole picture.
+struct Levels {
+    median: u8,
+    /// Share of pixels that are burnt out.
+    burnt: f64,
+    /// Step of the steepest edges, as a share of the contrast.
+    steepest: f64,
+}
+
+impl Levels {
+    fn of(photo: &Plane<'_>) -> Self {
+        let (mut codes, mut steps) = ([0_usize; 256], [0_usize; 256]);
+        for y in 0..photo.height {
+            let row = photo.row(y);
+            row.iter().for_each(|&code| codes[usize::from(code)] += 1);
+            row.windows(2).for_each(|pair| steps[usize::from(pair[0].abs_diff(pair[1]))] += 1);
+        }
+        let contrast = f64::from(quantile(&codes, 0.98) - quantile(&codes, 0.02)).max(1.0);
+        let all = codes.iter().sum::<usize>().max(1) as f64;
+        Self {
+            median: quantile(&codes, 0.5),
+            burnt: codes[BURNT..].iter().sum::<usize>() as f64 / all,
+            steepest: f64::from(quantile(&steps, 1.0 - STEEPEST)) / contrast,
+        }
+    }
+}
+
+/// The code that this share of them does not exceed.
+fn quantile(counts: &[usize; 256], share: f64) -> u8 {
+    let most = share * counts.iter().sum::<usize>() as f64;
+    let mut sum = 0;
+    let reached = counts.iter().position(|count| {
+        sum += count;
+        sum as f64 >= most
+    });
+    reached.unwrap_or(255) as u8
+}
+
+/// Where a board leans towards the camera: the picture's side at which squares are largest.
+fn near_side(corners: &[Pixel], board: Board, size: Vector2<f64>) -> Option<Edge> {
+    let straight = straightened(corners, board, size)?;
+    let (columns, last) = (board.columns(), straight.len().checked_sub(board.columns())?);
+    let [a, b] = [straight.first()?, straight.get(columns - 1)?];
+    let [c, d] = [straight.get(last)?, straight.last()?];
+    let ratio = |long: Vector2<f64>, short: Vector2<f64>| (long.norm() / short.norm()).ln();
+    // From the first row to the last and from the first column to the last, in the picture, as long as squares grow on the way.
+    let down = ((c.coords + d.coords) - (a.coords + b.coords)).try_normalize(0.0)? * ratio(d - c, b - a);
+    let across = ((b.coords + d.coords) - (a.coords + c.coords)).try_normalize(0.0)? * ratio(d - b, c - a);
+    let grows = down + across;
+    match (grows.norm() >= LEAST_TILT, grows.x.abs() > grows.y.abs()) {
+        (false, _) => None,
+        (true, true) => Some(if grows.x > 0.0 { Edge::Right } else { Edge::Left }),
+        (true, false) => Some(if grows.y > 0.0 { Edge::Bottom } else { Edge::Top }),
+    }
+}
+
+/// The corners without the lens's bending, as far as one number tells it.
+fn straightened(corners: &[Pixel], board: Board, size: Vector2<f64>) -> Option<Vec<Point2<f64>>> {
+    let centre = (size - Vector2::repeat(1.0)) / 2.0;
+    let points = board.points_mm();
+    let bent_back = |k: f64| -> Vec<Pixel> {
+        let straight = |corner: &Pixel| {
+            let from = corner.0.coords - centre;
+            Pixel((centre + from / (1.0 + k * from.norm_squared() / centre.norm_squared())).into())
+        };
+        corners.iter().map(straight).collect()
+    };
+    let tried = BENDINGS.iter().filter_map(|&k| {
+        let straight = bent_back(k);
+        Some((misfit(&points, &straight)?, straight))
+    });
+    let best = tried.min_by(|(a, _), (b, _)| a.total_cmp(b))?.1;
+    Some(best.into_iter().map(|pixel| pixel.0).collect())
+}
+
+/// How far a homography misses points, against how far they spread.
+fn misfit(points: &[Point2<f64>], seen: &[Pixel]) -> Option<f64> {
+    let homography = initial::homography(points, seen)?;
+    let middle = seen.iter().map(|pixel| pixel.0.coords).sum::<Vector2<f64>>() / seen.len() as f64;
+    let (mut missed, mut spread) = (0.0, 0.0);
+    for (point, pixel) in points.iter().zip(seen) {
+        let at = homography * point.to_homogeneous();
+        missed += (at.xy() / at.z - pixel.0.coords).norm_squared();
+        spread += (pixel.0.coords - middle).norm_squared();
+    }
+    (missed / spread).is_finite().then_some(missed / spread)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,86 @@
+// Step 5: the tapes' colours. Frames of the box, painted on; what the tracker would take for tape is shown on all of them.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { asProblem } from '../data.js';
+import { dateTime } from '../format.js';
+import { t } from '../texts.js';
+import { JobProgress, jobIdOf } from '../parts/job.js';
+import { Empty, Notice, ProblemNotice } from '../parts/notice.js';
+import { PaletteAdvice } from '../parts/box_advice.js';
+import { Verdicts } from '../parts/box_palette.js';
+import { Confusion } from './confusion.js';
+import { FrameSources } from './frame_sources.js';
+import { FrameStrip } from './frame_strip.js';
+import { isMarked, tapesOf } from './marks.js';
+import { PaintBench } from './paint_bench.js';
+import { formOf, usePreview } from './preview.js';
+import { isWhole } from './steps.js';
+import { inkOf } from './tapes.js';
+
+const words = t.setup.colours;
+
+export function ColoursStep({ box, bench, at, onChange }) {
+  const [problem, setProblem] = useState(null);
+  const [chosen, setChosen] = useState(null);
+  const { preview, problem: unseen, isAsking } = usePreview(box, bench);
+  const tapes = tapesOf(bench.plan.tools);
+  const ink = label => inkOf(label, tapes);
+  const { frames } = bench;
+  const frame = frames.find(({ number }) => number === chosen) ?? frames[0];
+  const maskOf = number => {
+    const mask = preview?.frames.find(one => one.frame === number);
+    return mask && { ...mask, colours: preview.colours };
+  };
+  const isDescribed = bench.plan.tools.length > 0 && bench.plan.tools.every(isWhole);
+  if (!isDescribed)
+    return html`<${Empty} title=${words.needTools} body=${words.needToolsBody}>
+      <a class="button main" href=${at('tools')}>${t.setup.tools.title}</a><//>
+      ${box.palettes[0] && html`<${Learned} palette=${box.palettes[0]} />`}`;
+  return html`
+    <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
+    <details open=${frames.length === 0}>
+      <summary>${words.add}</summary>
+      <${FrameSources} box=${box} bench=${bench} onProblem=${setProblem} />
+    </details>
+    ${frame && html`
+      <${PaintBench} bench=${bench} frame=${frame} tapes=${tapes} inkOf=${ink} mask=${maskOf(frame.number)} />
+      <${FrameStrip} bench=${bench} chosen=${frame.number} onChoose=${setChosen} maskOf=${maskOf} inkOf=${ink}
+        isAsking=${isAsking} isShown=${Boolean(preview)} />
+      <${ProblemNotice} problem=${unseen} />
+      ${preview && html`<section class="stack"><h3>${words.worth}</h3>
+        <${Verdicts} verdicts=${preview.verdicts} /><${Confusion} rows=${preview.confusion} /></section>`}
+      <${Learn} box=${box} bench=${bench} tapes=${tapes} onProblem=${setProblem} onChange=${onChange} />`}
+    ${box.palettes[0] && html`<${Learned} palette=${box.palettes[0]} />`}
+    <${PaletteAdvice} box=${box} />`;
+}
+
+/** What is still to be painted, or the button. */
+function Learn({ box, bench, tapes, onProblem, onChange }) {
+  const [isSending, setSending] = useState(false);
+  const unmarked = tapes.filter(tape => !isMarked(bench.frames, tape));
+  const noBackground = !isMarked(bench.frames, 'background');
+  const job = bench.job.colours;
+  const learn = async () => {
+    setSending(true);
+    onProblem(null);
+    try {
+      bench.job.colours = jobIdOf(await api.boxes.putPalette(box.id, formOf(box, bench)));
+    } catch (error) {
+      onProblem(asProblem(error));
+    }
+    setSending(false);
+  };
+  return html`
+    ${unmarked.length > 0 && html`<${Notice} tone="warn" quiet title=${words.unmarked(unmarked)} />`}
+    ${unmarked.length === 0 && noBackground && html`<${Notice} tone="warn" quiet title=${words.noBackground} />`}
+    <div class="row"><button class="button main" type="button" disabled=${unmarked.length > 0 || noBackground || isSending}
+      onClick=${learn}>${isSending ? t.box.sending : t.box.learn}</button></div>
+    ${job && html`<${JobProgress} key=${job} id=${job} done=${t.box.learned} onDone=${onChange} />`}`;
+}
+
+const Learned = ({ palette }) => html`
+  <section class="stack" data-palette=${palette.version}>
+    <h3>${words.learned}</h3>
+    <p class="small muted">${t.box.learnedAs(palette.version, dateTime(palette.created_at))}</p>
+    ${palette.verdicts && html`<${Verdicts} verdicts=${palette.verdicts} />`}
+  </section>`;

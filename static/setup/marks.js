@@ -1,0 +1,101 @@
+// Marks on frames: what was painted, as rectangles, and the annotations.json that they make. No pixels, no page: only numbers.
+
+/** A brush that is a disc, on a grid as fine as a quarter of it: a stroke becomes few rectangles and stays inside its edge. */
+export function strokeOf(path, diameter, { width, height }) {
+  const grid = Math.max(1, Math.floor(diameter / 4));
+  const cells = new Map(); // row → set of columns
+  const reach = diameter / 2;
+  for (const [x, y] of dense(path, grid)) {
+    const last = Math.floor((y + reach) / grid);
+    for (let row = Math.floor((y - reach) / grid); row <= last; row++) {
+      const up = (row + 0.5) * grid - y;
+      const half = Math.sqrt(Math.max(0, reach * reach - up * up));
+      const [from, to] = [Math.ceil((x - half) / grid - 0.5), Math.floor((x + half) / grid - 0.5)];
+      if (!cells.has(row)) cells.set(row, new Set());
+      for (let column = from; column <= to; column++) cells.get(row).add(column);
+    }
+  }
+  const runs = [...cells].sort(([a], [b]) => a - b).flatMap(([row, columns]) => runsOf(row, columns));
+  return joined(runs)
+    .map(run => inside({ x: run.from * grid, y: run.row * grid, w: run.length * grid, h: run.rows * grid }, width, height))
+    .filter(Boolean);
+}
+
+/** The path with a point at least each `step` pixels. */
+function dense(path, step) {
+  const points = [path[0]];
+  for (const [x, y] of path.slice(1)) {
+    const [fromX, fromY] = points[points.length - 1];
+    const steps = Math.max(1, Math.ceil(Math.hypot(x - fromX, y - fromY) / step));
+    for (let i = 1; i <= steps; i++) points.push([fromX + ((x - fromX) * i) / steps, fromY + ((y - fromY) * i) / steps]);
+  }
+  return points;
+}
+
+function runsOf(row, columns) {
+  const runs = [];
+  for (const column of [...columns].sort((a, b) => a - b)) {
+    const last = runs[runs.length - 1];
+    if (last && last.from + last.length === column) last.length++;
+    else runs.push({ row, rows: 1, from: column, length: 1 });
+  }
+  return runs;
+}
+
+/** Equal runs in neighbouring rows become one rectangle. */
+function joined(runs) {
+  const whole = [];
+  for (const run of runs) {
+    const above = whole.find(
+      ({ row, rows, from, length }) => row + rows === run.row && from === run.from && length === run.length,
+    );
+    if (above) above.rows++;
+    else whole.push(run);
+  }
+  return whole;
+}
+
+/** The part inside the picture, in whole pixels; null where there is none. */
+function inside({ x, y, w, h }, width, height) {
+  const [left, top] = [Math.max(0, Math.round(x)), Math.max(0, Math.round(y))];
+  const [right, bottom] = [Math.min(width, Math.round(x + w)), Math.min(height, Math.round(y + h))];
+  return right > left && bottom > top ? { x: left, y: top, w: right - left, h: bottom - top } : null;
+}
+
+/** A rectangle by two of its corners; as many as fit into the picture, none or one. */
+export function rectangleOf([x, y], [toX, toY], { width, height }) {
+  const [left, top] = [Math.min(x, toX), Math.min(y, toY)];
+  const whole = inside({ x: left, y: top, w: Math.abs(toX - x), h: Math.abs(toY - y) }, width, height);
+  return whole ? [whole] : [];
+}
+
+/** annotations.json: the tools with their sizes, and every mark. Rectangles of one stroke bear its number. */
+export function annotationsOf({ tools, view, frames }) {
+  const labels = frames.flatMap(({ number, marks }) =>
+    marks.flatMap(({ id, label, rectangles }) =>
+      rectangles.map(rectangle => ({
+        frame: number,
+        label,
+        ...rectangle,
+        ...(rectangles.length > 1 ? { stroke: id } : {}),
+      })),
+    ),
+  );
+  return { ...(view ? { view } : {}), tools: tools.map(entryOf), labels };
+}
+
+function entryOf({ tape, name, side, diameter, band }) {
+  const colour = tape.trim();
+  return {
+    tool: name?.trim() || colour,
+    ...(name?.trim() && name.trim() !== colour ? { colour } : {}),
+    ...(side ? { side } : {}),
+    diameter_mm: diameter,
+    ...(band ? { band_length_mm: band } : {}),
+  };
+}
+
+/** The tapes of tools, each once. */
+export const tapesOf = tools => [...new Set(tools.map(({ tape }) => tape?.trim()).filter(Boolean))];
+
+export const isMarked = (frames, label) => frames.some(({ marks }) => marks.some(mark => mark.label === label));

@@ -1,0 +1,43 @@
+// One photo of the board: what was found in it is drawn over it; where that is not enough, why, where and what to do.
+import { html } from '../parts/preact.js';
+import { t } from '../texts.js';
+import { sizeOf } from './photos.js';
+
+const words = t.setup.photos;
+
+export function PhotoCard({ photo, usual, onRemove, onRetry }) {
+  const { name, url, check, state, problem } = photo;
+  const isOther = check?.found && sizeOf(check) !== usual;
+  const tone = check?.found && !isOther ? 'good' : state === 'checked' || state === 'failed' ? 'warn' : 'busy';
+  return html`
+    <li class=${`photo ${tone}`} data-photo=${name}>
+      <div class="look"><img src=${url} alt=${words.alt(name)} />${check && html`<${Corners} check=${check} />`}</div>
+      <div class="stack tight">
+        <div class="row apart">
+          <span class=${`pill ${tone}`}>${words.verdict(photo, isOther)}</span>
+          <button class="button bare" type="button" aria-label=${words.removeNamed(name)} onClick=${onRemove}>${words.remove}</button>
+        </div>
+        <p class="small code">${name}</p>
+        ${isOther && html`<p class="small">${words.otherSize(sizeOf(check), usual)}</p>`}
+        ${check && !check.found && html`<${Why} check=${check} />`}
+        ${problem && html`<p class="small">${problem.title}. ${problem.detail}</p>
+          <p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
+      </div>
+    </li>`;
+}
+
+/** What to do comes first; what the search says of it stands below. */
+const Why = ({ check }) => html`
+  ${check.hints.map(hint => html`<p key=${hint} class="small">${words.hint(hint, check.cut_off)}</p>`)}
+  <p class="small muted">${check.reason}</p>`;
+
+/** Corners of a whole board come row by row, and are joined so; of a part, in no order. */
+function Corners({ check: { width, height, corners, found } }) {
+  const r = Math.max(width, height) / 160;
+  return html`
+    <svg viewBox=${`0 0 ${width} ${height}`} aria-hidden="true">
+      ${found && html`<polyline points=${corners.map(corner => corner.join()).join(' ')} fill="none"
+        stroke-width=${r / 2} class="joined" />`}
+      ${corners.map(([x, y], index) => html`<circle key=${index} cx=${x} cy=${y} r=${r} class=${found ? 'found' : 'part'} />`)}
+    </svg>`;
+}

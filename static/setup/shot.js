@@ -1,0 +1,38 @@
+// The picture of this device's camera, with a button that takes it as it is: a photo of the board, a frame of the box.
+import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { t } from '../texts.js';
+import { icons } from '../parts/icons.js';
+import { CameraFields, CameraOff } from '../parts/record_camera.js';
+import { useCamera } from '../parts/use_camera.js';
+import { frameOf } from './pictures.js';
+
+const words = t.setup.shot;
+const USUAL = '1920x1080';
+
+/** `calibrated` is the picture that the box is calibrated for, where it is. `onShot(blob)`. */
+export function Shot({ calibrated, label, onShot, disabled }) {
+  const camera = useCamera(calibrated ? `${calibrated.width}x${calibrated.height}` : USUAL);
+  const video = useRef(null);
+  const [isTaking, setTaking] = useState(false);
+  useEffect(() => void (video.current && (video.current.srcObject = camera.stream)), [camera.stream]);
+  const take = async () => {
+    setTaking(true);
+    const blob = await frameOf(video.current);
+    setTaking(false);
+    onShot(blob);
+  };
+  return html`
+    <div class="stack tight shot">
+      ${camera.stream ? html`<div class=${`screen own ${isTaking ? 'taking' : ''}`}>
+        <video ref=${video} muted playsinline autoplay aria-label=${t.record.picture}></video></div>`
+        : html`<${CameraOff} camera=${camera} />`}
+      <div class="row">
+        <button class="button main" type="button" disabled=${!camera.stream || isTaking || disabled} onClick=${take}>
+          <${icons.camera} />${label}</button>
+      </div>
+      <details>
+        <summary>${words.settings}</summary>
+        <div class="fields"><${CameraFields} camera=${camera} calibrated=${calibrated} /></div>
+      </details>
+    </div>`;
+}

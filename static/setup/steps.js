@@ -1,0 +1,56 @@
+// The steps of setting up a box, in order, and how each stands. `done`, `todo`, `again` (look again), `free` (if wanted).
+import { goodPhotos } from './photos.js';
+import { needsOf } from './needs.js';
+
+/** Beyond this the quality gate marks every session of the box, pixels. */
+const MOST_RMS_PX = 1;
+
+export const STEPS = ['board', 'photos', 'calibration', 'tools', 'colours', 'agent', 'test'];
+
+/** Every step's state, from what REST tells of the box and what lies on the bench. */
+export function statesOf(box, bench) {
+  const { plan, photos } = bench;
+  return {
+    board: plan.measured || box.camera?.square_mm ? 'done' : 'todo',
+    photos: photosState(photos, box),
+    calibration: calibrationState(box),
+    tools: toolsState(plan.tools, box.tools),
+    colours: coloursState(box.palettes[0]),
+    agent: box.tokens?.length ? 'done' : 'free',
+    test: testState(box.selfTests[0]),
+  };
+}
+
+/** The first step that waits for somebody; where none does, the first. */
+export const nextOf = states => STEPS.find(step => states[step] === 'todo' || states[step] === 'again') ?? STEPS[0];
+
+export const isPoor = rms => Number.isFinite(rms) && rms > MOST_RMS_PX;
+
+function photosState(photos, box) {
+  if (photos.length === 0) return box.calibration ? 'done' : 'todo';
+  if (needsOf(goodPhotos(photos)).isEnough) return 'done';
+  return box.calibration ? 'done' : 'again';
+}
+
+function calibrationState({ calibration }) {
+  if (!calibration) return 'todo';
+  return isPoor(calibration.rms_px) ? 'again' : 'done';
+}
+
+function toolsState(planned, known) {
+  if (planned.length > 0) return planned.every(isWhole) ? 'done' : 'again';
+  return known.length > 0 ? 'done' : 'todo';
+}
+
+/** Has it what a measurement needs? */
+export const isWhole = ({ tape, diameter }) => Boolean(tape?.trim() && diameter > 0);
+
+function coloursState(palette) {
+  if (!palette) return 'todo';
+  return (palette.verdicts ?? []).some(({ grade }) => grade === 'bad') ? 'again' : 'done';
+}
+
+function testState(test) {
+  if (!test) return 'todo';
+  return test.light === 'green' ? 'done' : 'again';
+}

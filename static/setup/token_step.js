@@ -1,0 +1,62 @@
+// Step 6: the token of the box's own program, shown once, and what to type on the computer beside the box.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { dateTime } from '../format.js';
+import { may } from '../roles.js';
+import { t } from '../texts.js';
+import { Form } from '../parts/form.js';
+import { Notice } from '../parts/notice.js';
+import { QrCode } from './qr.js';
+
+const words = t.setup.agent;
+
+export function TokenStep({ box, person, onChange }) {
+  const [made, setMade] = useState(null);
+  const create = async ({ name }) => {
+    const { token } = await api.tokens.create({ name, role: 'agent', box: box.id });
+    setMade(token);
+    onChange();
+  };
+  if (!may(person, 'people')) return html`<${Notice} quiet title=${words.notYou}>${words.notYouBody}<//>`;
+  return html`
+    <p>${words.either}</p>
+    ${box.tokens.length > 0 && html`<p class="small muted">${words.existing}</p>
+      <ul class="bullets small">${box.tokens.map(({ id, name, created_at, last_used_at }) => html`<li key=${id}>
+        ${words.token(name, dateTime(created_at), last_used_at && dateTime(last_used_at))}</li>`)}</ul>`}
+    ${!made && html`<${Form} fields=${[{ name: 'name', label: words.name, required: true, maxlength: 100, value: words.nameOf(box.name) }]}
+      onSave=${create} submit=${words.make} />`}
+    ${made && html`<${Made} box=${box} token=${made} />`}`;
+}
+
+function Made({ box, token }) {
+  const file = `${box.code}.token`;
+  const keep = `(umask 077; echo ${token} > ${file})`;
+  const run = `trocar agent --server ${location.origin} --box ${box.code} --token-file ${file}`;
+  const record = `${run} --trainee ${words.trainee} --task ${words.task} /dev/video0`;
+  return html`
+    <${Notice} tone="warn" title=${words.once}>${words.onceBody}<//>
+    <div class="token">
+      <div class="stack">
+        <${Line} name=${words.secret} text=${token} />
+        <${Line} name=${words.keep} text=${keep} />
+        <${Line} name=${words.run} text=${record} />
+        <p class="small muted">${words.runBody}</p>
+      </div>
+      <figure class="stack tight">
+        <${QrCode} text=${`${keep}\n${record}\n`} name=${words.code} />
+        <figcaption class="small muted">${words.codeBody}</figcaption>
+      </figure>
+    </div>`;
+}
+
+function Line({ name, text }) {
+  const [isCopied, setCopied] = useState(false);
+  const copy = () => navigator.clipboard?.writeText(text).then(() => setCopied(true), () => {});
+  return html`
+    <div class="stack tight">
+      <span class="label">${name}</span>
+      <div class="secret">${text}</div>
+      ${isSecureContext && html`<div class="row"><button class="button" type="button" aria-label=${words.copyNamed(name)}
+        onClick=${copy}>${words.copy}</button><span role="status" class="small">${isCopied ? words.copied : ''}</span></div>`}
+    </div>`;
+}

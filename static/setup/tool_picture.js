@@ -1,0 +1,20 @@
+// What is measured on an instrument: the diameter over the tape, and the length of the band along the tube.
+import { html } from '../parts/preact.js';
+import { t } from '../texts.js';
+
+const words = t.setup.tools;
+
+export const ToolPicture = () => html`
+  <svg class="tool-picture" viewBox="0 0 440 190" role="img" aria-label=${words.picture}>
+    <rect class="tube" x="10" y="80" width="280" height="30" />
+    <path class="jaw" d="M300 82h20l70-16q14-2 16 8l-70 16h-36zM300 108h20l70 16q14 2 16-8l-70-16h-36z" />
+    <rect class="tape" x="180" y="77" width="120" height="36" />
+    <g class="measure">
+      <path d="M180 140v18M300 140v18M184 149h112M190 144l-7 5 7 5M290 144l7 5-7 5" />
+      <path d="M70 40v34M70 116v34M64 66l6 8 6-8M64 124l6-8 6 8M56 77h124M56 113h124" />
+    </g>
+    <text x="240" y="178" text-anchor="middle">${words.bandShort}</text>
+    <text x="70" y="30" text-anchor="middle">${words.diameterShort}</text>
+    <text x="240" y="66" text-anchor="middle">${words.tapeShort}</text>
+    <text x="345" y="52" text-anchor="middle">${words.tipShort}</text>
+  </svg>`;

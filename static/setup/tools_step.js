@@ -1,0 +1,86 @@
+// Step 4: which instruments there are, and their sizes: depth is measured by them, so that a tenth of a millimetre counts.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { asProblem } from '../data.js';
+import { t } from '../texts.js';
+import { Field } from '../parts/form.js';
+import { icons } from '../parts/icons.js';
+import { Empty, Notice, ProblemNotice } from '../parts/notice.js';
+import { ToolPicture } from './tool_picture.js';
+import { tapeNames } from './tapes.js';
+
+const words = t.setup.tools;
+const MOST_TOOLS = 8;
+
+export function ToolsStep({ box, bench, at, onChange }) {
+  const { tools } = bench.plan;
+  const known = box.tools.length > 0 && tools.length === 0;
+  const set = list => bench.setPlan({ tools: list });
+  const change = (index, more) => set(tools.map((tool, at) => (at === index ? { ...tool, ...more } : tool)));
+  return html`
+    <div class="setup-two">
+      <${ToolPicture} />
+      <ul class="bullets">${words.how.map(line => html`<li key=${line}>${line}</li>`)}</ul>
+    </div>
+    <datalist id="tapes">${tapeNames.map(name => html`<option key=${name} value=${name} />`)}</datalist>
+    ${known && html`<${Known} tools=${box.tools} onTake=${() => set(box.tools.map(planned))} />`}
+    ${tools.length === 0 && !known && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
+    <ul class="stack">
+      ${tools.map((tool, index) => html`<${Tool} key=${tool.id} tool=${tool} number=${index + 1}
+        onChange=${more => change(index, more)} onRemove=${() => set(tools.filter((_, at) => at !== index))} />`)}
+    </ul>
+    ${!known && tools.length < MOST_TOOLS && html`<div class="row"><button class="button" type="button"
+      onClick=${() => set([...tools, { id: 1 + Math.max(0, ...tools.map(tool => tool.id)), tape: '', name: '', side: '' }])}><${icons.add} />${words.add}</button></div>`}
+    ${tools.length > 0 && html`<p class="small muted">${words.next} <a href=${at('colours')}>${t.setup.colours.title}</a></p>`}
+    <${View} box=${box} onChange=${onChange} />
+    <p class="small muted">${words.trocars}</p>`;
+}
+
+/** A tool of the box as this page keeps it. */
+const planned = ({ name, colour, side, diameter_mm, band_length_mm }, index) => ({
+  id: index + 1,
+  tape: colour ?? name,
+  name: colour ? name : '',
+  side: side ?? '',
+  diameter: diameter_mm,
+  band: band_length_mm ?? undefined,
+});
+
+const Known = ({ tools, onTake }) => html`
+  <${Notice} tone="good" quiet title=${words.known(tools.map(({ name }) => name))}>${words.knownBody}<//>
+  <div class="row"><button class="button" type="button" onClick=${onTake}>${words.change}</button></div>`;
+
+function Tool({ tool, number, onChange, onRemove }) {
+  const text = name => event => onChange({ [name]: event.target.value });
+  const size = name => ({ target }) => onChange({ [name]: target.value && target.validity.valid ? Number(target.value) : undefined });
+  const called = tool.name || tool.tape || words.numbered(number);
+  return html`
+    <li>
+      <fieldset class="instrument">
+        <legend>${called}</legend>
+        <div class="fields">
+          <${Field} label=${words.tape} hint=${words.tapeHint} required list="tapes" maxlength="40" value=${tool.tape} onInput=${text('tape')} />
+          <${Field} label=${words.name} hint=${words.nameHint} optional maxlength="60" value=${tool.name} onInput=${text('name')} />
+          <${Field} label=${words.diameter} hint=${words.diameterHint} type="number" required step="any" min="0.5" max="50"
+            value=${tool.diameter} onInput=${size('diameter')} />
+          <${Field} label=${words.band} hint=${words.bandHint} type="number" optional step="any" min="1" max="500"
+            value=${tool.band} onInput=${size('band')} />
+          <${Field} label=${t.box.hand} hint=${words.sideHint} type="select" value=${tool.side}
+            options=${[['', words.anySide], ...Object.entries(t.box.sides)]} onInput=${text('side')} />
+        </div>
+        <button class="button bare" type="button" aria-label=${words.removeNamed(called)} onClick=${onRemove}>${t.form.remove}</button>
+      </fieldset>
+    </li>`;
+}
+
+/** The one thing here that belongs to the box itself, and is saved at once. */
+function View({ box, onChange }) {
+  const [problem, setProblem] = useState(null);
+  const change = event => api.boxes.change(box.id, { view: event.target.value }).then(onChange, error => setProblem(asProblem(error)));
+  const known = Object.entries(t.boxes.views);
+  const options = box.view ? known : [['', t.boxes.auto], ...known]; // Once told it cannot be unsaid, only changed.
+  return html`
+    <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
+    <div class="fields"><${Field} label=${t.boxes.view} hint=${words.viewHint} type="select" value=${box.view ?? ''}
+      options=${options} onInput=${change} /></div>`;
+}
