@@ -8,6 +8,7 @@ mod full_disk;
 mod hostile;
 mod models;
 mod nouns;
+mod overview;
 mod playback;
 mod process;
 mod progress;
