@@ -42,10 +42,11 @@ function address(path, query = {}) {
 /** The address of a WebSocket. */
 const socketAddress = (path, query) => `${location.origin.replace(/^http/, 'ws')}${address(path, query)}`;
 
-async function call(method, path, { query, json, form, signal } = {}) {
+async function call(method, path, { query, json, form, table, signal } = {}) {
   const headers = { accept: 'application/json' };
   if (json !== undefined) headers['content-type'] = 'application/json';
-  const body = json !== undefined ? JSON.stringify(json) : form;
+  if (table !== undefined) headers['content-type'] = 'text/csv';
+  const body = json !== undefined ? JSON.stringify(json) : (table ?? form);
   let answer;
   try {
     answer = await fetch(address(path, query), { method, headers, body, signal, credentials: 'same-origin' });
@@ -90,14 +91,41 @@ export const api = {
   changePassword: (old, fresh) => call('POST', ['me', 'password'], { json: { old, new: fresh } }),
 
   people: noun('people'),
-  groups: { ...noun('groups'), setMembers: (id, json) => call('PUT', ['groups', id, 'members'], { json }) },
+  groups: {
+    ...noun('groups'),
+    /** `query`: task, feature, tool, space. */
+    progress: (id, query, signal) => call('GET', ['groups', id, 'progress'], { query, signal }),
+    setMembers: (id, json) => call('PUT', ['groups', id, 'members'], { json }),
+  },
   tokens: noun('tokens'),
   tasks: {
     ...noun('tasks'),
     models: (id, signal) => call('GET', ['tasks', id, 'models'], { signal }),
     train: id => call('POST', ['tasks', id, 'models']),
+    /** Newest first; the first is the one in use. */
+    standards: (id, signal) => call('GET', ['tasks', id, 'standards'], { signal }).then(page => page.items),
+    presets: (id, signal) => call('GET', ['tasks', id, 'standards', 'presets'], { signal }).then(page => page.items),
+    propose: (id, json) => call('POST', ['tasks', id, 'standards', 'proposals'], { json }),
+    setStandard: (id, json) => call('POST', ['tasks', id, 'standards'], { json }),
+    /** `query`: feature, tool, space, cohorts, hand, limit. */
+    distribution: (id, query, signal) => call('GET', ['tasks', id, 'distribution'], { query, signal }),
+    rescore: (id, json) => call('POST', ['tasks', id, 'rescorings'], { json }),
   },
-  cohorts: noun('cohorts'),
+  cohorts: {
+    ...noun('cohorts'),
+    members: id => everything(['cohorts', id, 'members']),
+    replace: (id, json) => call('PUT', ['cohorts', id], { json }),
+  },
+  rescorings: {
+    ...noun('rescorings'),
+    trainees: (id, signal) => call('GET', ['rescorings', id, 'trainees'], { query: { limit: 50 }, signal }),
+    sessions: (id, signal) => call('GET', ['rescorings', id, 'sessions'], { query: { limit: 20 }, signal }),
+  },
+  /** Many trainees at once: all, or nobody. */
+  enrol: (rows, onlyCheck) => call('POST', ['enrolments'], { json: { rows, only_check: onlyCheck } }),
+  attention: signal => call('GET', ['attention'], { signal }),
+  service: signal => call('GET', ['service'], { signal }),
+  audit: (query, signal) => call('GET', ['audit'], { query, signal }),
   /** What can be measured. */
   features: signal => call('GET', ['features'], { signal }).then(page => page.items),
   /** On which forms sessions are rated. */
@@ -134,6 +162,8 @@ export const api = {
   },
   sessions: {
     ...noun('sessions'),
+    /** `query`: trainee, task, box, tracker, filename, recorded_at. */
+    importTable: (query, table) => call('POST', ['sessions', 'import'], { query, table }),
     retry: id => call('POST', ['sessions', id, 'retry']),
     trajectory: (id, kind, signal) =>
       call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),

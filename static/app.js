@@ -48,7 +48,42 @@ const PAGES = [
     at: path => path[0] === 'trainees' && path.length === 3 && path[2] === 'report',
     load: () => import('./pages/trainee_report.js'),
   },
-  { name: 'tasks', at: path => path[0] === 'tasks', load: () => import('./pages/tasks.js'), needs: 'edit_tasks' },
+  {
+    name: 'trainees',
+    at: path => path[0] === 'trainees' && path.length === 3 && path[2] === 'certificate',
+    load: () => import('./pages/certificate.js'),
+  },
+  {
+    name: 'tasks',
+    at: path => path[0] === 'tasks' && path.length === 1,
+    load: () => import('./pages/tasks.js'),
+    needs: 'edit_tasks',
+  },
+  {
+    name: 'tasks',
+    at: path => path[0] === 'tasks' && path.length === 2,
+    load: () => import('./pages/task.js'),
+    needs: 'edit_tasks',
+  },
+  {
+    name: 'groups',
+    at: path => path[0] === 'groups' && path.length === 1,
+    load: () => import('./pages/groups.js'),
+    needs: 'see_trainees',
+  },
+  {
+    name: 'groups',
+    at: path => path[0] === 'groups' && path.length === 2,
+    load: () => import('./pages/group.js'),
+    needs: 'see_trainees',
+  },
+  {
+    name: 'groups',
+    at: path => path[0] === 'enrol' && path.length === 1,
+    load: () => import('./pages/enrol.js'),
+    needs: 'edit_trainees',
+  },
+  { name: 'people', at: path => path[0] === 'service', load: () => import('./pages/service.js'), needs: 'people' },
   {
     name: 'boxes',
     at: path => path[0] === 'boxes' && path.length === 1,

@@ -6,7 +6,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 pub use standing::{
-    ChartEvent, ChartPoint, Charts, EventName, Reminder, ReminderState, RuleStanding, RuleState, StandingName,
+    ChartEvent, ChartPoint, Charts, EventName, Passed, PassedBy, Reminder, ReminderState, RuleStanding, RuleState,
+    StandingName,
 };
 
 use crate::domain::feature::FeatureKey;
@@ -34,6 +35,8 @@ pub struct Course {
     pub charts: Option<Charts>,
     /// Refreshers one and three months after proficiency; none before it, and none after a relapse.
     pub reminders: Vec<Reminder>,
+    /// By what the task counts as learnt; `null` as long as it does not, and after a relapse.
+    pub passed: Option<Passed>,
 }
 
 /// One session on the way.

@@ -6,6 +6,8 @@
 //! | `mod.rs` | who is asked what; the calculations' place beside the async threads |
 //! | `people.rs` | a cohort's people, one value each, and who of them may be compared with whom |
 //! | `propose.rs` | a standard's limits, made from people or chosen |
+//! | `distribution.rs` | how a feature is spread over people, and whom a limit would be wrong about |
+//! | `overview.rs` | many trainees at once: a group's table, and who needs somebody |
 //! | `progress.rs` | a trainee's sessions of a task over time |
 //! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
 //! | `series.rs` | one feature of them: points, place, curve |
@@ -18,7 +20,9 @@
 //! this room but to who may see that person.
 
 pub mod answer;
+mod distribution;
 mod known;
+mod overview;
 mod people;
 mod progress;
 mod propose;
@@ -35,7 +39,9 @@ use crate::domain::text::Invalid;
 use crate::store::{Store, StoreError};
 use crate::time::SharedClock;
 
+pub use distribution::{AskedSpread, Distribution, Spread};
 use known::Known;
+pub use overview::{Alarm, AlarmKind, Alarms, GroupTable, GroupTableRow, TableFound};
 pub use progress::{Asked, Found};
 pub use propose::{Proposal, Proposed};
 pub use raters::{Agreement, CorrelationRow, Correlations};

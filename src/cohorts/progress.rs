@@ -15,6 +15,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::{FeatureSpace, SessionStatus};
 use crate::domain::standard::Definition;
 use crate::domain::text::Key;
+use crate::domain::trainee::Handedness;
 use crate::pipeline::features::find;
 use crate::pipeline::score::lc_cusum::Monitor;
 use crate::store::{Cohort, Practice, Practised, Standard, Task, Trainee};
@@ -72,7 +73,7 @@ impl Cohorts {
         let names = shown.names();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let practice = self.store.sessions().practice(scope, trainee.id, task.id, &names, MOST_SESSIONS).await?;
-        let keys = shown.keys(&practice);
+        let keys = shown.keys([&practice]);
         let among = match &cohort {
             Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &keys).await?),
             None => None,
@@ -101,7 +102,7 @@ impl Cohorts {
 }
 
 /// Which features are shown, and which are needed besides to judge sessions.
-struct Shown {
+pub(super) struct Shown {
     keys: Vec<FeatureKey>,
     /// A feature of every tool that has it.
     of_all_tools: Option<(String, FeatureSpace)>,
@@ -109,7 +110,7 @@ struct Shown {
 }
 
 impl Shown {
-    fn of(asked: &Asked, standard: Option<&Definition>) -> Result<Self, CohortsError> {
+    pub(super) fn of(asked: &Asked, standard: Option<&Definition>) -> Result<Self, CohortsError> {
         let judged: Vec<FeatureKey> = standard
             .map_or_else(Vec::new, |standard| standard.targets.iter().map(|target| target.of.clone()).collect());
         let name = match &asked.feature {
@@ -128,7 +129,7 @@ impl Shown {
         Ok(Self { keys, of_all_tools, judged })
     }
 
-    fn names(&self) -> Vec<String> {
+    pub(super) fn names(&self) -> Vec<String> {
         let keys = self.keys.iter().chain(&self.judged).map(|key| &key.feature);
         let mut names: Vec<String> = keys.chain(self.of_all_tools.iter().map(|(name, _)| name)).cloned().collect();
         names.sort();
@@ -136,10 +137,17 @@ impl Shown {
         names
     }
 
+    /// The feature that is meant where none of the sessions has it.
+    pub(super) fn usual(&self) -> FeatureKey {
+        let (feature, space) = self.of_all_tools.clone().unwrap_or((USUAL.to_owned(), FeatureSpace::Space3d));
+        FeatureKey { feature, tool: None, space }
+    }
+
     /// The features themselves; of all tools: those of the sessions that have any, in the order of the names.
-    fn keys(&self, practice: &Practice) -> Vec<FeatureKey> {
+    pub(super) fn keys<'p>(&self, practised: impl IntoIterator<Item = &'p Practice>) -> Vec<FeatureKey> {
         let Some((name, space)) = &self.of_all_tools else { return self.keys.clone() };
-        let measured = practice.sessions.iter().flat_map(|session| &session.measured).map(|measured| &measured.of);
+        let sessions = practised.into_iter().flat_map(|practice| &practice.sessions);
+        let measured = sessions.flat_map(|session| &session.measured).map(|measured| &measured.of);
         let mut tools: Vec<Option<String>> =
             measured.filter(|of| of.feature == *name && of.space == *space).map(|of| of.tool.clone()).collect();
         tools.sort();
@@ -157,6 +165,20 @@ fn followed(
     known: &Known,
     now_ms: i64,
 ) -> Course {
+    let (sessions, course) = judged(practice, standard, whom.handedness, now_ms);
+    let definition = standard.map(|(definition, _)| definition);
+    let of =
+        |key: FeatureKey| find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, whom, known));
+    Course { features: keys.into_iter().filter_map(of).collect(), ..course }
+}
+
+/// Numbers the sessions and judges them; of features nothing is told yet.
+pub(super) fn judged<'p>(
+    practice: &'p Practice,
+    standard: Option<(&Definition, &Monitor)>,
+    handedness: Option<Handedness>,
+    now_ms: i64,
+) -> (Vec<Numbered<'p>>, Course) {
     let believed = |session: &'_ Practised| session.result.clone().filter(|outcome| !outcome.refused);
     let newest = practice.sessions.iter().rev().find_map(believed);
     let pipeline = newest.map(|outcome| outcome.pipeline.clone());
@@ -167,8 +189,7 @@ fn followed(
         session,
     };
     let sessions: Vec<Numbered<'_>> = practice.sessions.iter().enumerate().map(number).collect();
-    let definition = standard.map(|(definition, _)| definition);
-    let told = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &sessions, whom.handedness));
+    let told = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &sessions, handedness));
     let step = |(index, at): (usize, &Numbered<'_>)| Step {
         number: at.number,
         id: at.session.id,
@@ -177,17 +198,17 @@ fn followed(
         set_aside: set_aside(at.session),
         trial: told.as_ref().and_then(|told| told.trials.get(index)).map(|trial| (*trial).into()),
     };
-    let of =
-        |key: FeatureKey| find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, whom, known));
-    Course {
+    let course = Course {
         pipeline: pipeline.clone(),
         earlier: practice.earlier,
         sessions: sessions.iter().enumerate().map(step).collect(),
-        features: keys.into_iter().filter_map(of).collect(),
+        features: Vec::new(),
         rule: told.as_ref().and_then(|told| told.rule.clone()),
         reminders: told.as_ref().map_or_else(Vec::new, |told| told.reminders(&sessions, now_ms)),
+        passed: told.as_ref().and_then(|told| told.passed(&sessions)),
         charts: told.map(|told| told.charts),
-    }
+    };
+    (sessions, course)
 }
 
 fn set_aside(session: &Practised, pipeline: Option<&str>) -> Option<SetAside> {

@@ -6,6 +6,7 @@ use super::people::{LAST_SESSIONS, Like, fingerprint};
 use super::{Cohorts, CohortsError, named};
 use crate::domain::feature::{self, FeatureKey, is_of_one_camera};
 use crate::domain::scope::Scope;
+use crate::domain::session::FeatureSpace;
 use crate::domain::standard::{ChartDesign, Definition, MadeFrom, NewStandard, NewTarget, Rule, Target, Way};
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
@@ -68,11 +69,12 @@ impl Cohorts {
         let NewStandard { targets, rule, charts } = new.checked()?;
         let mut ready = Vec::with_capacity(targets.len());
         for target in targets {
-            let (feature, key) = limited(&target)?;
+            let NewTarget { feature, tool, space, by } = target;
+            let (feature, key) = limited(Limited { feature: &feature, tool: tool.as_deref(), space })?;
             if ready.iter().any(|(_, known, _)| *known == key) {
                 return Err(Invalid::new("targets", format!("limit {} twice", key.feature)).into());
             }
-            let way = self.ready(scope, of, feature, &key, target.by).await?;
+            let way = self.ready(scope, of, feature, &key, by).await?;
             ready.push((feature, key, way));
         }
         let charts = charts.unwrap_or_default();
@@ -150,16 +152,27 @@ impl Cohorts {
 /// Characters of a tool's name at most.
 const LONGEST_TOOL: usize = 64;
 
+/// What a limit is asked of.
+#[derive(Clone, Copy)]
+pub(super) struct Limited<'t> {
+    /// Stable name of the feature.
+    pub feature: &'t str,
+    /// The tool's marker.
+    pub tool: Option<&'t str>,
+    /// Where it is measured.
+    pub space: Option<FeatureSpace>,
+}
+
 /// The feature that a target limits.
-fn limited(target: &NewTarget) -> Result<(&'static Feature, FeatureKey), Invalid> {
-    let feature = feature::named(&target.feature)?;
+pub(super) fn limited(target: Limited<'_>) -> Result<(&'static Feature, FeatureKey), Invalid> {
+    let feature = feature::named(target.feature)?;
     let space = feature::space_of(feature, target.space)?;
     if feature.direction == Direction::Neither {
         let why = format!("neither more nor less {} is better, so that it has no limit to keep", feature.name);
         return Err(Invalid::new("feature", why));
     }
     let name = feature.name;
-    match &target.tool {
+    match target.tool {
         None if !feature.is_of_session() => Err(Invalid::new("tool", format!("name one: {name} is each tool's own"))),
         Some(_) if !feature.is_of_tools() => {
             Err(Invalid::new("tool", format!("leave it out: {name} is the whole session's")))
@@ -167,7 +180,7 @@ fn limited(target: &NewTarget) -> Result<(&'static Feature, FeatureKey), Invalid
         Some(tool) if tool.is_empty() || tool.chars().count() > LONGEST_TOOL => {
             Err(Invalid::new("tool", format!("is no tool's name: expected 1 to {LONGEST_TOOL} characters")))
         }
-        _ => Ok((feature, FeatureKey { feature: name.to_owned(), tool: target.tool.clone(), space })),
+        _ => Ok((feature, FeatureKey { feature: name.to_owned(), tool: target.tool.map(str::to_owned), space })),
     }
 }
 

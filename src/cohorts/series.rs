@@ -63,7 +63,7 @@ pub fn series(
     known: &Known,
 ) -> Series {
     let target = standard.and_then(|standard| standard.target(of));
-    let points = sessions.iter().filter_map(|session| point(session, of, target, whom.handedness)).collect();
+    let points = points(of, sessions, target, whom.handedness);
     let (place, no_place) = match whom.among.map(|among| place(of, feature, sessions, whom, among)) {
         None => (None, None),
         Some(Ok(place)) => (Some(place), None),
@@ -72,6 +72,16 @@ pub fn series(
     let learning = learning(of, feature.direction, sessions, target, known);
     let (title, unit, better) = (feature.title, feature.unit, feature.direction.name());
     Series { of: of.clone(), title, unit, better, target: target.cloned(), points, place, no_place, learning }
+}
+
+/// What the sessions measured of a feature, one point each, as far as they did.
+pub fn points(
+    of: &FeatureKey,
+    sessions: &[Numbered<'_>],
+    target: Option<&Target>,
+    handedness: Option<Handedness>,
+) -> Vec<Point> {
+    sessions.iter().filter_map(|session| point(session, of, target, handedness)).collect()
 }
 
 fn point(

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::answer::{Course, RuleStanding, SetAside, StandingName, TrialName};
+use super::answer::{Course, PassedBy, RuleStanding, SetAside, StandingName, TrialName};
 use super::{Asked, Cohorts};
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
@@ -52,7 +52,7 @@ async fn what_waits_between_two_passes_breaks_a_row_and_what_waits_at_the_end_is
 }
 
 #[tokio::test]
-async fn who_relapsed_has_no_refreshers() {
+async fn who_relapsed_has_no_refreshers_and_has_passed_no_more() {
     let (centre, cohorts) = with_standard(serde_json::Value::Null).await;
     let ana = centre.trainee("Ana").await.id;
     for day in 0..17 {
@@ -60,6 +60,8 @@ async fn who_relapsed_has_no_refreshers() {
     }
     let proficient = progress(&cohorts).await;
     assert_eq!(proficient.charts.unwrap().standing, StandingName::Proficient);
+    let passed = proficient.passed.unwrap();
+    assert_eq!((passed.by, passed.session, passed.sessions.len()), (PassedBy::Charts, 17, 17));
     let due: Vec<String> = proficient.reminders.into_iter().map(|reminder| reminder.due_at).collect();
     assert_eq!(due, [16 + 30, 16 + 91].map(|day| crate::time::to_rfc3339(NOW_MS + day * DAY_MS)));
     for day in 17..22 {
@@ -67,4 +69,25 @@ async fn who_relapsed_has_no_refreshers() {
     }
     let relapsed = progress(&cohorts).await;
     assert_eq!((relapsed.charts.unwrap().standing, relapsed.reminders), (StandingName::Relapsed, Vec::new()));
+    assert_eq!(relapsed.passed, None);
+    for day in 22..39 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    }
+    let again = progress(&cohorts).await.passed.unwrap();
+    assert!(again.sessions.iter().all(|number| *number > 22), "what was before the relapse proves nothing: {again:?}");
+}
+
+#[tokio::test]
+async fn who_met_the_rule_is_told_by_which_passes() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 2, "then_more": 1})).await;
+    let ana = centre.trainee("Ana").await.id;
+    for (day, seconds) in [40.0, 60.0, 40.0, 40.0, 60.0].into_iter().enumerate() {
+        centre.practised(ana, NOW_MS + day as i64 * DAY_MS, vec![duration(seconds, 1.0)]).await;
+    }
+    assert_eq!(progress(&cohorts).await.passed, None);
+    for day in 5..8 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    }
+    let passed = progress(&cohorts).await.passed.unwrap();
+    assert_eq!((passed.by, passed.session, passed.sessions), (PassedBy::Rule, 6, vec![3, 4, 6]));
 }

@@ -1,7 +1,8 @@
 //! What a standard makes of a trainee's sessions: passes and misses, pass rule, charts, reminders.
 
 use super::answer::{
-    ChartEvent, ChartPoint, Charts, EventName, Reminder, ReminderState, RuleStanding, RuleState, StandingName,
+    ChartEvent, ChartPoint, Charts, EventName, Passed, PassedBy, Reminder, ReminderState, RuleStanding, RuleState,
+    StandingName,
 };
 use super::series::Numbered;
 use crate::domain::session::SessionStatus;
@@ -22,8 +23,10 @@ pub struct Verdicts {
     pub rule: Option<RuleState>,
     /// The charts.
     pub charts: Charts,
-    /// Index of the session by which they were proficient, if they are and have not relapsed.
-    proficient: Option<usize>,
+    /// Index of the session by which they were proficient, if they are and have not relapsed; and by what.
+    proficient: Option<(usize, PassedBy)>,
+    /// The passes that the rule counted: indices among the sessions.
+    made_of: Vec<usize>,
 }
 
 impl Verdicts {
@@ -40,20 +43,41 @@ impl Verdicts {
         let career = monitor.follow(&trials);
         let last_declared = career.events.last().map(|event| number_of(*event) - 1);
         let has_relapsed = career.events.iter().any(|event| matches!(event, Event::Relapsed { .. }));
+        let by_charts = last_declared.map(|index| (index, PassedBy::Charts));
         let proficient = match (&followed, career.now) {
             (_, Standing::Relapsed) => None,
-            (_, Standing::Proficient) if has_relapsed => last_declared,
-            (Some((_, Ok(pass_rule::Progress::Met { at }))), _) => Some(at - 1),
-            (None, Standing::Proficient) => last_declared,
+            (_, Standing::Proficient) if has_relapsed => by_charts,
+            (Some((_, Ok(pass_rule::Progress::Met { at }))), _) => Some((at - 1, PassedBy::Rule)),
+            (None, Standing::Proficient) => by_charts,
             _ => None,
         };
+        let made_of = match proficient {
+            Some((_, PassedBy::Rule)) => {
+                definition.rule.map_or_else(Vec::new, |rule| PassRule::from(rule).made_of(&trials))
+            }
+            Some((last, PassedBy::Charts)) => {
+                let relapse = career.events.iter().rev().find(|event| matches!(event, Event::Relapsed { .. }));
+                let from = relapse.map_or(0, |event| number_of(*event));
+                (from..=last).filter(|index| trials.get(*index) == Some(&Trial::Passed)).collect()
+            }
+            None => Vec::new(),
+        };
         let rule = followed.and_then(|(rule, followed)| Some(rule_state(rule, followed.ok()?, &numbers)));
-        Self { charts: charts(definition.charts, monitor, &career, &numbers), trials, rule, proficient }
+        Self { charts: charts(definition.charts, monitor, &career, &numbers), trials, rule, proficient, made_of }
+    }
+
+    /// By what the task counts as learnt.
+    pub fn passed(&self, sessions: &[Numbered<'_>]) -> Option<Passed> {
+        let (index, by) = self.proficient?;
+        let session = sessions.get(index)?;
+        let made_of = self.made_of.iter().filter_map(|index| sessions.get(*index)).map(|session| session.number);
+        let at = to_rfc3339(session.session.recorded_at_ms);
+        Some(Passed { by, session: session.number, at, sessions: made_of.collect() })
     }
 
     /// Refreshers, as they stand now.
     pub fn reminders(&self, sessions: &[Numbered<'_>], now_ms: i64) -> Vec<Reminder> {
-        let Some(since) = self.proficient.and_then(|index| sessions.get(index)) else { return Vec::new() };
+        let Some(since) = self.proficient.and_then(|(index, _)| sessions.get(index)) else { return Vec::new() };
         let counted = sessions.iter().filter(|session| session.counts).map(|session| session.session.recorded_at_ms);
         let practised: Vec<i64> = counted.collect();
         let told = |reminder: reminder::Reminder| {

@@ -26,10 +26,11 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
 use crate::events::Events;
 use crate::http::auth::throttle::Throttle;
-use crate::http::state::{App, Parts};
+use crate::http::state::{App, InForce, Parts};
 use crate::http::{router, server};
 use crate::intake::Intake;
 use crate::live::{self, Feeds, OpenFeeds};
+use crate::pipeline::PIPELINE_VERSION;
 use crate::queue::Queue;
 use crate::rescoring::{self, RescoringSettings};
 use crate::sandbox::{self, Program};
@@ -214,6 +215,7 @@ pub async fn start(
         streams: Arc::new(Semaphore::new(settings.http.max_event_streams)),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
+        in_force: in_force(&settings, clock.now_ms()),
         shutdown: shutdown.clone(),
         cohorts: Cohorts::new(store.clone(), clock.clone()),
         glances: Glances::new(vault.clone(), child.clone(), settings.analysis.clone(), clock.clone(), shutdown.clone()),
@@ -233,6 +235,18 @@ pub async fn start(
     let (http, stop, routes) = (settings.http, shutdown.clone(), router::routes(app.clone()));
     let served = tokio::spawn(async move { server::serve(listener, routes, &http, &stop).await });
     Ok(Running { address, shutdown, is_first, app, served, _lock: lock })
+}
+
+/// What those who run the service are told of its settings.
+fn in_force(settings: &Settings, started_at_ms: i64) -> InForce {
+    InForce {
+        pipeline: PIPELINE_VERSION,
+        started_at_ms,
+        workers: settings.workers,
+        max_upload_bytes: settings.uploads.max_bytes,
+        unfinished_upload_h: settings.uploads.expire_h,
+        erased_within_s: settings.upkeep.collect_s,
+    }
 }
 
 /// Refuses a kernel that cannot confine children as the settings require.

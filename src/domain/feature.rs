@@ -42,13 +42,18 @@ pub struct FeatureInfo {
     pub source: &'static str,
     /// Where it is measured.
     pub spaces: Vec<FeatureSpace>,
+    /// Has each tool a value of its own?
+    pub of_tools: bool,
+    /// Has the session as a whole one?
+    pub of_session: bool,
 }
 
 impl From<&'static Feature> for FeatureInfo {
     fn from(feature: &'static Feature) -> Self {
         let Feature { name, title, unit, description, source, .. } = feature;
         let spaces = feature.spaces.iter().map(|space| FeatureSpace::from(*space)).collect();
-        Self { name, title, unit, better: feature.direction.name(), description, source, spaces }
+        let (better, of_tools, of_session) = (feature.direction.name(), feature.is_of_tools(), feature.is_of_session());
+        Self { name, title, unit, better, description, source, spaces, of_tools, of_session }
     }
 }
 

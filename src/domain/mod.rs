@@ -8,6 +8,7 @@
 //! | [`secret`] | tokens, cookies and passwords, and what is kept of them |
 //! | [`boxes`] | a box trainer: from where its camera looks |
 //! | [`trainee`] | level and handedness |
+//! | [`enrolment`] | many trainees at once |
 //! | [`task`] | an exercise's description |
 //! | [`feature`] | which features there are, and which one of them is meant |
 //! | [`evidence`] | the seconds that made a session's features |
@@ -36,6 +37,7 @@ pub mod boxes;
 pub mod calibration;
 pub mod cohort;
 pub mod comment;
+pub mod enrolment;
 pub mod evidence;
 pub mod feature;
 pub mod feed;

@@ -3,14 +3,18 @@
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::{Administrator, Staff};
 use super::error::Answer;
-use super::read::{At, Json};
+use super::read::{At, Json, Params};
 use super::show::{Created, Page, Time};
 use super::state::App;
-use crate::domain::text::Name;
+use super::tasks::{Standard, Task};
+use super::trainees::Trainee;
+use crate::cohorts::{Asked, GroupTable, TableFound};
+use crate::domain::session::FeatureSpace;
+use crate::domain::text::{Key, Name};
 use crate::ids::GroupId;
 use crate::store::{self, Members};
 
@@ -71,6 +75,58 @@ pub async fn set_members(
 ) -> Answer<Json<Group>> {
     let group = app.store.groups().set_members(&by.scope, at.id()?, members).await?;
     Ok(Json(group.into()))
+}
+
+/// Which table of a group.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct TableOf {
+    /// Of which task, by id or code.
+    #[param(value_type = String)]
+    task: Key,
+    /// Which feature, such as `path_length`; without it, the first that the task's standard limits, or the duration.
+    feature: Option<String>,
+    /// Of which tool; without it, of the first that has the feature.
+    tool: Option<String>,
+    /// Where it is measured; without it, in three dimensions, if it is measured there.
+    space: Option<FeatureSpace>,
+}
+
+/// How a group's trainees get on at a task, in one feature.
+#[derive(Serialize, ToSchema)]
+pub struct GroupProgress {
+    group: Group,
+    task: Task,
+    /// What the task asks for; `null` where nobody has set that.
+    standard: Option<Standard>,
+    /// Its trainees, by name.
+    trainees: Vec<Trainee>,
+    #[serde(flatten)]
+    table: GroupTable,
+}
+
+/// Read how a group's trainees get on at a task: all of its table at once
+///
+/// By name and not by value: error bars that overlap give no order.
+#[utoipa::path(get, path = "/groups/{id}/progress", tag = "groups",
+    params(("id" = String, Path, description = "id"), TableOf), responses((status = OK, body = GroupProgress)))]
+pub async fn progress(
+    State(app): State<App>,
+    by: Staff,
+    at: At,
+    Params(of): Params<TableOf>,
+) -> Answer<Json<GroupProgress>> {
+    let TableOf { task, feature, tool, space } = of;
+    let asked = Asked { task: Some(task), feature, tool, space, cohort: None };
+    let TableFound { group, task, standard, table, trainees } = app.cohorts.table(&by.scope, at.id()?, asked).await?;
+    Ok(Json(GroupProgress {
+        group: group.into(),
+        task: task.into(),
+        standard: standard.map(|standard| Standard::new(standard, &by.scope)),
+        trainees: trainees.into_iter().map(Trainee::from).collect(),
+        table,
+    }))
 }
 
 /// Dissolve a group; its people stay

@@ -15,6 +15,7 @@
 //! A handler names in its arguments who may ask ([`auth::signed_in`]) and hands their scope on: the store finds only
 //! what the scope reaches, so what one may not see is not found, with the same bytes as what is not there.
 
+pub mod attention;
 pub mod auth;
 pub mod boxes;
 pub mod cohorts;
@@ -41,6 +42,7 @@ pub mod read;
 pub mod rescorings;
 pub mod router;
 pub mod server;
+pub mod service;
 pub mod sessions;
 pub mod settings;
 pub mod show;

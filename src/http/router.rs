@@ -11,6 +11,7 @@ use utoipa_axum::routes;
 use super::auth::{origin, sign_in};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
+use super::{attention, service};
 use super::{
     boxes, cohorts, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect, push,
     rescorings, sessions, tasks, tokens,
@@ -29,6 +30,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(groups::list, groups::create))
         .routes(routes!(groups::get, groups::delete))
         .routes(routes!(groups::set_members))
+        .routes(routes!(groups::progress))
         .routes(routes!(tokens::list, tokens::create))
         .routes(routes!(tokens::delete))
         .routes(routes!(boxes::list, boxes::create))
@@ -45,6 +47,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(trainees::list, trainees::create))
         .routes(routes!(trainees::get, trainees::change, trainees::erase))
         .routes(routes!(trainees::progress))
+        .routes(routes!(trainees::enrol))
         .routes(routes!(trainees::xapi))
         .routes(routes!(tasks::list, tasks::create))
         .routes(routes!(tasks::get, tasks::change, tasks::delete))
@@ -57,6 +60,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(tasks::standards, tasks::set_standard))
         .routes(routes!(tasks::propose_standard))
         .routes(routes!(tasks::presets))
+        .routes(routes!(tasks::distribution))
         .routes(routes!(tasks::agreement))
         .routes(routes!(tasks::correlations))
         .routes(routes!(tasks::models, tasks::train_model))
@@ -87,6 +91,9 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::get))
         .routes(routes!(jobs::retry))
+        .routes(routes!(attention::attention))
+        .routes(routes!(service::service))
+        .routes(routes!(service::audit))
         .routes(routes!(events::events))
         .routes(routes!(openapi::document))
 }

@@ -41,6 +41,8 @@ pub struct Parts {
     pub shutdown: Shutdown,
     /// Limits.
     pub settings: HttpSettings,
+    /// What else is set, and since when it runs, for those who run the service.
+    pub in_force: InForce,
     /// Attempts to sign in.
     pub throttle: Throttle,
     /// Standards, reference groups, progress.
@@ -55,6 +57,23 @@ pub struct Parts {
     pub streams: Arc<Semaphore>,
     /// Numbers for the people who run the service.
     pub metrics: PrometheusHandle,
+}
+
+/// What is set elsewhere than in [`HttpSettings`].
+#[derive(Clone, Copy, Debug)]
+pub struct InForce {
+    /// Version of what measures.
+    pub pipeline: &'static str,
+    /// When this process began to serve, epoch ms.
+    pub started_at_ms: i64,
+    /// Recordings tracked at the same time.
+    pub workers: usize,
+    /// Largest recording, bytes.
+    pub max_upload_bytes: u64,
+    /// Hours after which an unfinished upload is forgotten.
+    pub unfinished_upload_h: u64,
+    /// Seconds within which what was erased has left the disk.
+    pub erased_within_s: u64,
 }
 
 impl App {

@@ -8,6 +8,9 @@ use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::scope::Actor;
 
+/// How a backup is noted; its subject is how many files it holds.
+const BACKUP: (&str, &str) = ("create", "backup");
+
 /// The audit trail.
 pub struct Audit<'s>(pub(super) &'s Store);
 
@@ -26,6 +29,17 @@ pub struct AuditEntry {
     pub noun: String,
     /// Its id.
     pub subject: String,
+    /// What the person is called; `None` where it was none, or one who is here no more.
+    pub who: Option<String>,
+}
+
+/// A backup that was made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Backup {
+    /// When, epoch ms.
+    pub at_ms: i64,
+    /// How many files it holds.
+    pub files: u64,
 }
 
 impl Audit<'_> {
@@ -33,11 +47,27 @@ impl Audit<'_> {
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<AuditEntry>> {
         require_administrator(scope, "the audit trail")?;
         let rows = sqlx::query_as(
-            "SELECT id, at_ms, actor, action, noun, subject FROM audit
-             WHERE $1 IS NULL OR id < CAST($1 AS INTEGER) ORDER BY id DESC LIMIT $2",
+            "SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who FROM audit
+             LEFT JOIN person ON actor = 'person:' || person.id
+             WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2",
         );
         let rows = rows.bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
         Ok(Page::cut(rows, page, |entry: &AuditEntry| entry.id.to_string()))
+    }
+
+    /// Notes that a backup of so many files was made.
+    pub async fn backed_up(&self, files: u64) -> StoreResult<()> {
+        let now_ms = self.0.now_ms();
+        self.0.write(async move |tx| note(tx, &Scope::service(), now_ms, BACKUP, files).await).await
+    }
+
+    /// The last backup that was made of this centre.
+    pub async fn last_backup(&self, scope: &Scope) -> StoreResult<Option<Backup>> {
+        require_administrator(scope, "the state of backups")?;
+        let sql = "SELECT at_ms, subject FROM audit WHERE action = $1 AND noun = $2 ORDER BY id DESC LIMIT 1";
+        let row = sqlx::query_as::<_, (i64, String)>(sql).bind(BACKUP.0).bind(BACKUP.1);
+        let row = row.fetch_optional(self.0.readers()).await?;
+        Ok(row.map(|(at_ms, files)| Backup { at_ms, files: files.parse().unwrap_or_default() }))
     }
 }
 

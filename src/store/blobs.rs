@@ -42,6 +42,13 @@ impl Blobs<'_> {
         Ok(found.is_some())
     }
 
+    /// How many files there are, and their bytes together: numbers without names.
+    pub async fn total(&self) -> StoreResult<(u64, u64)> {
+        let sql = "SELECT count(*), coalesce(sum(bytes), 0) FROM blob";
+        let (files, bytes): (i64, i64) = sqlx::query_as(sql).fetch_one(self.0.readers()).await?;
+        Ok((files.unsigned_abs(), bytes.unsigned_abs()))
+    }
+
     /// Every file that should be in the vault, by hash; `after` continues.
     pub async fn all(&self, after: Option<BlobHash>, most: u32) -> StoreResult<Vec<Blob>> {
         let sql = "SELECT hash, bytes FROM blob WHERE $1 IS NULL OR hash > $1 ORDER BY hash LIMIT $2";

@@ -88,25 +88,24 @@ macro_rules! select_cohorts {
     };
 }
 
-/// What the people of cohort `$1`, at most `$5` of them, measured at task `$2`, in their last `$3` sessions of it, of the
-/// features `$4` (a JSON array of keys): from each person to their sessions, and to each session's latest result, along
-/// indices alone. One row a person: rows cost more on their way out of SQLite than in it. What was not measured here is compared
-/// with nobody.
-macro_rules! values_of_cohort {
-    () => {
+/// What people, at most `$7` of them, measured at task `$4`, in their last `$5` sessions of it, of the features `$6` (a JSON
+/// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row a
+/// person: rows cost more on their way out of SQLite than in it. What was not measured here is compared with nobody.
+macro_rules! values_of {
+    ($($members:tt)*) => {
         concat!(
             "SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
                     feature.name, feature.tool, feature.space, json_group_array(feature.value)
-             FROM (SELECT member.id, member.handedness FROM cohort CROSS JOIN trainee AS member WHERE cohort.id = $1 AND ",
-            belongs!(),
-            " ORDER BY member.id DESC LIMIT $5) AS member
+             FROM (",
+            $($members)*,
+            " ORDER BY member.id DESC LIMIT $7) AS member
              CROSS JOIN session ON session.id IN
-                 (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $2
-                  ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $3)
+                 (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
+                  ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $5)
              CROSS JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                   ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             CROSS JOIN json_each($4) AS wanted
+             CROSS JOIN json_each($6) AS wanted
              CROSS JOIN feature INDEXED BY feature_named
                  ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
                  AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
@@ -115,8 +114,30 @@ macro_rules! values_of_cohort {
         )
     };
 }
+
+/// The people of cohort `$3` whom the scope sees.
+macro_rules! values_of_cohort {
+    () => {
+        values_of!(
+            "SELECT member.id, member.handedness FROM cohort CROSS JOIN trainee AS member WHERE cohort.id = $3 AND ",
+            belongs!(),
+            " AND ",
+            sees_trainee!("member.id")
+        )
+    };
+}
+
+/// Everybody whom the scope sees; `$3` is nothing.
+macro_rules! values_of_seen {
+    () => {
+        values_of!(
+            "SELECT member.id, member.handedness FROM trainee AS member WHERE $3 IS NULL AND ",
+            sees_trainee!("member.id")
+        )
+    };
+}
 #[cfg(test)]
-pub(super) use {belongs, values_of_cohort}; // for the test of its plan
+pub(super) use {belongs, values_of, values_of_cohort, values_of_seen}; // for the test of their plans
 
 type ValueRow =
     (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, Json<Vec<f64>>);
@@ -218,8 +239,21 @@ impl Cohorts<'_> {
         sessions: u32,
         features: &[FeatureKey],
     ) -> StoreResult<Vec<CohortValue>> {
-        let rows = sqlx::query_as::<_, ValueRow>(values_of_cohort!());
-        let rows = rows.bind(id).bind(task).bind(sessions).bind(Json(features)).bind(MOST_COMPARED);
+        self.values_seen(&Scope::service(), Some(id), task, sessions, features).await
+    }
+
+    /// The same of those alone whom a scope sees: of a cohort, or of all.
+    pub async fn values_seen(
+        &self,
+        scope: &Scope,
+        cohort: Option<CohortId>,
+        task: TaskId,
+        sessions: u32,
+        features: &[FeatureKey],
+    ) -> StoreResult<Vec<CohortValue>> {
+        let sql = if cohort.is_some() { values_of_cohort!() } else { values_of_seen!() };
+        let rows = sqlx::query_as::<_, ValueRow>(sql).asked_by(scope).bind(cohort).bind(task);
+        let rows = rows.bind(sessions).bind(Json(features)).bind(MOST_COMPARED);
         let mut found = Vec::new();
         for (trainee, handedness, calibration, pipeline, feature, tool, space, Json(values)) in
             rows.fetch_all(self.0.readers()).await?

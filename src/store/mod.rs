@@ -10,10 +10,10 @@
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
 //! | [`Store::cookies`] | `create` `person_of` `counts` `delete` `delete_all_of` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
-//! | [`Store::trainees`] | `create` `list` `get` `change` `erase` |
+//! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::standards`] | `add` `in_use` `list` |
-//! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` |
+//! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` `values_seen` |
 //! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
 //! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
@@ -21,12 +21,12 @@
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
-//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `last_task` |
+//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `practice_of_many` `trained` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
-//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |
-//! | [`Store::audit`] | `list` |
+//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` `total` |
+//! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `backed_up` · `last_backup` |
 
 mod audit;
 mod ballast;
@@ -38,6 +38,7 @@ mod cohorts;
 mod columns;
 mod comments;
 mod cookies;
+mod enrolment;
 mod error;
 mod feeds;
 mod groups;
@@ -67,13 +68,14 @@ use serde::{Deserialize, Serialize};
 use sqlx::SqlitePool;
 use sqlx::sqlite::SqliteConnection;
 
-pub use audit::{Audit, AuditEntry};
+pub use audit::{Audit, AuditEntry, Backup};
 pub use blobs::Blobs;
 pub use boxes::{Boxes, TrainingBox};
 pub use calibrations::{Calibration, Calibrations};
 pub use cohorts::{Cohort, CohortValue, Cohorts};
 pub use comments::{Comment, Comments, SeenComments};
 pub use cookies::{Cookie, Cookies};
+pub use enrolment::Enrolment;
 pub use error::{StoreError, StoreResult};
 pub use feeds::{Feed, Feeds, NewFeed};
 pub use groups::{Group, Groups, Members};
@@ -85,7 +87,8 @@ pub use ratings::{GivenRating, Rating, Ratings, SeenRatings, SessionValue};
 pub use rescorings::{Compared, EndedItem, Rescoring, RescoringItem, RescoringTrainee, Rescorings};
 pub use self_tests::{SelfTest, SelfTestLight, SelfTests};
 pub use sessions::{
-    Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions,
+    Measurement, Outcome, Practice, Practised, Session, SessionFilter, SessionPlace, SessionResult, Sessions, Trained,
+    Waiting,
 };
 pub use skill_models::{DeclaredSession, NewSkillModel, SkillModel, SkillModels};
 pub use standards::{Standard, Standards};
@@ -173,6 +176,13 @@ impl Store {
     /// meanwhile.
     pub async fn snapshot(&self, into: &Path) -> StoreResult<()> {
         open::snapshot(&self.inner.path, &self.inner.settings, into).await
+    }
+
+    /// Bytes of the database, without its log.
+    pub async fn bytes(&self) -> StoreResult<u64> {
+        let sql = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
+        let pages: i64 = sqlx::query_scalar(sql).fetch_one(self.readers()).await?;
+        Ok(pages.unsigned_abs())
     }
 
     /// Takes the ballast's space again after an erasure on a full disk, if there is room now.

@@ -1,5 +1,7 @@
 //! Who trains. Staff register them; a scope sees its own.
 
+use sqlx::types::Json;
+
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
@@ -9,6 +11,9 @@ use crate::domain::role::Role;
 use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
 use crate::ids::{GroupId, TraineeId};
+
+/// Trainees of a group that are read at most: a table of more is none that anybody reads.
+const MOST_OF_GROUP: i64 = 500;
 
 /// The trainees.
 pub struct Trainees<'s>(pub(super) &'s Store);
@@ -70,6 +75,28 @@ impl Trainees<'_> {
         Ok(Page::cut(rows, page, |trainee: &Trainee| trainee.code.to_string()))
     }
 
+    /// Who is in a group, of those whom the scope sees, by name.
+    pub async fn of_group(&self, scope: &Scope, group: GroupId) -> StoreResult<Vec<Trainee>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+             WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3) AND ",
+            sees_trainee!("trainee.id"),
+            " ORDER BY name, code LIMIT $4"
+        ));
+        Ok(rows.asked_by(scope).bind(group).bind(MOST_OF_GROUP).fetch_all(self.0.readers()).await?)
+    }
+
+    /// These trainees, as far as the scope sees them, by name.
+    pub async fn named(&self, scope: &Scope, ids: &[TraineeId]) -> StoreResult<Vec<Trainee>> {
+        let rows = sqlx::query_as(concat!(
+            "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
+             WHERE id IN (SELECT value FROM json_each($3)) AND ",
+            sees_trainee!("trainee.id"),
+            " ORDER BY name, code"
+        ));
+        Ok(rows.asked_by(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?)
+    }
+
     /// One trainee, by id or code.
     pub async fn get(&self, scope: &Scope, key: &Key) -> StoreResult<Trainee> {
         let row = sqlx::query_as(concat!(
@@ -122,7 +149,7 @@ impl Trainees<'_> {
     }
 }
 
-async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &Trainee) -> StoreResult<()> {
+pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &Trainee) -> StoreResult<()> {
     let sql = "INSERT INTO trainee (id, code, name, level, handedness, created_at_ms) VALUES ($1, $2, $3, $4, $5, $6)";
     sqlx::query(sql)
         .bind(trainee.id)

@@ -45,6 +45,9 @@ pub async fn back_up(
         let Some(hash) = gone else {
             complete(&copy, &files).await?;
             copy.close().await; // leaves one file, without a log beside it
+            if let Err(error) = store.audit().backed_up(wanted).await {
+                tracing::warn!(%error, "the backup is whole, and could not be noted");
+            }
             return Ok(wanted);
         };
         copy.close().await;

@@ -252,6 +252,8 @@ async fn a_backup_is_a_data_folder_with_everything_but_what_is_still_arriving() 
     let clock = bench.centre.clock.clone();
     let copied = back_up((store, &bench.vault), &to, "trocar.sqlite", clock.clone()).await.unwrap();
     assert_eq!(copied, 3); // recording, trajectory, diagnostics
+    let noted = store.audit().last_backup(&service).await.unwrap().unwrap();
+    assert_eq!((noted.at_ms, noted.files), (clock.now_ms(), 3));
     bench.session(ana, "made after the backup").await;
 
     let copy = Store::open(&to.join("trocar.sqlite"), &StoreSettings::default(), clock.clone()).await.unwrap();

@@ -23,10 +23,15 @@ impl Vault {
     /// # Errors
     /// [`VaultError::DiskFull`] if not.
     pub async fn has_room(&self, bytes: u64) -> VaultResult<()> {
+        if self.free_bytes().await? < bytes { Err(VaultError::DiskFull) } else { Ok(()) }
+    }
+
+    /// Bytes that the disk still has for us.
+    pub async fn free_bytes(&self) -> VaultResult<u64> {
         let folder = self.inner.data.join("incoming");
         on_a_blocking_thread(move || {
             let disk = rustix::fs::statvfs(&folder).map_err(|error| failed("measuring", &folder)(error.into()))?;
-            if disk.f_bavail.saturating_mul(disk.f_frsize) < bytes { Err(VaultError::DiskFull) } else { Ok(()) }
+            Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
         })
         .await
     }

@@ -2,6 +2,7 @@
 import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
+import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Groups, Tokens } from '../parts/groups_tokens.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/managed.js';
@@ -61,7 +62,7 @@ export default function People() {
             label: words.trainee,
             type: 'select',
             required: true,
-            options: [['', t.upload.choose], ...data.trainees.map(one => [one.id, one.name])],
+            options: [['', t.target.choose], ...data.trainees.map(one => [one.id, one.name])],
             when: isTrainee,
           },
         ]),
@@ -87,7 +88,7 @@ export default function People() {
     onChange: reload,
   });
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>${data && html`<${AddButton} label=${words.add}
+    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['service'])}>${t.nav.service}</a>${data && html`<${AddButton} label=${words.add}
       onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}

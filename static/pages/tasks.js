@@ -45,7 +45,7 @@ export default function Tasks({ person }) {
             <tbody>
               ${tasks.map(task => html`
                 <tr key=${task.id}>
-                  <th scope="row"><a class="cover" href=${href(['sessions'], { task: task.id })}>${task.name}</a></th>
+                  <th scope="row"><a class="cover" href=${href(['tasks', task.id])}>${task.name}</a></th>
                   <td class="code">${task.code}</td>
                   <td class="muted">${task.description}</td>
                   <td><${SkillModel} task=${task} mayTrain=${may(person, 'people')} /></td>

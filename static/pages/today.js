@@ -7,6 +7,7 @@ import { useLive, useLiveState } from '../live.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { Attention } from '../parts/attention.js';
 import { icons } from '../parts/icons.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
@@ -76,6 +77,7 @@ export default function Today({ person }) {
         moreWords=${words.watch} />
       <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention}
         emptyBody=${words.emptyAttentionBody} />
+      <${Attention} own=${!may(person, 'see_trainees')} />
       <${List} title=${words.recent} items=${data.done.slice(0, SHOWN)} row=${Done} empty=${words.emptyRecent}
         emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} moreWords=${words.all} wide />
     </div>`;

@@ -6,7 +6,9 @@ import { dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
+import { Balance } from '../parts/balance.js';
 import { Field } from '../parts/form.js';
+import { MonitorCharts } from '../parts/monitor_chart.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { ProgressPlot } from '../parts/progress_plot.js';
 import { ProgressWords } from '../parts/progress_words.js';
@@ -37,6 +39,7 @@ export default function Trainee({ route }) {
   const level = t.trainees.levels[trainee.level];
   return html`
     <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')}>
+      <a class="button" href=${href(['trainees', id, 'certificate'], { task: route.query.get('task') ?? base.usual?.id })}>${t.certificate.open}</a>
       <a class="button" href=${href(['trainees', id, 'report'], { task: route.query.get('task'), cohort: cohortOf(route) })}>${t.report.open}</a><//>
     ${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
       : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
@@ -86,6 +89,8 @@ function Progress({ id, base, route }) {
           <${ProgressWords} progress=${data} series=${series} />`}
       </div>
     </section>
+    ${data && !none && html`<div class="stack after"><${Balance} progress=${data} />
+      ${data.charts && html`<${MonitorCharts} charts=${data.charts} />`}</div>`}
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
 }
 

@@ -1,8 +1,10 @@
 // Upload: choose for whom, then drop files or pick them. The sending itself lives in parts/uploads.js and outlasts this page.
 import { html, useEffect, useRef, useState } from '../parts/preact.js';
+import { may } from '../roles.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/form.js';
 import { icons } from '../parts/icons.js';
+import { ImportTable } from '../parts/import_table.js';
 import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Sending } from '../parts/sending.js';
 import { maySend, Need, TargetFields, useTarget } from '../parts/target.js';
@@ -27,7 +29,8 @@ export default function UploadPage({ person, route }) {
       <header><h2>${words.list}</h2></header>
       ${items.length ? html`<${Sending} items=${items} />`
         : html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-    </section>`;
+    </section>
+    ${target.lists && may(person, 'upload') && html`<${ImportTable} target=${target} />`}`;
 }
 
 function Target({ target }) {

@@ -2,6 +2,7 @@
 import { html, useState } from './preact.js';
 import { api } from '../api.js';
 import { dateTime } from '../format.js';
+import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Confirm, Dialog } from './dialog.js';
 import { Form } from './form.js';
@@ -16,10 +17,6 @@ export function Groups({ data, onChange }) {
   const close = () => setOpen(null);
   const finish = () => (close(), onChange());
   const create = ({ name }) => api.groups.create({ name }).then(finish);
-  const members =
-    group =>
-    ({ instructors, trainees }) =>
-      api.groups.setMembers(group.id, { instructors, trainees }).then(finish);
   return html`
     <section class="card">
       <header><h2>${words.group}</h2><button class="button" type="button" onClick=${() => setOpen('new')}>
@@ -27,18 +24,24 @@ export function Groups({ data, onChange }) {
       ${data.groups.length === 0 ? html`<${Empty} title=${words.noGroups} body=${words.noGroupsBody} />` : html`
         <ul class="queue">
           ${data.groups.map(group => html`
-            <li key=${group.id}><div><strong>${group.name}</strong></div>
+            <li key=${group.id}><div><a href=${href(['groups', group.id])}>${group.name}</a></div>
               <button class="button" type="button" aria-label=${`${words.members}: ${group.name}`}
                 onClick=${() => setOpen(group)}>${words.members}</button></li>`)}
         </ul>`}
       ${open === 'new' && html`<${Dialog} title=${words.addGroup} onClose=${close}>
         <${Form} fields=${[{ name: 'name', label: words.name, required: true }]} onSave=${create}
         onCancel=${close} /><//>`}
-      ${open && open !== 'new' && html`
-        <${Dialog} title=${`${words.members}: ${open.name}`} onClose=${close}>
-          <${Form} fields=${memberFields(open, data)} onSave=${members(open)} onCancel=${close} />
-        <//>`}
+      ${open && open !== 'new' && html`<${MembersDialog} group=${open} data=${data} onSaved=${finish} onClose=${close} />`}
     </section>`;
+}
+
+/** Who is in a group, all at once. `data`: the people and trainees to choose from. */
+export function MembersDialog({ group, data, onSaved, onClose }) {
+  const save = ({ instructors, trainees }) => api.groups.setMembers(group.id, { instructors, trainees }).then(onSaved);
+  return html`
+    <${Dialog} title=${`${words.members}: ${group.name}`} onClose=${onClose}>
+      <${Form} fields=${memberFields(group, data)} onSave=${save} onCancel=${onClose} />
+    <//>`;
 }
 
 const memberFields = (group, { people, trainees }) => [
@@ -88,7 +91,7 @@ export function Tokens({ data, onChange }) {
       label: words.box,
       type: 'select',
       required: true,
-      options: [['', t.upload.choose], ...data.boxes.map(box => [box.id, box.name])],
+      options: [['', t.target.choose], ...data.boxes.map(box => [box.id, box.name])],
       when: chosen => chosen.role === 'agent',
     },
     { name: 'expires', label: words.expires, type: 'datetime-local', hint: words.expiresHint },

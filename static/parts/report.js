@@ -7,7 +7,7 @@ import { t } from '../texts.js';
 const words = t.report;
 
 /** The sheet, and above it what is not printed: the way back and the button. */
-export const Sheet = ({ title, back, children }) => {
+export const Sheet = ({ title, back, kind = '', footer = words.printed, children }) => {
   document.title = `${title} – ${t.product}`; // Also the name under which a browser saves the sheet.
   return html`
   <div class="report-bar row">
@@ -15,10 +15,10 @@ export const Sheet = ({ title, back, children }) => {
     <button class="button main" type="button" onClick=${() => print()}>${words.print}</button>
     <span class="small muted">${words.hint}</span>
   </div>
-  <article class="report">
+  <article class=${`report ${kind}`}>
     <header><p>${words.brand}</p><h1 tabindex="-1">${title}</h1></header>
     ${children}
-    <footer>${words.printed(dateTime(new Date().toISOString()))}</footer>
+    <footer>${footer(dateTime(new Date().toISOString()))}</footer>
   </article>`;
 };
 

@@ -18,6 +18,7 @@ function places(person) {
     ['record', ['record'], ['upload', 'upload_own']],
     ['upload', ['upload'], ['upload', 'upload_own']],
     ['trainees', ['trainees'], ['see_trainees']],
+    ['groups', ['groups'], ['see_trainees']],
     ['tasks', ['tasks'], ['edit_tasks']],
     ['boxes', ['boxes'], ['see_boxes']],
     ['people', ['people'], ['people']],

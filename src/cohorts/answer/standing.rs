@@ -109,6 +109,30 @@ pub struct ChartPoint {
     pub score: f64,
 }
 
+/// By what a task counts as learnt.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct Passed {
+    /// By the pass rule, or by the charts.
+    pub by: PassedBy,
+    /// The session by which it was so.
+    pub session: usize,
+    /// When that was recorded.
+    #[schema(format = "date-time")]
+    pub at: String,
+    /// The passes that made it: those that the rule counted, or all since the chart began that declared it.
+    pub sessions: Vec<usize>,
+}
+
+named! {
+    /// What says that a task is learnt.
+    PassedBy: "by" {
+        /// The standard's pass rule.
+        Rule = "rule",
+        /// The charts.
+        Charts = "charts",
+    }
+}
+
 /// A refresher.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Reminder {

@@ -1,5 +1,6 @@
 //! What trainees do. Everybody reads tasks, staff change them.
 
+mod distribution;
 mod features;
 mod models;
 mod raters;
@@ -7,6 +8,7 @@ mod standards;
 
 use axum::extract::State;
 use axum::http::StatusCode;
+pub use distribution::*;
 pub use features::*;
 pub use models::*;
 pub use raters::*;

@@ -1,10 +1,12 @@
 //! Who trains. A scope sees its own; staff register, change and erase.
 
+mod enrol;
 mod progress;
 mod xapi;
 
 use axum::extract::State;
 use axum::http::StatusCode;
+pub use enrol::*;
 pub use progress::*;
 use serde::Serialize;
 use utoipa::ToSchema;

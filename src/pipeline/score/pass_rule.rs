@@ -69,6 +69,23 @@ impl PassRule {
         let unknown = counted.iter().filter(|trial| **trial == Trial::Unknown).count();
         Ok(Progress::Open { in_a_row: surely.in_a_row, more: surely.more, unknown })
     }
+
+    /// The passes that met the rule, or that count towards it so far: indices among the trials, from 0.
+    pub fn made_of(self, trials: &[Trial]) -> Vec<usize> {
+        let (mut count, mut made) = (Count::default(), Vec::new());
+        for (index, trial) in trials.iter().take(self.at_most.unwrap_or(usize::MAX)).enumerate() {
+            if count.missing(self) == 0 {
+                break;
+            }
+            count.add(self, *trial == Trial::Passed);
+            match trial {
+                Trial::Passed => made.push(index),
+                _ if count.in_a_row == 0 => made.clear(),
+                _ => {}
+            }
+        }
+        made
+    }
 }
 
 /// Passes so far.
@@ -113,6 +130,19 @@ mod tests {
 
     fn follow(letters: &str) -> Progress {
         RULE.follow(&trials(letters)).unwrap()
+    }
+
+    #[test]
+    fn a_rule_is_made_of_the_row_and_the_passes_after_it() {
+        let made = |letters: &str| RULE.made_of(&trials(letters));
+        assert_eq!(
+            made("pfppfpfppp"),
+            [2, 3, 5, 7, 8],
+            "the pass before the row is none of them, nor is one after the end"
+        );
+        assert_eq!(made("ppfpf"), [0, 1, 3]);
+        assert_eq!(made("pfp?"), [] as [usize; 0], "an unknown trial breaks a row");
+        assert_eq!(made("fff"), [] as [usize; 0]);
     }
 
     #[test]

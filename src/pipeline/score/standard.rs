@@ -11,7 +11,7 @@ pub mod contrasting_groups;
 pub mod experts;
 pub mod fls;
 
-pub use contrasting_groups::{ErrorRate, contrasting_groups};
+pub use contrasting_groups::{ErrorRate, breaking, contrasting_groups, keeping};
 pub use experts::{FEWEST_EXPERTS, best_share, trimmed_experts};
 
 use super::interval::{Interval, Measured};

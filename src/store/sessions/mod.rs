@@ -7,15 +7,18 @@
 //! | `write.rs` | made, tried again, erased |
 //! | `result.rs` | results and features |
 //! | `evidence.rs` | the seconds that made features |
-//! | `practice.rs` | a trainee's sessions of one task over time |
+//! | `practice.rs` | a trainee's sessions of one task over time, and those of many |
+//! | `attention.rs` | what came lately and wants somebody |
 
+mod attention;
 pub(super) mod evidence;
 pub(super) mod places;
 pub(super) mod practice;
 pub(super) mod result;
 mod write;
 
-pub use practice::{Measurement, Outcome, Practice, Practised};
+pub use attention::Waiting;
+pub use practice::{Measurement, Outcome, Practice, Practised, Trained};
 pub use result::{SessionPlace, SessionResult};
 pub(super) use write::insert;
 

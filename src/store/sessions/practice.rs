@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 
+use serde::Serialize;
 use sqlx::types::Json;
 
 use super::super::error::StoreResult;
@@ -22,6 +23,15 @@ pub struct Practice {
     pub earlier: usize,
     /// The sessions, in the order in which they were recorded.
     pub sessions: Vec<Practised>,
+}
+
+/// Somebody, and a task that they train.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, sqlx::FromRow)]
+pub struct Trained {
+    /// Who.
+    pub trainee: TraineeId,
+    /// What.
+    pub task: TaskId,
 }
 
 /// One session of it.
@@ -74,25 +84,74 @@ struct Row {
     in_all: i64,
 }
 
+/// The same, and whose.
+#[derive(sqlx::FromRow)]
+struct RowOf {
+    trainee_id: TraineeId,
+    task_id: TaskId,
+    #[sqlx(flatten)]
+    of: Row,
+}
+
 type FeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
-/// The last `$5` sessions of trainee `$3` at task `$4`, the newest first.
-macro_rules! practised {
+/// What a [`Row`] says of a session.
+macro_rules! of_session {
     () => {
-        concat!(
-            "SELECT session.id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole, job.state AS job_state,
+        "session.id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole, job.state AS job_state,
                     result.id AS result_id, result.pipeline, result.calibration_id,
-                    json_extract(result.quality, '$.verdict') = 'refused' AS refused, count(*) OVER () AS in_all
-             FROM session
+                    json_extract(result.quality, '$.verdict') = 'refused' AS refused"
+    };
+}
+
+/// The job and the latest result of a session.
+macro_rules! with_result {
+    () => {
+        "
              LEFT JOIN job ON job.id = (SELECT latest.id FROM job AS latest
                                     WHERE latest.session_id = session.id AND latest.turn < 2
                                         ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              LEFT JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
-                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
-             WHERE session.trainee_id = $3 AND session.task_id = $4 AND ",
+                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1) "
+    };
+}
+
+/// The last `$5` sessions of trainee `$3` at task `$4`, the newest first.
+macro_rules! practised {
+    () => {
+        concat!(
+            "SELECT ",
+            of_session!(),
+            ", count(*) OVER () AS in_all FROM session",
+            with_result!(),
+            "WHERE session.trainee_id = $3 AND session.task_id = $4 AND ",
             sees_trainee!("session.trainee_id"),
             " ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5"
+        )
+    };
+}
+
+/// The last `$4` sessions of each pair of a trainee and a task in `$3` (a JSON array), the newest first.
+macro_rules! practised_by_many {
+    () => {
+        concat!(
+            "WITH pair AS MATERIALIZED
+                 (SELECT value ->> 'trainee' AS trainee, value ->> 'task' AS task,
+                         (SELECT count(*) FROM session AS every WHERE every.trainee_id = wanted.value ->> 'trainee'
+                          AND every.task_id = wanted.value ->> 'task') AS in_all
+                  FROM json_each($3) AS wanted)
+             SELECT session.trainee_id, session.task_id, pair.in_all, ",
+            of_session!(),
+            " FROM pair
+             CROSS JOIN session ON session.id IN
+                 (SELECT recent.id FROM session AS recent
+                  WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
+                  ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $4)",
+            with_result!(),
+            "WHERE ",
+            sees_trainee!("session.trainee_id"),
+            " ORDER BY session.recorded_at_ms DESC, session.id DESC"
         )
     };
 }
@@ -105,7 +164,7 @@ macro_rules! measured {
     };
 }
 #[cfg(test)]
-pub(in crate::store) use {measured, practised}; // for the test of their plans
+pub(in crate::store) use {measured, of_session, practised, practised_by_many, with_result}; // for the test of their plans
 
 impl Sessions<'_> {
     /// A trainee's last sessions of a task, at most so many, with these features of their latest results.
@@ -118,12 +177,51 @@ impl Sessions<'_> {
         most: u32,
     ) -> StoreResult<Practice> {
         let rows = sqlx::query_as::<_, Row>(practised!()).asked_by(scope).bind(trainee).bind(task).bind(most);
-        let mut rows = rows.fetch_all(self.0.readers()).await?;
+        let rows = rows.fetch_all(self.0.readers()).await?;
         if rows.is_empty() {
             self.0.trainees().get(scope, &Key::from(&trainee)).await?;
         }
-        rows.reverse();
         let results: Vec<ResultId> = rows.iter().filter_map(|row| row.result_id).collect();
+        let mut measured = self.measured(results, features).await?;
+        Ok(practice(rows, &mut measured))
+    }
+
+    /// The same of many pairs of a trainee and a task, of those that the scope sees; who has no session is left out.
+    pub async fn practice_of_many(
+        &self,
+        scope: &Scope,
+        pairs: &[Trained],
+        features: &[&str],
+        most: u32,
+    ) -> StoreResult<HashMap<Trained, Practice>> {
+        let rows = sqlx::query_as::<_, RowOf>(practised_by_many!()).asked_by(scope).bind(Json(pairs)).bind(most);
+        let rows = rows.fetch_all(self.0.readers()).await?;
+        let results: Vec<ResultId> = rows.iter().filter_map(|row| row.of.result_id).collect();
+        let mut measured = self.measured(results, features).await?;
+        let mut of_each: HashMap<Trained, Vec<Row>> = HashMap::with_capacity(pairs.len());
+        for RowOf { trainee_id, task_id, of } in rows {
+            of_each.entry(Trained { trainee: trainee_id, task: task_id }).or_default().push(of);
+        }
+        Ok(of_each.into_iter().map(|(of, rows)| (of, practice(rows, &mut measured))).collect())
+    }
+
+    /// Who trained what that has a standard since then, of those whom the scope sees: at most so many, the latest first.
+    pub async fn trained(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<Trained>> {
+        let rows = sqlx::query_as::<_, Trained>(concat!(
+            "SELECT trainee_id AS trainee, task_id AS task FROM session
+             WHERE session.recorded_at_ms >= $3 AND task_id IN (SELECT standard.task_id FROM standard) AND ",
+            sees_trainee!("session.trainee_id"),
+            " GROUP BY trainee_id, task_id ORDER BY max(session.recorded_at_ms) DESC LIMIT $4"
+        ));
+        Ok(rows.asked_by(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
+    }
+
+    /// What these results measured of these features.
+    async fn measured(
+        &self,
+        results: Vec<ResultId>,
+        features: &[&str],
+    ) -> StoreResult<HashMap<ResultId, Vec<Measurement>>> {
         let mut measured: HashMap<ResultId, Vec<Measurement>> = HashMap::with_capacity(results.len());
         let found = sqlx::query_as::<_, FeatureRow>(measured!()).bind(Json(results)).bind(Json(features));
         for (result, feature, tool, space, value, low, high) in found.fetch_all(self.0.readers()).await? {
@@ -131,9 +229,7 @@ impl Sessions<'_> {
             let measurement = Measurement { of: FeatureKey { feature, tool, space }, value, bar };
             measured.entry(result).or_default().push(measurement);
         }
-        let earlier = rows.first().map_or(0, |row| row.in_all.unsigned_abs() as usize - rows.len());
-        let of = |row: Row| row.with(&mut measured);
-        Ok(Practice { earlier, sessions: rows.into_iter().map(of).collect() })
+        Ok(measured)
     }
 
     /// The task of a trainee's newest session, if there is one.
@@ -145,6 +241,13 @@ impl Sessions<'_> {
         ));
         Ok(row.asked_by(scope).bind(trainee).fetch_optional(self.0.readers()).await?)
     }
+}
+
+/// Rows, the newest first, as practice.
+fn practice(mut rows: Vec<Row>, measured: &mut HashMap<ResultId, Vec<Measurement>>) -> Practice {
+    rows.reverse();
+    let earlier = rows.first().map_or(0, |row| (row.in_all.unsigned_abs() as usize).saturating_sub(rows.len()));
+    Practice { earlier, sessions: rows.into_iter().map(|row| row.with(measured)).collect() }
 }
 
 impl Row {

@@ -7,8 +7,8 @@ use crate::domain::scope::Scope;
 use crate::domain::standard::{ChartDesign, Definition, Rule};
 use crate::domain::text::Key;
 use crate::store::StoreError;
-use crate::store::cohorts::{belongs, values_of_cohort};
-use crate::store::sessions::practice::{measured, practised};
+use crate::store::cohorts::{belongs, values_of, values_of_cohort, values_of_seen};
+use crate::store::sessions::practice::{measured, of_session, practised, practised_by_many, with_result};
 use crate::store::standards::select_standards;
 use crate::store::testing::Centre;
 use crate::store::visibility::sees_trainee;
@@ -69,6 +69,14 @@ async fn progress_reads_no_table_from_end_to_end() {
         ),
         (
             concat!("EXPLAIN QUERY PLAN ", values_of_cohort!()),
+            "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
+        ),
+        (
+            concat!("EXPLAIN QUERY PLAN ", values_of_seen!()),
+            "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
+        ),
+        (
+            concat!("EXPLAIN QUERY PLAN ", practised_by_many!()),
             "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
         ),
     ] {

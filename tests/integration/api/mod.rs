@@ -9,6 +9,7 @@ mod hostile;
 mod looks;
 mod models;
 mod nouns;
+mod overview;
 mod playback;
 mod process;
 mod progress;

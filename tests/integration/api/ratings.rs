@@ -17,7 +17,7 @@ use crate::support::{Client, problem, read};
 
 const MISSING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
 
-fn goals(mark: u8) -> Value {
+pub(super) fn goals(mark: u8) -> Value {
     let items: serde_json::Map<String, Value> =
         ["depth_perception", "bimanual_dexterity", "efficiency", "tissue_handling", "autonomy"]
             .iter()

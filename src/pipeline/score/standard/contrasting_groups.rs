@@ -34,19 +34,35 @@ pub fn contrasting_groups(novices: &People, experts: &People, direction: Directi
     NoAnswer::at_least("experts", experts.count(), FEWEST_PEOPLE)?;
     let (novice, expert) = (Normal::of(novices.values(), sign)?, Normal::of(experts.values(), sign)?);
     let limit = sign * crossing(novice, expert)?;
-    let passes = |value: &f64| sign * value >= sign * limit;
-    let rate = |expected: f64, people: &People, wrong: &dyn Fn(&f64) -> bool| {
-        let seen = people.values().iter().filter(|value| wrong(value)).count() as f64 / people.count() as f64;
-        Ok::<_, NoAnswer>(ErrorRate { expected, seen, interval: wilson(seen, people.count())? })
-    };
     let basis = Basis::ContrastingGroups {
         novices: novices.count(),
         experts: experts.count(),
-        false_pass: rate(1.0 - novice.below(sign * limit), novices, &passes)?,
-        false_fail: rate(expert.below(sign * limit), experts, &|value| !passes(value))?,
+        false_pass: keeping(novices, limit, direction)?,
+        false_fail: breaking(experts, limit, direction)?,
     };
     let interval = interval(novices.values(), experts.values(), sign)?;
     Target::new(limit, Some(interval), direction, basis)
+}
+
+/// The share of a group that keeps a limit, wherever it lies: of novices, those whom it lets pass.
+pub fn keeping(people: &People, limit: f64, direction: Direction) -> Result<ErrorRate, NoAnswer> {
+    rate(people, limit, direction, true)
+}
+
+/// The share of a group that breaks a limit, wherever it lies: of experts, those whom it fails.
+pub fn breaking(people: &People, limit: f64, direction: Direction) -> Result<ErrorRate, NoAnswer> {
+    rate(people, limit, direction, false)
+}
+
+fn rate(people: &People, limit: f64, direction: Direction, keeps: bool) -> Result<ErrorRate, NoAnswer> {
+    let sign = sign(direction)?;
+    NoAnswer::at_least("people", people.count(), FEWEST_PEOPLE)?;
+    NoAnswer::finite(&[limit])?;
+    let below = Normal::of(people.values(), sign)?.below(sign * limit);
+    let counted = |value: &&f64| (sign * **value >= sign * limit) == keeps;
+    let seen = people.values().iter().filter(counted).count() as f64 / people.count() as f64;
+    let expected = if keeps { 1.0 - below } else { below };
+    Ok(ErrorRate { expected, seen, interval: wilson(seen, people.count())? })
 }
 
 fn interval(novices: &[f64], experts: &[f64], sign: f64) -> Result<Interval, NoAnswer> {
@@ -131,6 +147,25 @@ mod tests {
         assert!((false_pass.seen - 2.0 / 13.0).abs() < 1e-12 && (false_fail.seen - 2.0 / 13.0).abs() < 1e-12);
         let interval = target.interval.unwrap();
         assert!(interval.holds(80.0) && interval.low > 70.0 && interval.high < 90.0, "{interval:?}");
+    }
+
+    #[test]
+    fn moving_the_limit_trades_one_error_for_the_other_and_beside_it_there_is_no_third() {
+        let (novices, experts) = (group(101.0, 30.0, 13), group(59.0, 30.0, 13));
+        let lower = Direction::Lower;
+        let at = |limit| (keeping(&novices, limit, lower).unwrap(), breaking(&experts, limit, lower).unwrap());
+        let (strict, mild) = (at(70.0), at(90.0));
+        assert!(strict.0.expected < mild.0.expected && strict.0.seen < mild.0.seen, "{strict:?} {mild:?}");
+        assert!(strict.1.expected > mild.1.expected && strict.1.seen > mild.1.seen, "{strict:?} {mild:?}");
+        for limit in [60.0, 71.0, 100.0] {
+            let (kept, broken) = (keeping(&novices, limit, lower).unwrap(), breaking(&novices, limit, lower).unwrap());
+            assert!(
+                (kept.seen + broken.seen - 1.0).abs() < 1e-12 && (kept.expected + broken.expected - 1.0).abs() < 1e-12
+            );
+        }
+        let few = group(101.0, 30.0, FEWEST_PEOPLE - 1);
+        assert!(matches!(keeping(&few, 80.0, lower), Err(NoAnswer::TooFew { .. })));
+        assert!(keeping(&novices, f64::NAN, lower).is_err());
     }
 
     #[test]

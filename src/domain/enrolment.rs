@@ -1,0 +1,147 @@
+//! Many trainees at once: rows of a list as people keep them, each checked for itself, so that all that is wrong is told at once.
+
+use std::collections::HashMap;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::text::{Code, Invalid, Name};
+use super::trainee::{Handedness, Level};
+
+/// Most rows of one list.
+pub const MOST_ROWS: usize = 500;
+
+/// A row as it stands in a list. Empty text is the same as none.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct EnrolmentRow {
+    /// Their name.
+    pub name: String,
+    /// Their short unique name; made from the name if it is empty.
+    pub code: Option<String>,
+    /// `novice`, `intermediate` or `expert`.
+    pub level: Option<String>,
+    /// `left`, `right` or `both`.
+    pub handedness: Option<String>,
+    /// The name of the group that they join.
+    pub group: Option<String>,
+}
+
+/// Somebody to enrol, as far as the row itself tells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Enrolled {
+    /// Their name.
+    pub name: Name,
+    /// Their code, if the row has one.
+    pub code: Option<Code>,
+    /// Experience.
+    pub level: Option<Level>,
+    /// Preferred hand.
+    pub handedness: Option<Handedness>,
+    /// The name of their group.
+    pub group: Option<String>,
+}
+
+/// What is wrong with a row.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct RowProblem {
+    /// Which row, from 1.
+    pub row: usize,
+    /// Which of its fields.
+    pub field: &'static str,
+    /// What is wrong, and what is expected.
+    pub message: String,
+}
+
+/// Reads the rows; all that is wrong with them themselves, or all of them.
+pub fn read(rows: &[EnrolmentRow]) -> Result<Vec<Enrolled>, Vec<RowProblem>> {
+    let mut problems = Vec::new();
+    let enrolled: Vec<Option<Enrolled>> =
+        rows.iter().enumerate().map(|(index, row)| one(index + 1, row, &mut problems)).collect();
+    let mut met: HashMap<&Code, usize> = HashMap::new();
+    for (index, of) in enrolled.iter().enumerate() {
+        let Some(code) = of.as_ref().and_then(|of| of.code.as_ref()) else { continue };
+        if let Some(first) = met.insert(code, index + 1) {
+            problems.push(problem(
+                index + 1,
+                "code",
+                format!("`{code}` is that of row {first}, too; a code is one person's"),
+            ));
+        }
+    }
+    problems.sort_by_key(|problem| problem.row);
+    if problems.is_empty() { Ok(enrolled.into_iter().flatten().collect()) } else { Err(problems) }
+}
+
+/// A problem of a row.
+pub fn problem(row: usize, field: &'static str, message: impl Into<String>) -> RowProblem {
+    RowProblem { row, field, message: message.into() }
+}
+
+fn one(row: usize, of: &EnrolmentRow, problems: &mut Vec<RowProblem>) -> Option<Enrolled> {
+    let before = problems.len();
+    let name = parsed::<Name>(row, "name", Some(of.name.trim()), problems);
+    let code = parsed(row, "code", filled(&of.code), problems);
+    let level = parsed(row, "level", filled(&of.level).map(str::to_lowercase).as_deref(), problems);
+    let handedness = parsed(row, "handedness", filled(&of.handedness).map(str::to_lowercase).as_deref(), problems);
+    let group = filled(&of.group).map(str::to_owned);
+    if problems.len() > before {
+        return None;
+    }
+    Some(Enrolled { name: name?, code, level, handedness, group })
+}
+
+fn filled(text: &Option<String>) -> Option<&str> {
+    text.as_deref().map(str::trim).filter(|text| !text.is_empty())
+}
+
+fn parsed<T: FromStr<Err = Invalid>>(
+    row: usize,
+    field: &'static str,
+    text: Option<&str>,
+    problems: &mut Vec<RowProblem>,
+) -> Option<T> {
+    match text.map(str::parse::<T>) {
+        Some(Err(invalid)) => {
+            problems.push(problem(row, field, invalid.why));
+            None
+        }
+        Some(Ok(value)) => Some(value),
+        None => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(fields: [&str; 5]) -> EnrolmentRow {
+        let [name, code, level, handedness, group] = fields.map(str::to_owned);
+        EnrolmentRow { name, code: Some(code), level: Some(level), handedness: Some(handedness), group: Some(group) }
+    }
+
+    #[test]
+    fn a_row_is_read_as_people_write_it() {
+        let read = read(&[row([" Ana Lopez ", "", "Novice", "LEFT", " Group one "]), row(["Ben", "b-1", "", "", ""])]);
+        let [ana, ben] = <[Enrolled; 2]>::try_from(read.unwrap()).unwrap();
+        assert_eq!((ana.name.as_str(), ana.code, ana.level), ("Ana Lopez", None, Some(Level::Novice)));
+        assert_eq!((ana.handedness, ana.group.as_deref()), (Some(Handedness::Left), Some("Group one")));
+        assert_eq!((ben.code.unwrap().as_str(), ben.level, ben.group), ("b-1", None, None));
+    }
+
+    #[test]
+    fn all_that_is_wrong_is_told_at_once_and_by_row() {
+        let rows = [
+            row(["", "a b", "beginner", "", ""]),
+            row(["Ana", "ana", "", "", ""]),
+            row(["Ann", "ana", "", "third", ""]),
+        ];
+        let problems = read(&rows).unwrap_err();
+        let told: Vec<(usize, &str)> = problems.iter().map(|problem| (problem.row, problem.field)).collect();
+        assert_eq!(told, [(1, "name"), (1, "code"), (1, "level"), (3, "handedness")]);
+        let twice = read(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
+        assert_eq!((twice.len(), twice[0].row, twice[0].field), (1, 2, "code"));
+        assert!(twice[0].message.contains("row 1"), "{twice:?}");
+    }
+}

@@ -1,0 +1,122 @@
+//! Many trainees enrolled at once: all of a list, or nobody.
+
+use std::collections::HashMap;
+
+use sqlx::sqlite::SqliteConnection;
+
+use super::audit::note;
+use super::error::StoreResult;
+use super::trainees::{Trainee, Trainees, insert};
+use super::visibility::{AskedBy, require_staff};
+use super::{Scope, codes};
+use crate::domain::enrolment::{Enrolled, RowProblem, problem};
+use crate::domain::role::Role;
+use crate::domain::text::Code;
+use crate::ids::{GroupId, TraineeId};
+
+/// What came of a list.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Enrolment {
+    /// Everybody is enrolled, in the order of the rows; nobody, where it was only looked at.
+    Done(Vec<Trainee>),
+    /// Nobody is: these rows stand against it.
+    Refused(Vec<RowProblem>),
+}
+
+impl Trainees<'_> {
+    /// Enrols everybody of a list in one transaction, or nobody; with `only_check` nobody in any case. Groups are named by their
+    /// names, and must be among those that the scope sees; an instructor's trainee joins one of the instructor's groups.
+    pub async fn enrol(&self, scope: &Scope, rows: Vec<Enrolled>, only_check: bool) -> StoreResult<Enrolment> {
+        require_staff(scope, "registering trainees")?;
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let groups = groups_of(tx, &scope).await?;
+                let mut problems = Vec::new();
+                let mut joins = Vec::with_capacity(rows.len());
+                for (index, row) in rows.iter().enumerate() {
+                    if let Some(code) = &row.code {
+                        let why =
+                            || problem(index + 1, "code", format!("`{code}` is somebody's already; choose another"));
+                        problems.extend(is_taken(tx, code).await?.then(why));
+                    }
+                    match joined(&scope, &groups, row.group.as_deref()) {
+                        Ok(group) => joins.push(group),
+                        Err(why) => problems.push(problem(index + 1, "group", why)),
+                    }
+                }
+                if !problems.is_empty() {
+                    return Ok(Enrolment::Refused(problems));
+                }
+                if only_check {
+                    return Ok(Enrolment::Done(Vec::new()));
+                }
+                Ok(Enrolment::Done(enrol(tx, &scope, now_ms, rows, joins).await?))
+            })
+            .await
+    }
+}
+
+async fn enrol(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    now_ms: i64,
+    rows: Vec<Enrolled>,
+    joins: Vec<Option<GroupId>>,
+) -> StoreResult<Vec<Trainee>> {
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_by_key(|index| rows[*index].code.is_none()); // codes that are made step aside for those that are given
+    let mut enrolled: Vec<(usize, Trainee)> = Vec::with_capacity(rows.len());
+    for index in order {
+        let row = &rows[index];
+        let taken = "SELECT 1 FROM trainee WHERE code = $1";
+        let trainee = Trainee {
+            id: TraineeId::at(now_ms),
+            code: codes::choose(tx, taken, row.code.clone(), &row.name, "trainee").await?,
+            name: row.name.clone(),
+            level: row.level,
+            handedness: row.handedness,
+            created_at_ms: now_ms,
+        };
+        insert(tx, &trainee).await?;
+        if let Some(group) = joins[index] {
+            let sql = "INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2)";
+            sqlx::query(sql).bind(group).bind(trainee.id).execute(&mut *tx).await?;
+        }
+        note(tx, scope, now_ms, ("create", "trainee"), trainee.id).await?;
+        enrolled.push((index, trainee));
+    }
+    enrolled.sort_by_key(|(index, _)| *index);
+    Ok(enrolled.into_iter().map(|(_, trainee)| trainee).collect())
+}
+
+/// The groups that the scope sees, by their names.
+async fn groups_of(tx: &mut SqliteConnection, scope: &Scope) -> StoreResult<HashMap<String, GroupId>> {
+    let rows = sqlx::query_as::<_, (String, GroupId)>(
+        "SELECT name, id FROM training_group
+         WHERE $1 = 'administrator'
+            OR EXISTS (SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)",
+    );
+    Ok(rows.asked_by(scope).fetch_all(tx).await?.into_iter().collect())
+}
+
+/// Is a code somebody's? Codes are unique in the centre; whose it is, is told nobody.
+async fn is_taken(tx: &mut SqliteConnection, code: &Code) -> StoreResult<bool> {
+    let found: Option<i64> =
+        sqlx::query_scalar("SELECT 1 FROM trainee WHERE code = $1").bind(code).fetch_optional(tx).await?;
+    Ok(found.is_some())
+}
+
+/// The group of a row: the named one; without a name nobody's, or an instructor's only one.
+fn joined(scope: &Scope, groups: &HashMap<String, GroupId>, named: Option<&str>) -> Result<Option<GroupId>, String> {
+    match named {
+        Some(name) => match groups.get(name) {
+            Some(group) => Ok(Some(*group)),
+            None => Err(format!("`{name}` is no group that you see; make it first, or correct the name")),
+        },
+        None if scope.role() != Role::Instructor => Ok(None),
+        None if groups.len() == 1 => Ok(groups.values().next().copied()),
+        None if groups.is_empty() => Err("you teach no group yet: ask an administrator to put you into one".to_owned()),
+        None => Err("is missing: you teach several groups, so say which one they join".to_owned()),
+    }
+}

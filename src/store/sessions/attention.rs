@@ -1,0 +1,77 @@
+//! Sessions that came lately and want somebody: one query a kind, each bounded.
+
+use super::super::error::StoreResult;
+use super::super::visibility::{AskedBy, require_staff, sees_trainee};
+use super::Sessions;
+use crate::domain::text::{Code, Name};
+use crate::ids::{SessionId, TaskId, TraineeId};
+use crate::store::Scope;
+
+/// A session that wants somebody.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct Waiting {
+    /// Which.
+    pub id: SessionId,
+    /// Whose.
+    pub trainee_id: TraineeId,
+    /// What they are called.
+    pub trainee_name: Name,
+    /// Their code.
+    pub trainee_code: Code,
+    /// Of what.
+    pub task_id: TaskId,
+    /// What it is called.
+    pub task_name: Name,
+    /// Its code.
+    pub task_code: Code,
+    /// When it was recorded, epoch ms.
+    pub recorded_at_ms: i64,
+}
+
+/// Sessions with a result that came since `$3`, and what a [`Waiting`] says of them; conditions follow.
+macro_rules! waiting {
+    ($($conditions:tt)*) => {
+        concat!(
+            "SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,
+                    session.task_id, task.name AS task_name, task.code AS task_code, session.recorded_at_ms
+             FROM session
+             JOIN trainee ON trainee.id = session.trainee_id
+             JOIN task ON task.id = session.task_id
+             JOIN result ON result.id =
+                 (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
+                  ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
+             WHERE session.created_at_ms >= $3 AND ",
+            sees_trainee!("session.trainee_id"),
+            " AND ",
+            $($conditions)*,
+            " ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4"
+        )
+    };
+}
+
+impl Sessions<'_> {
+    /// Those that the quality gate refused: at most so many, the latest first.
+    pub async fn refused_since(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<Waiting>> {
+        let rows = sqlx::query_as(waiting!("json_extract(result.quality, '$.verdict') = 'refused'"));
+        Ok(rows.asked_by(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Those that nobody has rated, of tasks that are rated since `rated_since_ms`: elsewhere nobody waits for a rating.
+    pub async fn unrated_since(
+        &self,
+        scope: &Scope,
+        since_ms: i64,
+        rated_since_ms: i64,
+        most: u32,
+    ) -> StoreResult<Vec<Waiting>> {
+        require_staff(scope, "what waits for a rating")?;
+        let rows = sqlx::query_as(waiting!(
+            "json_extract(result.quality, '$.verdict') IS NOT 'refused' AND session.tracker IS NULL
+             AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
+             AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id
+                                     WHERE rating.created_at_ms >= $5)"
+        ));
+        let rows = rows.asked_by(scope).bind(since_ms).bind(most).bind(rated_since_ms);
+        Ok(rows.fetch_all(self.0.readers()).await?)
+    }
+}

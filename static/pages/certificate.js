@@ -1,0 +1,64 @@
+// A certificate on one sheet of paper, for a trainee who has met a task's standard; who has not is told what is missing.
+import { html } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData } from '../data.js';
+import { date } from '../format.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Provenance, Sheet } from '../parts/report.js';
+import { limitWords, targetName } from '../parts/standard.js';
+
+const words = t.certificate;
+
+export default function Certificate({ route }) {
+  const id = route.path[1];
+  const task = route.query.get('task') ?? undefined;
+  const { data, problem, reload } = useData(signal => api.trainees.progress(id, { task }, signal), [id, task]);
+  if (!data)
+    return html`<${PageHead} title=${words.title} />${problem
+      ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  if (!data.passed)
+    return html`<${PageHead} title=${words.title} lead=${[data.trainee.name, data.task?.name].filter(Boolean).join(', ')} />
+      <${Empty} title=${words.refused} body=${whyNot(data)}>
+        <a class="button" href=${href(['trainees', id], { task })}>${words.back}</a><//>`;
+  return html`<${Paper} told=${data} />`;
+}
+
+/** Why there is none, and what is missing. */
+export function whyNot({ task, standard, sessions, rule, charts }) {
+  if (!task || !sessions.length) return words.reasons.none;
+  if (!standard) return words.reasons.no_standard;
+  if (charts?.standing === 'relapsed') return words.reasons.relapsed;
+  if (rule?.state === 'out_of_reach') return words.reasons.out_of_reach;
+  if (rule?.state === 'open') return words.reasons.rule(rule.have_in_a_row, rule.in_a_row, rule.have_more, rule.then_more);
+  return words.reasons.charts;
+}
+
+function Paper({ told: { trainee, task, standard, sessions, passed, pipeline, rule } }) {
+  const made = sessions.filter(session => passed.sessions.includes(session.number));
+  return html`
+    <${Sheet} title=${words.of(task.name)} back=${['trainees', trainee.id]} kind="certificate" footer=${words.printed}>
+      <p>${words.says}</p>
+      <p class="who">${trainee.name}</p>
+      <p>${words.has(task.name)} ${passed.by === 'rule' ? html`${words.byRule} ${words.rule(rule.in_a_row, rule.then_more, rule.at_most)}.` : words.byCharts}</p>
+      <p>${words.on} <strong>${date(passed.at)}</strong>. ${words.standard}: ${words.setOn(standard.version, date(standard.created_at))}.</p>
+      <section>
+        <h2>${words.targets}</h2>
+        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool}`}>${targetName(target)}: ${limitWords(target)}</li>`)}</ul>
+      </section>
+      <section>
+        <h2>${words.sessions}</h2>
+        <table><thead><tr><th scope="col">${t.report.number}</th><th scope="col">${words.date}</th><th scope="col">${words.result}</th></tr></thead>
+          <tbody>${made.map(session => html`<tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
+            <td>${t.report.trials[session.trial]}</td></tr>`)}</tbody></table>
+      </section>
+      <div class="signatures"><div>${words.signature}</div><div>${words.signatureDate}</div></div>
+      <${Provenance} of=${[
+        [t.report.program, pipeline],
+        [t.report.standard, `${t.report.versionOf(standard.version)}, ${standard.id}`],
+        [t.report.traineeId, trainee.id],
+        [t.report.taskId, task.id],
+      ]} />
+    <//>`;
+}

@@ -1,0 +1,118 @@
+// Enrol many people from a table: read here, checked by the service, shown row by row, and then all are enrolled or nobody.
+import { html, useRef, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { rowsOf } from '../csv.js';
+import { asProblem, useData } from '../data.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { Field } from '../parts/form.js';
+import { Announce, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+
+const words = t.enrol;
+const FIELDS = Object.keys(words.columns);
+
+export default function Enrol({ route }) {
+  const { data: groups } = useData(() => api.groups.all(), []);
+  const [looked, setLooked] = useState(null);
+  const [enrolled, setEnrolled] = useState(null);
+  const [problem, setProblem] = useState(null);
+  const [busy, setBusy] = useState(null);
+  const run = async (what, work) => {
+    setBusy(what);
+    setProblem(null);
+    await work().catch(error => setProblem(asProblem(error)));
+    setBusy(null);
+  };
+  const look = (text, group) => run('look', async () => {
+    setLooked(null);
+    const table = read(text, group);
+    const told = table.why ? { problems: [] } : await api.enrol(table.rows, true);
+    setLooked({ ...table, problems: told.problems });
+  });
+  const enrol = () => run('enrol', async () => setEnrolled((await api.enrol(looked.rows, false)).enrolled));
+  if (enrolled) return html`<${Done} enrolled=${enrolled} />`;
+  return html`
+    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['groups'])}>${t.groups.all}</a><//>
+    <div class="stack">
+      <${Source} groups=${groups ?? []} wanted=${route.query.get('group')} busy=${busy === 'look'} onLook=${look}
+        onChange=${() => setLooked(null)} />
+      <${ProblemNotice} problem=${problem} />
+      ${looked && html`<${Looked} looked=${looked} busy=${busy === 'enrol'} onEnrol=${enrol} />`}
+    </div>`;
+}
+
+function Source({ groups, wanted, busy, onLook, onChange }) {
+  const [file, text, group] = [useRef(null), useRef(null), useRef(null)];
+  const look = async event => {
+    event.preventDefault();
+    onLook(file.current.files[0] ? await file.current.files[0].text() : text.current.value, group.current.value);
+  };
+  const pick = () => ((text.current.value = ''), onChange());
+  const type = () => ((file.current.value = ''), onChange());
+  return html`
+    <form class="card" onSubmit=${look}><div class="body stack">
+      <div class="fields">
+        <${Field} type="file" label=${words.file} hint=${words.fileHint} accept=".csv,.tsv,.txt,text/csv" inputRef=${file} onInput=${pick} />
+        <${Field} type="select" label=${words.group} inputRef=${group} value=${wanted ?? ''} onInput=${onChange}
+          options=${[['', words.noGroup], ...groups.map(one => [one.name, one.name])]} key=${groups.length} />
+      </div>
+      <${Field} type="textarea" label=${words.paste} inputRef=${text} onInput=${type} spellcheck=${false} />
+      <div class="row">
+        <button class="button main" type="submit" disabled=${busy}>${busy ? words.looking : words.look}</button>
+        <a class="button" download=${words.exampleName} href=${`data:text/csv;charset=utf-8,${encodeURIComponent(words.exampleText)}`}>
+          ${words.example}</a>
+      </div>
+    </div></form>`;
+}
+
+/** The rows as REST takes them; or why there are none. */
+function read(text, group) {
+  const [head, ...lines] = rowsOf(text);
+  const named = (head ?? []).map(name => name.toLowerCase());
+  const places = Object.fromEntries(FIELDS.map(field => [field, named.findIndex(name => words.headers[field].includes(name))]));
+  const unknown = (head ?? []).filter((name, at) => name && !Object.values(places).includes(at));
+  if (places.name < 0) return { why: words.noName };
+  if (!lines.length) return { why: words.noRows };
+  const of = line => Object.fromEntries(FIELDS.map(field => [field, line[places[field]] ?? '']));
+  const rows = lines.map(of).map(row => ({ ...row, group: row.group || group }));
+  return { rows, unknown };
+}
+
+function Looked({ looked: { why, rows, unknown, problems }, busy, onEnrol }) {
+  if (why) return html`<${Notice} tone="warn" title=${why} />`;
+  const wrong = new Set(problems.map(problem => problem.row)).size;
+  return html`
+    <section class="card">
+      <header><h2>${words.result}</h2>${wrong === 0 && html`<button class="button main" type="button" disabled=${busy} onClick=${onEnrol}>
+        ${busy ? words.enrolling : words.enrol(rows.length)}</button>`}</header>
+      <div class="body stack">
+        ${wrong ? html`<${Notice} tone="warn" title=${words.problems(wrong, rows.length)} />`
+          : html`<${Notice} tone="good" title=${words.count(rows.length)} />`}
+        ${unknown.length > 0 && html`<p class="muted">${words.unknownColumns(unknown)}</p>`}
+      </div>
+      <div class="scroll"><table class="table">
+        <thead><tr><th scope="col">${words.row}</th>${FIELDS.map(field => html`<th key=${field} scope="col">${words.columns[field]}</th>`)}
+          <th scope="col">${words.result}</th></tr></thead>
+        <tbody>${rows.map((row, at) => html`<${Row} key=${at} number=${at + 1} row=${row} problems=${problems.filter(one => one.row === at + 1)} />`)}</tbody>
+      </table></div>
+    </section>`;
+}
+
+const Row = ({ number, row, problems }) => html`
+  <tr class=${problems.length ? 'wrong' : ''}>
+    <th scope="row">${number}</th>
+    ${FIELDS.map(field => html`<td key=${field} class=${field === 'code' && !row.code ? 'muted' : ''}>
+      ${row[field] || (field === 'code' ? words.made : '–')}</td>`)}
+    <td>${problems.length ? html`<ul class="row-problems">${problems.map(problem => html`<li key=${problem.field}>
+      ${words.columns[problem.field]}: ${problem.message}</li>`)}</ul>` : words.fine}</td>
+  </tr>`;
+
+const Done = ({ enrolled }) => html`
+  <${PageHead} title=${words.title}><a class="button main" href=${href(['groups'])}>${words.back}</a><//>
+  <div class="stack">
+    <${Announce}>${words.done(enrolled.length)}<//>
+    <${Notice} tone="good" title=${words.done(enrolled.length)} />
+    <section class="card"><header><h2>${words.who}</h2></header>
+      <ul class="queue">${enrolled.map(one => html`<li key=${one.id}><div><a href=${href(['trainees', one.id])}>${one.name}</a>
+        <span class="code">${one.code}</span></div></li>`)}</ul></section>
+  </div>`;

@@ -1,0 +1,65 @@
+// How a group gets on at a task: one row a trainee, by name; a value is never shown without its error.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData, useThrottled } from '../data.js';
+import { useLive } from '../live.js';
+import { may } from '../roles.js';
+import { href, replace } from '../router.js';
+import { t } from '../texts.js';
+import { Field } from '../parts/form.js';
+import { GroupTable } from '../parts/group_table.js';
+import { MembersDialog } from '../parts/groups_tokens.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+
+const words = t.groups;
+
+export default function GroupPage({ person, route }) {
+  const id = route.path[1];
+  const runs = may(person, 'people');
+  const { data: base, problem, reload } = useData(async signal => {
+    const [group, tasks, features, people, trainees] = await Promise.all([
+      api.groups.get(id, signal), api.tasks.all(), api.features(signal), runs ? api.people.all() : [], runs ? api.trainees.all() : []]);
+    return { group, tasks, features, people, trainees };
+  }, [id]);
+  const [members, setMembers] = useState(false);
+  if (!base)
+    return html`<${PageHead} title=${words.title} />${problem
+      ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const { group, tasks } = base;
+  return html`
+    <${PageHead} title=${group.name} lead=${words.count(group.trainees.length)}>
+      <a class="button" href=${href(['groups'])}>${words.all}</a>
+      ${runs && html`<button class="button" type="button" onClick=${() => setMembers(true)}>${words.members}</button>`}
+      <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a>
+    <//>
+    ${tasks.length ? html`<${Progress} base=${base} route=${route} key=${group.trainees.join()} />`
+      : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}
+    ${members && html`<${MembersDialog} group=${group} data=${base} onSaved=${() => (setMembers(false), reload())}
+      onClose=${() => setMembers(false)} />`}`;
+}
+
+function Progress({ base: { group, tasks, features }, route }) {
+  const named = key => route.query.get(key) ?? undefined;
+  const task = tasks.find(one => one.id === named('task') || one.code === named('task')) ?? tasks[0];
+  const asked = { task: task.id, feature: named('feature'), tool: named('tool') };
+  const { data, problem, reload } = useData(
+    signal => api.groups.progress(group.id, asked, signal), [group.id, asked.task, asked.feature, asked.tool]);
+  const soon = useThrottled(reload, 3000);
+  useLive('session', event => event.status === 'done' && soon());
+  const set = (key, value) => replace(['groups', group.id], { ...asked, ...(key === 'feature' ? { tool: undefined } : {}), [key]: value || undefined });
+  const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value} options=${options}
+    onInput=${event => set(key, event.target.value)} />`;
+  return html`
+    <section class="card">
+      <div class="filters">
+        ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
+        ${choose(words.feature, 'feature', asked.feature, [['', words.asked], ...features.map(one => [one.name, one.title])])}
+        ${data?.tools.length > 1 && choose(words.tool, 'tool', data.tool, data.tools.map(one => [one, one]))}
+      </div>
+      <${ProblemNotice} problem=${problem} onRetry=${reload} />
+      ${!data && !problem && html`<${Loading} />`}
+      ${data?.trainees.length === 0 && html`<${Empty} title=${words.empty} body=${words.emptyBody}>
+        <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a><//>`}
+      ${data?.trainees.length > 0 && html`<${GroupTable} told=${data} />`}
+    </section>`;
+}

@@ -1,0 +1,96 @@
+// How the service stands, and who changed what: for administrators.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { asProblem, useData, useThrottled } from '../data.js';
+import { bytes, dateTime } from '../format.js';
+import { useLive } from '../live.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+
+const words = t.service;
+const DAY_MS = 86_400_000;
+const LOW_BYTES = 5e9;
+const OLD_DAYS = 7;
+const PAGE = 25;
+
+export default function Service() {
+  const { data, problem, reload } = useData(signal => api.service(signal), []);
+  const soon = useThrottled(reload, 5000);
+  useLive('queue', soon);
+  return html`
+    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['people'])}>${words.tokens}</a><//>
+    <${ProblemNotice} problem=${problem} onRetry=${reload} />
+    ${!data && !problem && html`<${Loading} />`}
+    ${data && html`<div class="stack"><${Stands} told=${data} /><${Audit} /></div>`}`;
+}
+
+const Facts = ({ title, rows, children }) => html`
+  <section class="card"><header><h2>${title}</h2></header><div class="body stack">
+    <dl class="facts">${rows.map(([name, value]) => html`<dt>${name}</dt><dd>${value}</dd>`)}</dl>${children}</div></section>`;
+
+function Stands({ told: { version, pipeline, started_at, storage, queue, last_backup: backup, settings } }) {
+  const days = backup ? Math.floor((Date.now() - Date.parse(backup.at)) / DAY_MS) : 0;
+  return html`
+    ${storage.free_bytes < LOW_BYTES && html`<${Notice} tone="warn" title=${words.low}>${words.lowBody}<//>`}
+    <div class="columns">
+      <${Facts} title=${words.versions} rows=${[[words.program, version], [words.pipeline, pipeline], [words.since, dateTime(started_at)]]} />
+      <${Facts} title=${words.storage} rows=${[
+        [words.files, words.filesOf(storage.files, bytes(storage.files_bytes))],
+        [words.database, bytes(storage.database_bytes)],
+        [words.free, bytes(storage.free_bytes)],
+      ]} />
+      <${Facts} title=${words.backup} rows=${[[words.last, backup ? words.backupOf(dateTime(backup.at), backup.files) : words.noBackup]]}>
+        ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}>${words.noBackupBody}<//>`}<//>
+      <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} />
+      <${Facts} title=${words.retention} rows=${[
+        [words.kept, words.keptFor],
+        [words.erased, words.within(settings.erased_within_s)],
+        [words.unfinished, words.afterHours(settings.unfinished_upload_h)],
+        [words.signIn, words.signInAfter(settings.idle_min, settings.sign_in_h)],
+        [words.attempts, words.perMinute(settings.attempts_per_min)],
+        [words.largest, bytes(settings.max_upload_bytes)],
+        [words.workers, settings.workers],
+      ]}><p class="small muted">${words.where}</p><//>
+    </div>`;
+}
+
+function Audit() {
+  const [pages, setPages] = useState(null);
+  const [problem, setProblem] = useState(null);
+  const more = async cursor => {
+    setProblem(null);
+    try {
+      const page = await api.audit({ limit: PAGE, cursor });
+      setPages(before => ({ items: [...(cursor ? before.items : []), ...page.items], next: page.next }));
+    } catch (error) {
+      setProblem(asProblem(error));
+    }
+  };
+  useData(() => more(), []);
+  return html`
+    <section class="card">
+      <header><h2>${words.audit}</h2></header>
+      <p class="body small muted">${words.names}</p>
+      <${ProblemNotice} problem=${problem} onRetry=${() => more()} />
+      ${!pages && !problem && html`<${Loading} />`}
+      ${pages?.items.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
+      ${pages?.items.length > 0 && html`<div class="scroll"><table class="table">
+        <thead><tr><th scope="col">${words.when}</th><th scope="col">${words.who}</th><th scope="col">${words.what}</th>
+          <th scope="col">${words.which}</th></tr></thead>
+        <tbody>${pages.items.map(one => html`<tr key=${one.id}>
+          <td class="when">${dateTime(one.at)}</td><td>${one.who ?? words.by[one.by] ?? one.by}</td>
+          <td>${words.change(one.action, one.noun)}</td><td class="code">${subject(one)}</td></tr>`)}</tbody>
+      </table></div>`}
+      ${pages?.next && html`<div class="pager"><button class="button" type="button" onClick=${() => more(pages.next)}>${words.more}</button></div>`}
+    </section>`;
+}
+
+const PAGES = { trainee: 'trainees', session: 'sessions', task: 'tasks', box: 'boxes', group: 'groups' };
+
+/** A link where the thing has a page, and was not taken away by this very change. */
+function subject({ noun, action, subject: id }) {
+  const page = PAGES[noun];
+  const isGone = ['erase', 'delete'].includes(action);
+  return page && !isGone ? html`<a href=${href([page, id])}>${id}</a>` : id;
+}

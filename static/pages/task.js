@@ -1,0 +1,70 @@
+// One task: what it asks for and where that comes from, where people stand, and what else is made of its sessions.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData } from '../data.js';
+import { may } from '../roles.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+import { RatersDialog } from '../parts/raters.js';
+import { Rescorings } from '../parts/rescorings.js';
+import { SkillModel } from '../parts/skill_model.js';
+import { Spread } from '../parts/spread.js';
+import { Standard, StandardHistory } from '../parts/standard.js';
+import { StandardForm } from '../parts/standard_form.js';
+
+const words = t.task;
+
+async function load(id, signal) {
+  const task = await api.tasks.get(id, signal);
+  const [standards, presets, features, cohorts, boxes] = await Promise.all([
+    api.tasks.standards(task.id, signal), api.tasks.presets(task.id, signal), api.features(signal), api.cohorts.all(), api.boxes.all()]);
+  const tools = [...new Set(boxes.flatMap(box => (box.tools ?? []).map(tool => tool.tool ?? tool.name)))].filter(Boolean).sort();
+  return { task, standards, presets, features, cohorts, tools };
+}
+
+export default function TaskPage({ person, route }) {
+  const id = route.path[1];
+  const { data, problem, reload } = useData(signal => load(id, signal), [id]);
+  const [form, setForm] = useState(null); // What the form begins with, while it is open.
+  const [set, setSet] = useState(null);
+  if (!data)
+    return html`<${PageHead} title=${t.nav.tasks} />${problem
+      ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const { task, standards } = data;
+  const isAdministrator = may(person, 'people');
+  const open = first => (setSet(null), setForm({ first }));
+  const finish = standard => (setForm(null), setSet(standard.version), reload());
+  return html`
+    <${PageHead} title=${task.name} lead=${task.description}>
+      <a class="button" href=${href(['tasks'])}>${words.all}</a>
+      <a class="button" href=${href(['sessions'], { task: task.id })}>${words.sessions}</a>
+    <//>
+    <div class="stack">
+      <${ProblemNotice} problem=${problem} onRetry=${reload} />
+      ${set && html`<${Notice} tone="good" title=${t.standardForm.isSet(set)} />`}
+      ${form ? html`<${StandardForm} data=${data} first=${form.first} mayMake=${isAdministrator} onSet=${finish}
+        onCancel=${() => setForm(null)} />` : html`<${Standard} standard=${standards[0]} onSet=${() => open(null)} />`}
+      <${Spread} data=${data} onTake=${open} />
+      <${Rest} task=${task} standards=${standards} person=${person} />
+    </div>`;
+}
+
+function Rest({ task, standards, person }) {
+  const [rated, setRated] = useState(false);
+  return html`
+    <div class="columns">
+      <section class="card">
+        <header><h2>${words.model}</h2></header>
+        <div class="body row"><${SkillModel} task=${task} mayTrain=${may(person, 'people')} /></div>
+      </section>
+      <section class="card">
+        <header><h2>${words.raters}</h2><button class="button" type="button"
+          aria-label=${t.raters.title(task.name)} onClick=${() => setRated(true)}>${t.raters.open}</button></header>
+        <div class="body muted">${words.ratersBody}</div>
+      </section>
+      <${StandardHistory} standards=${standards.slice(1)} />
+    </div>
+    ${may(person, 'people') && html`<${Rescorings} task=${task} />`}
+    ${rated && html`<${RatersDialog} task=${task} onClose=${() => setRated(false)} />`}`;
+}

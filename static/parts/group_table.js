@@ -1,0 +1,90 @@
+// A group's table: course, newest value with its error, what the standard makes of it. It can be sorted, and is no ranking.
+import { html, useState } from './preact.js';
+import { date, number, uncertain, unit } from '../format.js';
+import { href } from '../router.js';
+import { t } from '../texts.js';
+import { Sparkline } from './sparkline.js';
+import { limitWords, targetName } from './standard.js';
+
+const words = t.groups;
+const newest = row => row.points[row.points.length - 1];
+const TONES = { pass: 'good', fail: 'bad' };
+
+/** What each column is sorted by; text by the order of people's language. */
+const KEYS = {
+  name: row => row.who.name,
+  value: row => newest(row)?.value ?? null,
+  state: row => stateOf(row).words,
+  sessions: row => row.sessions,
+  last: row => row.last_at,
+};
+
+export function GroupTable({ told }) {
+  const [by, setBy] = useState({ key: 'name', falling: false });
+  const all = told.rows.map(row => ({ ...row, who: told.trainees.find(one => one.id === row.trainee) })).filter(row => row.who);
+  const rows = sorted(all, by);
+  const sort = key => setBy({ key, falling: by.key === key && !by.falling });
+  const head = (key, name, kind) => html`<${Head} name=${name} kind=${kind} order=${by.key === key ? (by.falling ? 'falling' : 'rising') : null}
+    onSort=${() => sort(key)} />`;
+  return html`
+    <p class="body small muted">${told.target ? words.limitIs(limitWords(told.target), targetName(told.target)) : words.noLimit} ${
+      by.key === 'value' ? words.byValue : words.byName}</p>
+    <div class="scroll"><table class="table group-table">
+      <thead><tr>
+        ${head('name', words.name)}<th scope="col">${words.course}</th>
+        ${head('value', `${words.newest}${unit(told.unit) ? `, ${unit(told.unit)}` : ''}`, 'number')}
+        <th scope="col">${words.target}</th>${head('state', words.state)}
+        ${head('sessions', words.sessions, 'number')}${head('last', words.last, 'third')}
+      </tr></thead>
+      <tbody>${rows.map(row => html`<${Row} key=${row.trainee} row=${row} told=${told} />`)}</tbody>
+    </table></div>`;
+}
+
+function sorted(rows, { key, falling }) {
+  const of = KEYS[key];
+  const compare = (one, other) => {
+    const [a, b] = [of(one), of(other)];
+    if (a === null || b === null) return (a === null) - (b === null); // Who has none stands last either way.
+    const order = typeof a === 'string' ? a.localeCompare(b) : a - b;
+    return falling ? -order : order;
+  };
+  return [...rows].sort(compare);
+}
+
+const Head = ({ name, kind, order, onSort }) => html`
+  <th scope="col" class=${kind} aria-sort=${order === 'falling' ? 'descending' : order ? 'ascending' : undefined}>
+    <button class="sorted" type="button" data-by=${order} title=${words.sort(name)} onClick=${onSort}>${name}</button></th>`;
+
+function Row({ row, told }) {
+  const point = newest(row);
+  const state = stateOf(row);
+  const name = row.who.name;
+  return html`
+    <tr>
+      <th scope="row"><a class="cover" href=${href(['trainees', row.trainee], { task: told.task.id })}>${name}</a></th>
+      <td>${row.points.length > 0 && html`<${Sparkline} points=${row.points} limit=${told.target?.limit} name=${words.spark(name, row.points.length)} />`}</td>
+      <td class="number">${point ? html`<a href=${href(['sessions', row.newest])}>${number(point.value)}${point.low === null ? ''
+        : ` ± ${uncertain((point.high - point.low) / 2)}`}</a>` : '–'}</td>
+      <td>${judged(point)}</td>
+      <td><span class=${`pill ${state.tone}`}>${state.words}</span></td>
+      <td class="number">${row.sessions}</td>
+      <td class="when third">${row.last_at ? date(row.last_at) : words.never}</td>
+    </tr>`;
+}
+
+function judged(point) {
+  if (!point?.judgement) return '–';
+  const said = words.judgements[point.judgement];
+  if (said) return html`<span class=${`pill ${TONES[point.judgement]}`}>${said}</span>`;
+  return html`<span class="small muted">${t.trainee.judgements[point.judgement]}</span>`;
+}
+
+/** A relapse weighs more than that the rule was met once. */
+function stateOf({ passed, rule, standing }) {
+  if (standing === 'relapsed') return { words: words.standing.relapsed, tone: 'bad' };
+  if (passed) return { words: words.passed, tone: 'good' };
+  if (rule?.state === 'out_of_reach') return { words: words.outOfReach, tone: 'bad' };
+  if (rule && rule.have_in_a_row < rule.in_a_row) return { words: words.open(rule.have_in_a_row, rule.in_a_row), tone: '' };
+  if (rule) return { words: words.openMore(rule.have_more, rule.then_more), tone: '' };
+  return { words: standing ? words.standing[standing] : words.noStandard, tone: '' };
+}

@@ -1,0 +1,78 @@
+// What a task asks for: its targets, each with what it was made from, the pass rule and the chart's design.
+import { html } from './preact.js';
+import { date, number, percent, unit } from '../format.js';
+import { t } from '../texts.js';
+import { Empty } from './notice.js';
+
+const words = t.task;
+
+/** The limit as people say it: `at most 50 s`. */
+export const limitWords = target => words.limits[target.better](`${number(target.limit)} ${unit(target.unit)}`.trim());
+
+/** The feature as people say it, with its tool. */
+export const targetName = target => [target.title, target.tool].filter(Boolean).join(', ');
+
+export function Standard({ standard, onSet }) {
+  return html`
+    <section class="card">
+      <header>
+        <h2>${words.inUse}</h2>
+        ${onSet && html`<button class="button main" type="button" onClick=${onSet}>
+          ${standard ? words.changeOne : words.setOne}</button>`}
+      </header>
+      ${standard ? html`<div class="body stack">
+        <p class="muted">${words.version(standard.version)}, ${words.setBy(date(standard.created_at), standard.who)}</p>
+        <${Targets} targets=${standard.targets} />
+        <${RuleAndChart} standard=${standard} />
+      </div>` : html`<${Empty} title=${words.noStandard} body=${onSet ? words.noStandardBody : words.noStandardYet} />`}
+    </section>`;
+}
+
+export const Targets = ({ targets }) => html`
+  <div class="scroll">
+    <table class="table dense">
+      <thead><tr><th scope="col">${words.target}</th><th scope="col">${words.limit}</th><th scope="col">${words.madeFrom}</th></tr></thead>
+      <tbody>${targets.map(target => html`
+        <tr key=${`${target.feature} ${target.tool} ${target.space}`}>
+          <th scope="row">${targetName(target)}</th>
+          <td><strong>${limitWords(target)}</strong>${target.low !== null && html`<small class="muted">
+            ${words.between(number(target.low), number(target.high))}</small>`}</td>
+          <td>${basisWords(target)}${wrongWords(target.basis)}<small class="muted">${madeFromWords(target.made_from)}</small></td>
+        </tr>`)}</tbody>
+    </table>
+  </div>`;
+
+const basisWords = ({ basis }) => {
+  const share = basis.share === undefined ? undefined : percent(basis.share);
+  return words.basis[basis.method]({ ...basis, percent: share });
+};
+
+/** A share of people that a limit is wrong about, with its interval. */
+export const shareWords = share => words.share(percent(share.seen), percent(share.low), percent(share.high));
+
+const wrongWords = basis => basis.false_pass && html`<small>
+  ${words.wrong(shareWords(basis.false_pass), shareWords(basis.false_fail))}</small>`;
+
+const madeFromWords = from => from && [words.ofVersion(from.pipeline), from.handedness &&
+  words.ofHand(t.trainees.hands[from.handedness].toLowerCase())].filter(Boolean).join(', ');
+
+/** `3 in a row and 2 more`, or that there is none. */
+export const ruleWords = rule => (rule ? t.trainee.rule(rule.in_a_row, rule.then_more, rule.at_most) : words.noRule);
+
+export const RuleAndChart = ({ standard: { rule, charts } }) => html`
+  <dl class="facts">
+    <dt>${words.rule}</dt><dd>${ruleWords(rule)}</dd>
+    <dt>${words.charts}</dt><dd>${words.design({
+      inadequate: percent(charts.inadequate), adequate: percent(charts.adequate), within: charts.declare_within,
+      wrong: percent(charts.false_declaration) })}</dd>
+  </dl>`;
+
+export const StandardHistory = ({ standards }) => html`
+  <section class="card wide">
+    <header><h2>${words.history}</h2></header>
+    ${standards.length ? html`<ul class="queue history">${standards.map(standard => html`
+      <li key=${standard.id}><details>
+        <summary>${words.version(standard.version)}, ${words.setBy(date(standard.created_at), standard.who)}</summary>
+        <div class="stack"><${Targets} targets=${standard.targets} /><${RuleAndChart} standard=${standard} /></div>
+      </details></li>`)}</ul>` : html`<p class="body muted">${words.historyNone}</p>`}
+  </section>`;

@@ -1,0 +1,302 @@
+// The centre's pages in a real Chromium, as the people who run one would use them: enrol a group from a table, set a standard
+// from a published time, import two recordings of another tracker, see the pass and print its certificate; and as a trainee: see
+// oneself, and nothing of others. One scenario in steps; each step needs the ones before it.
+//
+// Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD; optional TROCAR_SCREENSHOTS, TROCAR_CHROMIUM, TROCAR_PATIENCE_S (180).
+import assert from 'node:assert/strict';
+import { mkdirSync } from 'node:fs';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+
+import { launch, LOOKS } from './chromium.mjs';
+import { tracesOf } from './watch.mjs';
+
+const need = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
+const url = need('TROCAR_URL').replace(/\/$/, '');
+const [login, password] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD')];
+const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
+const shots = process.env.TROCAR_SCREENSHOTS;
+const mark = Date.now().toString(36); // So that the scenario can run again in the same centre.
+const GROUP = `Autumn course ${mark}`;
+const [ADA, BEN] = [`Ada Lindqvist ${mark}`, `Ben "Red" Okoye ${mark}`];
+const OWN_PASSWORD = 'a password of a trainee';
+
+let browser;
+let page;
+let traces;
+const made = {}; // What the steps made, by what it is.
+
+before(async () => {
+  if (shots) mkdirSync(shots, { recursive: true });
+  browser = await launch();
+  const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' });
+  page = await context.newPage();
+  traces = tracesOf(page, url);
+});
+
+after(() => browser?.close());
+
+const heading = (words, on = page) => on.locator('main h1', { hasText: words });
+const button = (name, on = page) => on.getByRole('button', { name, exact: true });
+
+async function picture(name, on = page) {
+  if (shots) await on.screenshot({ path: join(shots, `centre-${name}.png`), fullPage: true });
+}
+
+/** The same request that any program may send, with the browser's sign-in. */
+const ask = (path, on = page) => on.evaluate(async at => (await fetch(at)).json(), `/api/v1/${path}`);
+
+const make = (path, body) =>
+  page.evaluate(
+    async ([at, json]) => {
+      const headers = { 'Content-Type': 'application/json' };
+      return (await fetch(at, { method: 'POST', headers, body: JSON.stringify(json) })).json();
+    },
+    [`/api/v1/${path}`, body],
+  );
+
+async function signIn(on, name, secret) {
+  await on.fill('input[name=login]', name);
+  await on.fill('input[name=password]', secret);
+  await on.click('button[type=submit]');
+}
+
+test('a group is enrolled from a table, once its wrong row is mended', async () => {
+  await page.goto(`${url}/groups`);
+  await signIn(page, login, password);
+  await heading('Groups').waitFor();
+  await button('Add a group').click();
+  await page.locator('dialog').getByLabel('Name').fill(GROUP);
+  await button('Save').click();
+  await page.locator('table').getByRole('link', { name: GROUP }).click();
+  await heading(GROUP).waitFor();
+  await page.locator('.head').getByRole('link', { name: 'Enrol from a list' }).click();
+  await heading('Enrol from a list').waitFor();
+  const table = second => `Name;Level;Hand;Shoe size\n${ADA};novice;right;38\n"${BEN.replaceAll('"', '""')}";${second};left;44\n`;
+  await page.getByLabel('Or paste the rows').fill(table('beginner'));
+  await button('Look at it').click();
+  await page.getByText('1 of 2 rows cannot be used').waitFor();
+  await page.locator('tr.wrong', { hasText: 'expected one of novice intermediate expert' }).waitFor();
+  await page.getByText('nothing here is called so: Shoe size').waitFor();
+  assert.equal(await button('Enrol 2 people').count(), 0);
+  await picture('01-enrol-wrong');
+  await page.getByLabel('Or paste the rows').fill(table('novice'));
+  await button('Look at it').click();
+  await picture('02-enrol-fine');
+  await button('Enrol 2 people').click();
+  await page.locator('.notice', { hasText: '2 people are enrolled' }).waitFor();
+  const groups = await ask('groups');
+  made.group = groups.items.find(group => group.name === GROUP);
+  assert.equal(made.group.trainees.length, 2, 'they are in the group that the page began with');
+  const all = await ask('trainees?limit=200');
+  [made.ada, made.ben] = [ADA, BEN].map(name => all.items.find(one => one.name === name));
+  assert.deepEqual([made.ben.level, made.ben.handedness], ['novice', 'left']);
+});
+
+test('a standard is set from a published time: first worked out, then set', async () => {
+  made.task = await make('tasks', { name: `Pegs ${mark}` });
+  await page.goto(`${url}/tasks`);
+  await page.getByRole('link', { name: made.task.name }).click();
+  await heading(made.task.name).waitFor();
+  await button('Set a standard').click();
+  assert.equal(await page.getByLabel('Where the limit comes from').inputValue(), 'fls');
+  const presets = (await ask(`tasks/${made.task.id}/standards/presets`)).items;
+  await page.getByLabel('Exercise').selectOption(presets[0].preset);
+  await page.getByLabel('Passes in a row').fill('2');
+  await button('Work it out').click();
+  await page.locator('.proposal', { hasText: `at most ${presets[0].limit} s` }).waitFor();
+  assert.equal((await ask(`tasks/${made.task.id}/standards`)).items.length, 0, 'nothing is set by looking');
+  // What was worked out before a change is not what would be set.
+  await page.getByLabel('Passes in a row').fill('3');
+  assert.ok(await button('Set this standard').isDisabled());
+  await page.getByLabel('Passes in a row').fill('2');
+  await picture('03-standard-proposed');
+  await button('Set this standard').click();
+  await page.getByText('Version 1 is the standard now').waitFor();
+  const [standard] = (await ask(`tasks/${made.task.id}/standards`)).items;
+  assert.deepEqual([standard.version, standard.targets[0].limit, standard.rule.in_a_row], [1, presets[0].limit, 2]);
+});
+
+/** Two tools that go to and fro for so many seconds, as another tracker would write them. */
+function tableOf(seconds, tools) {
+  const lines = ['frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm'];
+  for (let frame = 0; frame < seconds * 25; frame += 1) {
+    const at = frame / 25;
+    tools.forEach((tool, i) =>
+      lines.push(`${frame},${at},${tool},${40 * Math.sin(at * 1.3 + i)},${20 * Math.cos(at * 0.7)},${150 + 5 * Math.sin(at)},0.1,0.4`));
+  }
+  return `${lines.join('\n')}\n`;
+}
+
+test('before a pass the certificate is refused in words', async () => {
+  await page.goto(`${url}/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
+  await page.getByText('There is no session of this task yet').waitFor();
+});
+
+test('two paths of another tracker are imported on the upload page and passed', async () => {
+  made.box = await make('boxes', { name: `Table ${mark}` });
+  for (const [seconds, day] of [[20, '2026-01-05T10:00'], [21, '2026-01-06T10:00']]) {
+    await page.goto(`${url}/upload?trainee=${made.ada.id}&task=${made.task.id}&box=${made.box.id}`);
+    await page.locator('summary', { hasText: 'Import the path' }).click();
+    const form = page.locator('details form');
+    const buffer = Buffer.from(tableOf(seconds, ['left', 'right']));
+    await form.locator('input[type=file]').setInputFiles({ name: `path-${seconds}.csv`, mimeType: 'text/csv', buffer });
+    await form.getByLabel('What measured it').fill('Kinovea');
+    await form.getByLabel('Recorded at').fill(day);
+    await button('Import', form).click();
+    await form.getByText('The path is a session now').waitFor();
+  }
+  await picture('04-imported');
+  const until = Date.now() + patience;
+  for (;;) {
+    const told = await ask(`trainees/${made.ada.id}/progress?task=${made.task.id}`);
+    if (told.passed) {
+      assert.deepEqual([told.passed.by, told.passed.sessions], ['rule', [1, 2]]);
+      break;
+    }
+    assert.ok(Date.now() < until, JSON.stringify(told));
+    await new Promise(resolve => setTimeout(resolve, 500));
+  }
+});
+
+test('the pass stands in the group’s table, and the certificate prints on one side', async () => {
+  await page.goto(`${url}/groups/${made.group.id}?task=${made.task.id}`);
+  const told = await ask(`groups/${made.group.id}/progress?task=${made.task.id}`);
+  const row = page.locator('tr', { hasText: ADA });
+  await row.getByText('Passed').waitFor();
+  const newest = told.rows.find(one => one.trainee === made.ada.id).points.at(-1);
+  assert.ok(Math.abs(Number((await row.locator('td.number').first().innerText()).split('±')[0]) - newest.value) < 0.1);
+  assert.equal(await row.locator('svg.spark polyline').count(), 1);
+  const names = () => page.locator('tbody th').allInnerTexts();
+  assert.deepEqual(await names(), [ADA, BEN]);
+  await page.getByText('so people stand by name').waitFor();
+  await button('Name').click();
+  assert.deepEqual(await names(), [BEN, ADA]);
+  await page.locator('thead button', { hasText: 'Newest value' }).click();
+  await page.getByText('it is no ranking').waitFor();
+  assert.deepEqual(await names(), [ADA, BEN], 'who has no value stands last');
+  await picture('05-group');
+  await row.getByRole('link', { name: ADA }).click();
+  await heading(ADA).waitFor();
+  await page.locator('.balance', { hasText: 'kept.' }).waitFor();
+  await picture('06-trainee');
+  await page.getByRole('link', { name: 'Certificate' }).click();
+  await page.locator('.certificate .who', { hasText: ADA }).waitFor();
+  const paper = await page.locator('.certificate').innerText();
+  assert.match(paper, /by the pass rule: 2 in a row/);
+  assert.match(paper, /version 1 of /);
+  assert.equal(await page.locator('.certificate table tbody tr').count(), 2);
+  await picture('07-certificate');
+  await page.emulateMedia({ media: 'print' });
+  const pdf = await page.pdf({ preferCSSPageSize: true });
+  assert.equal(pdf.toString('latin1').match(/\/Type\s*\/Page\b(?!s)/g).length, 1, 'one side of A4');
+  await page.emulateMedia({ media: 'screen' });
+});
+
+test('moving the line says what the service says, and its limit goes into the form', async () => {
+  await page.goto(`${url}/tasks/${made.task.id}`);
+  const spread = page.locator('section', { hasText: 'Where people stand' });
+  // An imported path is compared with nobody, so that nobody stands here; what is told is why.
+  await spread.getByText('None of these people has a value of this yet').waitFor();
+  const told = await ask(`tasks/${made.task.id}/distribution?feature=duration&limit=30`);
+  assert.deepEqual([told.groups[0].values, told.groups[0].keeping], [[], null]);
+});
+
+test('a task with measured sessions shows a dot for each person, and the line moves', async () => {
+  const tasks = (await ask('tasks?limit=200')).items;
+  for (const task of tasks) {
+    const { groups } = await ask(`tasks/${task.id}/distribution?feature=duration&limit=30`);
+    if (!groups[0].values.length) continue;
+    await page.goto(`${url}/tasks/${task.id}`);
+    const plot = page.locator('svg.spread');
+    await plot.waitFor();
+    assert.equal(await plot.locator('circle').count(), groups[0].values.length);
+    const typed = page.getByLabel('Limit, s', { exact: true });
+    await typed.fill('30');
+    await plot.getByText('limit 30 s').waitFor();
+    await page.getByText(groups[0].keeping ? 'keep this limit' : groups[0].withheld.detail).waitFor();
+    await picture('08-spread');
+    await button('Set a standard with this limit').click();
+    assert.equal(await page.getByLabel('Limit, s', { exact: true }).first().inputValue(), '30');
+    return;
+  }
+  assert.ok(process.env.TROCAR_CLIP === undefined, 'the centre of the other scenarios has measured sessions');
+});
+
+test('the service’s page says what REST says, and who enrolled whom', async () => {
+  await page.goto(`${url}/service`);
+  const { version, storage } = await ask('service');
+  await page.locator('.facts', { hasText: version }).first().waitFor();
+  await page.getByText(`${storage.files} file`).waitFor();
+  const first = page.locator('table tbody tr').first();
+  await first.waitFor();
+  const [latest] = (await ask('audit?limit=1')).items;
+  assert.match(await first.innerText(), new RegExp(`${latest.action} ${latest.noun}`));
+  assert.equal(await page.locator('tbody tr').count(), 25);
+  await button('Earlier changes').click();
+  await page.waitForFunction(() => document.querySelectorAll('tbody tr').length > 25);
+  await picture('09-service');
+});
+
+test('cohorts are described and named', async () => {
+  await page.goto(`${url}/groups`);
+  await button('Add a cohort').click();
+  const dialog = page.locator('dialog');
+  await dialog.getByLabel('Name').fill(`Novices ${mark}`);
+  await dialog.getByLabel('Level').selectOption('novice');
+  await dialog.getByLabel('Group').selectOption({ label: GROUP });
+  await button('Save').click();
+  const row = page.locator('tr', { hasText: `Novices ${mark}` });
+  await row.waitFor();
+  assert.match(await row.innerText(), /Novice, Autumn course .*\s2\s/);
+});
+
+test('every page of the centre is shown in both themes on a desk and on a tablet, and none is wider than the screen', async () => {
+  const task = `?task=${made.task.id}`;
+  const pages = {
+    groups: '/groups', group: `/groups/${made.group.id}${task}`, enrol: '/enrol', task: `/tasks/${made.task.id}`,
+    trainee: `/trainees/${made.ada.id}${task}`, certificate: `/trainees/${made.ada.id}/certificate${task}`,
+    service: '/service', today: '/', upload: '/upload',
+  };
+  for (const look of LOOKS) {
+    await page.setViewportSize(look.viewport);
+    await page.emulateMedia({ colorScheme: look.colorScheme });
+    for (const [name, path] of Object.entries(pages)) {
+      await page.goto(url + path);
+      await page.locator('main h1').waitFor();
+      await page.waitForFunction(() => !document.querySelector('main .loading'));
+      await picture(`page-${name}-${look.name}`);
+      const over = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+      assert.ok(over <= 0, `${name} is ${over} px wider than a ${look.name}`);
+    }
+  }
+});
+
+test('a trainee sees their own pass, and nothing of others', async () => {
+  const account = { login: `ada-${mark}`, name: ADA, role: 'trainee', password: OWN_PASSWORD, trainee: made.ada.id };
+  await make('people', account);
+  const context = await browser.newContext({ viewport: { width: 820, height: 1180 } });
+  const own = await context.newPage();
+  await own.goto(`${url}/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
+  await signIn(own, account.login, OWN_PASSWORD);
+  await own.locator('.certificate .who', { hasText: ADA }).waitFor();
+  await own.goto(`${url}/trainees/${made.ada.id}?task=${made.task.id}`);
+  await own.locator('.balance').waitFor();
+  await picture('10-own', own);
+  for (const path of [`/trainees/${made.ben.id}`, `/trainees/${made.ben.id}/certificate?task=${made.task.id}`]) {
+    await own.goto(url + path);
+    await own.locator('main .notice.bad', { hasText: 'Not found' }).waitFor();
+  }
+  for (const path of ['/groups', `/groups/${made.group.id}`, '/enrol', '/service', `/tasks/${made.task.id}`]) {
+    await own.goto(url + path);
+    await own.locator('main', { hasText: 'There is no such page' }).waitFor();
+  }
+  await own.goto(url);
+  await own.getByText('What needs you').waitFor();
+  assert.ok(!(await own.locator('body').innerText()).includes(BEN));
+  await context.close();
+});
+
+test('nothing was asked of another server, nothing broke the policy, nothing was thrown', () => {
+  assert.deepEqual(traces(), { foreign: [], broken: [] });
+});

@@ -1,0 +1,236 @@
+//! Many people at once: lists of new ones, a group's table, spreads with a limit in them, who needs somebody, how the service stands.
+
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+
+use super::centre::Centre;
+use crate::planted::{DAY_MS, Planter, duration};
+use crate::support::{problem, read};
+use trocar::pipeline::PIPELINE_VERSION;
+
+const ENROLMENTS: &str = "/api/v1/enrolments";
+
+async fn planter(centre: &Centre) -> Planter {
+    Planter::beside(&centre.service.data.path().join("trocar.db")).await
+}
+
+async fn ask_for(centre: &Centre, seconds: f64, rule: Value) {
+    let by = json!({"method": "fixed", "limit": seconds, "unit": "s"});
+    let body = json!({"targets": [{"feature": "duration", "by": by}], "rule": rule});
+    centre.administrator.make("/api/v1/tasks/peg/standards", body).await;
+}
+
+async fn group(centre: &Centre, name: &str) -> String {
+    let groups = centre.administrator.read("/api/v1/groups").await;
+    let found = groups["items"].as_array().unwrap().iter().find(|group| group["name"] == name).unwrap();
+    found["id"].as_str().unwrap().to_owned()
+}
+
+fn now_ms() -> i64 {
+    std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_millis() as i64
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_list_is_enrolled_whole_or_not_at_all() {
+    let centre = Centre::open().await;
+    let good = json!({"name": "Cleo", "code": "cleo", "level": "Novice", "handedness": "left", "group": "One"});
+    let bad = json!([good, {"name": "Dan", "code": "ada"}, {"name": "", "group": "Three"}, {"name": "Eve", "group": "Three"}]);
+    let told = |problems: &Value| -> Vec<(u64, String)> {
+        let of = |row: &Value| (row["row"].as_u64().unwrap(), row["field"].as_str().unwrap().to_owned());
+        problems.as_array().unwrap().iter().map(of).collect()
+    };
+    // What the rows themselves say is told first, then what the centre says.
+    let checked = centre.administrator.post(ENROLMENTS, json!({"rows": bad, "only_check": true})).await;
+    assert_eq!(told(&read(checked, StatusCode::OK).await["problems"]), [(3, "name".to_owned())]);
+    let bad = json!([good, {"name": "Dan", "code": "ada"}, {"name": "Eve", "group": "Three"}]);
+    let refused = problem(centre.administrator.post(ENROLMENTS, json!({"rows": bad})).await, 422, "invalid").await;
+    assert_eq!(told(&refused["problems"]), [(2, "code".to_owned()), (3, "group".to_owned())], "{refused}");
+    assert!(refused["detail"].as_str().unwrap().starts_with("2 rows cannot be used"), "{refused}");
+    assert_eq!(centre.administrator.read("/api/v1/trainees").await["items"].as_array().unwrap().len(), 2);
+
+    // A made code steps aside for one that a later row gives.
+    let rows = json!([{"name": "Dan"}, {"name": "Danica", "code": "dan"}, good]);
+    let checked = centre.administrator.post(ENROLMENTS, json!({"rows": rows, "only_check": true})).await;
+    assert_eq!(read(checked, StatusCode::OK).await, json!({"enrolled": [], "problems": []}));
+    assert_eq!(centre.administrator.read("/api/v1/trainees").await["items"].as_array().unwrap().len(), 2);
+    let done = read(centre.administrator.post(ENROLMENTS, json!({"rows": rows})).await, StatusCode::OK).await;
+    let codes: Vec<&str> = done["enrolled"].as_array().unwrap().iter().map(|of| of["code"].as_str().unwrap()).collect();
+    assert_eq!(codes, ["dan-2", "dan", "cleo"]);
+    assert_eq!(centre.instructor.read("/api/v1/trainees/cleo").await["handedness"], "left", "she is in group one");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_enrols_does_so_into_groups_of_their_own() {
+    let centre = Centre::open().await;
+    let rows = |group: Value| json!({"rows": [{"name": "Cleo", "group": group}]});
+    let foreign = problem(centre.instructor.post(ENROLMENTS, rows(json!("Two"))).await, 422, "invalid").await;
+    let missing = problem(centre.instructor.post(ENROLMENTS, rows(json!("Three"))).await, 422, "invalid").await;
+    let said = |of: &Value| of["problems"][0]["message"].as_str().unwrap().replace("Two", "Three");
+    assert_eq!(said(&foreign), said(&missing), "what one may not see is not there");
+    read(centre.instructor.post(ENROLMENTS, rows(Value::Null)).await, StatusCode::OK).await;
+    assert_eq!(centre.instructor.read("/api/v1/trainees/cleo").await["name"], "Cleo", "the only group is meant");
+    problem(centre.trainee.post(ENROLMENTS, rows(Value::Null)).await, 403, "forbidden").await;
+    problem(centre.administrator.post(ENROLMENTS, json!({"rows": []})).await, 422, "invalid").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_groups_table_says_of_each_what_their_own_progress_says() {
+    let centre = Centre::open().await;
+    let planter = planter(&centre).await;
+    ask_for(&centre, 50.0, json!({"in_a_row": 2})).await;
+    let (ada, start) = (planter.trainee("ada").await, now_ms() - 9 * DAY_MS);
+    for (day, seconds) in [70.0, 45.0, 44.0].into_iter().enumerate() {
+        planter.session(ada, start + day as i64 * DAY_MS, vec![duration(seconds, 1.0)]).await;
+    }
+    planter.result(ada, start + 5 * DAY_MS, vec![duration(40.0, 1.0)], (PIPELINE_VERSION, "refused")).await;
+    let one = group(&centre, "One").await;
+    let table = centre.instructor.read(&format!("/api/v1/groups/{one}/progress?task=peg")).await;
+    let own = centre.instructor.read("/api/v1/trainees/ada/progress?task=peg").await;
+    assert_eq!(
+        (&table["feature"], &table["unit"], &table["target"]["limit"]),
+        (&json!("duration"), &json!("s"), &json!(50.0))
+    );
+    assert_eq!((table["trainees"].as_array().unwrap().len(), &table["trainees"][0]["code"]), (1, &json!("ada")));
+    let row = &table["rows"][0];
+    let points = own["features"][0]["points"].as_array().unwrap();
+    assert_eq!(row["points"].as_array().unwrap(), &points[..3], "the refused one counts for nothing");
+    assert_eq!((&row["sessions"], &row["last_at"]), (&json!(4), &own["sessions"][3]["recorded_at"]));
+    assert_eq!((&row["rule"], &row["passed"], &row["newest"]), (&own["rule"], &json!(true), &own["sessions"][2]["id"]));
+    let passed = json!({"by": "rule", "session": 3, "at": own["sessions"][2]["recorded_at"], "sessions": [2, 3]});
+    assert_eq!(own["passed"], passed);
+    // Others' groups are not there, for instructors, and trainees are given no tables.
+    let path = format!("/api/v1/groups/{one}/progress?task=peg");
+    problem(centre.other_instructor.get(&path).await, 404, "not-found").await;
+    problem(centre.trainee.get(&path).await, 403, "forbidden").await;
+    problem(centre.instructor.get(&format!("/api/v1/groups/{one}/progress?task=none")).await, 422, "unknown-reference")
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_moved_limit_says_what_a_standard_made_there_would_say() {
+    let centre = Centre::open().await;
+    let planter = planter(&centre).await;
+    for (level, first) in [("expert", 40.0), ("novice", 60.0)] {
+        for number in 0..12 {
+            let name = format!("{level}-{number}");
+            centre.administrator.make("/api/v1/trainees", json!({"name": name, "level": level})).await;
+            let seconds = first + 3.0 * f64::from(number);
+            planter.session(planter.trainee(&name).await, now_ms(), vec![duration(seconds, 1.0)]).await;
+        }
+        centre.administrator.make("/api/v1/cohorts", json!({"name": level, "level": level})).await;
+    }
+    let by = json!({"method": "contrasting_groups", "novices": "novice", "experts": "expert"});
+    let body = json!({"targets": [{"feature": "duration", "by": by}]});
+    let made =
+        read(centre.administrator.post("/api/v1/tasks/peg/standards/proposals", body).await, StatusCode::OK).await;
+    let target = &made["targets"][0]["target"];
+    let at =
+        |limit: &Value| format!("/api/v1/tasks/peg/distribution?feature=duration&cohorts=novice,expert&limit={limit}");
+    let there = centre.administrator.read(&at(&target["limit"])).await;
+    assert_eq!(there["groups"][0]["keeping"], target["basis"]["false_pass"], "of novices, who passes");
+    assert_eq!(there["groups"][1]["breaking"], target["basis"]["false_fail"], "of experts, who fails");
+    let milder = centre.administrator.read(&at(&json!(80))).await;
+    assert!(
+        milder["groups"][0]["keeping"]["seen"].as_f64() > there["groups"][0]["keeping"]["seen"].as_f64(),
+        "{milder}"
+    );
+    let values = there["groups"][1]["values"].as_array().unwrap();
+    assert_eq!((values.len(), &values[0], &values[11]), (12, &json!(40.0), &json!(73.0)));
+
+    // Of those whom one sees, and nobody else: the instructor's only trainee has no session.
+    let seen = centre.instructor.read(&at(&json!(80))).await;
+    for group in seen["groups"].as_array().unwrap() {
+        assert_eq!((&group["values"], &group["keeping"]), (&json!([]), &Value::Null), "{seen}");
+        assert_eq!(group["withheld"]["reason"], "too_few");
+    }
+    problem(centre.trainee.get(&at(&json!(80))).await, 403, "forbidden").await;
+    let wrong = "/api/v1/tasks/peg/distribution?feature=path_length&tool=orange";
+    let refused = problem(centre.administrator.get(wrong).await, 422, "invalid").await;
+    assert_eq!(refused["errors"][0]["field"], "hand");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn attention_names_those_whom_one_sees_and_nobody_else() {
+    let centre = Centre::open().await;
+    let planter = planter(&centre).await;
+    ask_for(&centre, 50.0, json!({"in_a_row": 2})).await;
+    let (ada, bob) = (planter.trainee("ada").await, planter.trainee("bob").await);
+    let start = now_ms() - 60 * DAY_MS;
+    for day in 0..2 {
+        planter.session(ada, start + day * DAY_MS, vec![duration(40.0, 1.0)]).await; // passed; the first month is over
+    }
+    let missed = (0..30).map(|day| if day < 20 { 40.0 } else { 90.0 });
+    for (day, seconds) in missed.enumerate() {
+        planter.session(bob, start + day as i64 * DAY_MS, vec![duration(seconds, 1.0)]).await; // relapses
+    }
+    planter.result(bob, now_ms(), vec![duration(40.0, 1.0)], (PIPELINE_VERSION, "refused")).await;
+    let kinds = |of: &Value| -> Vec<(String, String)> {
+        let text = |of: &Value| of.as_str().unwrap().to_owned();
+        let mut found: Vec<_> = of["alarms"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|one| (text(&one["kind"]), text(&one["trainee_name"])))
+            .collect();
+        found.sort();
+        found
+    };
+    let all = centre.administrator.read("/api/v1/attention").await;
+    let (due, relapsed) = (("due".to_owned(), "ada".to_owned()), ("relapsed".to_owned(), "bob".to_owned()));
+    assert_eq!((kinds(&all), &all["more"]), (vec![due.clone(), relapsed.clone()], &json!(false)), "{all}");
+    assert_eq!(all["refused"].as_array().unwrap().len(), 1);
+    for (client, alarm, refused) in [
+        (&centre.instructor, &due, 0),
+        (&centre.trainee, &due, 0),
+        (&centre.other_instructor, &relapsed, 1),
+        (&centre.other_trainee, &relapsed, 1),
+    ] {
+        let seen = client.read("/api/v1/attention").await;
+        assert_eq!((kinds(&seen), seen["refused"].as_array().unwrap().len()), (vec![alarm.clone()], refused), "{seen}");
+    }
+    problem(centre.agent.get("/api/v1/attention").await, 403, "forbidden").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_waits_for_a_rating_is_of_tasks_that_are_rated() {
+    let centre = Centre::open().await;
+    let planter = planter(&centre).await;
+    let ada = planter.trainee("ada").await;
+    for day in 0..2 {
+        planter.session(ada, now_ms() - day * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    }
+    assert_eq!(centre.instructor.read("/api/v1/attention").await["unrated"], json!([]), "nobody rates here");
+    let sessions = centre.instructor.read("/api/v1/sessions").await;
+    let first = sessions["items"][0]["id"].as_str().unwrap();
+    let rating = super::ratings::goals(3);
+    centre.instructor.make(&format!("/api/v1/sessions/{first}/ratings"), rating).await;
+    let told = centre.instructor.read("/api/v1/attention").await;
+    assert_eq!(
+        (told["unrated"].as_array().unwrap().len(), &told["unrated"][0]["session"]),
+        (1, &sessions["items"][1]["id"])
+    );
+    assert_eq!(centre.trainee.read("/api/v1/attention").await["unrated"], json!([]), "that is for staff");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn administrators_read_how_the_service_stands_and_who_changed_what() {
+    let centre = Centre::open().await;
+    let service = centre.administrator.read("/api/v1/service").await;
+    assert_eq!((&service["pipeline"], &service["last_backup"]), (&json!(PIPELINE_VERSION), &Value::Null));
+    assert!(service["storage"]["database_bytes"].as_u64() > Some(100_000), "{service}");
+    assert!(service["storage"]["free_bytes"].as_u64() > Some(1_000_000), "{service}");
+    assert_eq!(service["settings"]["unfinished_upload_h"], 48);
+    centre.instructor.make("/api/v1/tasks", json!({"name": "Cutting"})).await;
+    let page = centre.administrator.read("/api/v1/audit?limit=1").await;
+    let last = &page["items"][0];
+    let said = (&last["who"], &last["by"], &last["action"], &last["noun"]);
+    assert_eq!(said, (&json!("ines"), &json!("person"), &json!("create"), &json!("task")));
+    let cursor = page["next"].as_str().unwrap();
+    let next = centre.administrator.read(&format!("/api/v1/audit?limit=1&cursor={cursor}")).await;
+    assert!(next["items"][0]["id"].as_i64() < last["id"].as_i64(), "{next}");
+    for path in ["/api/v1/service", "/api/v1/audit"] {
+        for client in [&centre.instructor, &centre.trainee, &centre.agent] {
+            problem(client.get(path).await, 403, "forbidden").await;
+        }
+    }
+}
