@@ -405,7 +405,9 @@ const pagesOf = pdf => pdf.toString('latin1').match(/\/Type\s*\/Page\b(?!s)/g)?.
 
 /** Every page, about what the scenario made. */
 async function pages() {
-  const { trainee, box } = await ask(`sessions/${session}`);
+  const { trainee, task, box } = await ask(`sessions/${session}`);
+  const group = (await ask('groups')).items[0];
+  const steps = ['board', 'photos', 'calibration', 'tools', 'colours', 'agent', 'test'];
   return {
     today: '/',
     'wall-empty': '/live',
@@ -417,10 +419,17 @@ async function pages() {
     trainee: `/trainees/${trainee.id}`,
     'session-report': `/sessions/${session}/report`,
     'trainee-report': `/trainees/${trainee.id}/report`,
+    certificate: `/trainees/${trainee.id}/certificate?task=${task.id}`,
+    groups: '/groups',
+    ...(group && { group: `/groups/${group.id}` }),
+    enrol: '/enrol',
     tasks: '/tasks',
+    task: `/tasks/${task.id}`,
     boxes: '/boxes',
     box: `/boxes/${box.id}`,
+    ...Object.fromEntries(steps.map(step => [`setup-${step}`, `/boxes/${box.id}/setup?step=${step}`])),
     people: '/people',
+    service: '/service',
     account: '/account',
   };
 }
