@@ -32,7 +32,7 @@ export function CalibrationStep({ box, bench, at, onChange }) {
   return html`
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
     <p>${words.with(good.length, photos.length, boardOf(plan), plan.square)}</p>
-    ${!plan.measured && html`<${Notice} tone="warn" quiet title=${words.unmeasured(plan.square)}>
+    ${!plan.measured && good.length >= FEWEST && html`<${Notice} tone="warn" quiet title=${words.unmeasured(plan.square)}>
       <a href=${at('board')}>${t.setup.photos.otherBoard}</a><//>`}
     ${good.length < FEWEST && html`<p><a class="button" href=${at('photos')}>${words.needPhotos(FEWEST)}</a></p>`}
     <div class="row">
@@ -68,7 +68,7 @@ function Result({ camera, photos, at }) {
         ${camera.coverage && html`<dt>${words.coverage}</dt><dd>${percent(camera.coverage.share)}</dd>`}
       </dl>
       ${(camera.coverage || camera.photos?.length > 0) && html`
-        <div class="setup-two">
+        <div class="setup-two uneven">
           ${camera.photos?.length > 0 && html`<${Residuals} photos=${camera.photos} taken=${photos} />`}
           ${camera.coverage && html`<${CellMap} coverage=${camera.coverage} cells=${camera.coverage.corners}
             size=${camera} words=${words.map} />`}

@@ -1088,7 +1088,7 @@ export default {
       coverage: 'Picture covered by corners',
       map: (filled, all) => `Corners in ${filled} of ${all} parts of the picture; elsewhere the lens is guessed`,
       perPhoto: 'How far each photo’s corners are from where the camera expects them',
-      leftOut: count => `${plural(count, 'photo was', 'photos were')} left out: they do not agree with the others, and spoil nothing.`,
+      leftOut: count => `${plural(count, 'photo was', 'photos were')} left out: what does not agree with the others spoils nothing.`,
       remedies: [
         'Is the board flat? Glue it onto glass or a clipboard.',
         'Was it held still, and sharp? Give more light, and rest the hand.',
