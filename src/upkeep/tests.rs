@@ -10,6 +10,7 @@ use crate::domain::feed::record::{Body, HEAD, Record};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
+use crate::time::Clock;
 use crate::ids::{FeedId, TraineeId, UploadId};
 use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{NewFeed, NewUpload, Session, Store, StoreSettings};
