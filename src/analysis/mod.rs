@@ -10,6 +10,7 @@
 
 pub mod calibration;
 pub mod child;
+pub mod edits;
 pub mod marked;
 pub mod paths;
 pub mod protocol;
@@ -17,7 +18,7 @@ pub mod self_test;
 
 mod again;
 mod attempt;
-mod diagnostics;
+pub mod diagnostics;
 mod orders;
 mod product;
 mod receipt;

@@ -24,6 +24,7 @@
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `last_task` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
+//! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` |
 //! | [`Store::audit`] | `list` |
@@ -38,6 +39,7 @@ mod cohorts;
 mod columns;
 mod comments;
 mod cookies;
+mod edits;
 mod error;
 mod feeds;
 mod groups;
@@ -74,6 +76,7 @@ pub use calibrations::{Calibration, Calibrations};
 pub use cohorts::{Cohort, CohortValue, Cohorts};
 pub use comments::{Comment, Comments, SeenComments};
 pub use cookies::{Cookie, Cookies};
+pub use edits::{Edit, Edits, SessionEdits};
 pub use error::{StoreError, StoreResult};
 pub use feeds::{Feed, Feeds, NewFeed};
 pub use groups::{Group, Groups, Members};
@@ -280,6 +283,8 @@ rooms! {
     ratings: Ratings;
     /// What people say about seconds of sessions.
     comments: Comments;
+    /// What people change about scored sessions.
+    edits: Edits;
     /// Orders to score sessions again.
     rescorings: Rescorings;
     /// Work that waits, runs or has ended.

@@ -8,6 +8,7 @@ use crate::domain::standard::{ChartDesign, Definition, Rule};
 use crate::domain::text::Key;
 use crate::store::StoreError;
 use crate::store::cohorts::{belongs, values_of_cohort};
+use crate::store::sessions::counts;
 use crate::store::sessions::practice::{measured, practised};
 use crate::store::standards::select_standards;
 use crate::store::testing::Centre;
@@ -70,6 +71,14 @@ async fn progress_reads_no_table_from_end_to_end() {
         (
             concat!("EXPLAIN QUERY PLAN ", values_of_cohort!()),
             "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
+        ),
+        (
+            concat!("EXPLAIN QUERY PLAN ", values_of_cohort!()),
+            "SEARCH session_edit USING COVERING INDEX session_set_aside (session_id=?)",
+        ),
+        (
+            concat!("EXPLAIN QUERY PLAN ", practised!()),
+            "SEARCH session_edit USING COVERING INDEX session_set_aside (session_id=?)",
         ),
     ] {
         let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
