@@ -72,14 +72,6 @@ async fn progress_reads_no_table_from_end_to_end() {
             concat!("EXPLAIN QUERY PLAN ", values_of_cohort!()),
             "SEARCH recent USING COVERING INDEX session_practised (trainee_id=? AND task_id=?)",
         ),
-        (
-            concat!("EXPLAIN QUERY PLAN ", values_of_cohort!()),
-            "SEARCH session_edit USING COVERING INDEX session_set_aside (session_id=?)",
-        ),
-        (
-            concat!("EXPLAIN QUERY PLAN ", practised!()),
-            "SEARCH session_edit USING COVERING INDEX session_set_aside (session_id=?)",
-        ),
     ] {
         let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
         let plan: Vec<String> = rows.iter().map(|row| row.get("detail")).collect();
@@ -87,5 +79,7 @@ async fn progress_reads_no_table_from_end_to_end() {
         assert!(plan.iter().any(|line| line == wanted), "{plan:#?}");
         let whole = ["SCAN session", "SCAN result", "SCAN feature", "SCAN job", "SCAN standard"];
         assert!(!plan.iter().any(|line| whole.iter().any(|scan| line.starts_with(scan))), "{plan:#?}");
+        let edits = |line: &&String| line.contains("session_edit");
+        assert!(plan.iter().filter(edits).all(|line| line.contains("INDEX session_set_aside (session_id=?)")), "{plan:#?}");
     }
 }
