@@ -83,6 +83,8 @@ ids! {
     RatingId;
     /// What somebody said about a second of a session.
     CommentId;
+    /// A change of a scored session.
+    EditId;
     /// A recording that arrives frame by frame; its sender makes the id.
     FeedId;
     /// An order to score a task's sessions again.

@@ -133,7 +133,7 @@ export const api = {
   /** Whether a task's raters agree, and with which features their ratings go. */
   agreement: (task, form, signal) => call('GET', ['tasks', task, 'agreement'], { query: { form }, signal }),
   correlations: (task, form, signal) => call('GET', ['tasks', task, 'correlations'], { query: { form }, signal }),
-  jobs: noun('jobs'),
+  jobs: { ...noun('jobs'), retry: id => call('POST', ['jobs', id, 'retry']) },
   trainees: {
     ...noun('trainees'),
     /** `query`: task, feature, tool, space, cohort. */
@@ -165,9 +165,15 @@ export const api = {
     /** `query`: trainee, task, box, tracker, filename, recorded_at. */
     importTable: (query, table) => call('POST', ['sessions', 'import'], { query, table }),
     retry: id => call('POST', ['sessions', id, 'retry']),
-    trajectory: (id, kind, signal) =>
-      call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', kind }, signal }),
-    diagnostics: (id, signal) => call('GET', ['sessions', id, 'diagnostics'], { signal }),
+    /** `query`: kind, trimmed, from_frame, to_frame, points. */
+    trajectory: (id, query, signal) =>
+      call('GET', ['sessions', id, 'trajectory'], { query: { format: 'json', ...query }, signal }),
+    /** `query`: from_frame, to_frame. */
+    diagnostics: (id, query, signal) => call('GET', ['sessions', id, 'diagnostics'], { query, signal }),
+    /** What was changed about it: trims, exchanged names, set aside. */
+    edits: (id, signal) => call('GET', ['sessions', id, 'edits'], { signal }),
+    edit: (id, json) => call('POST', ['sessions', id, 'edits'], { json }),
+    undo: (id, edit) => call('DELETE', ['sessions', id, 'edits', edit]),
     /** Which seconds made its features, and what to work on next. */
     evidence: (id, signal) => call('GET', ['sessions', id, 'evidence'], { signal }),
     advice: (id, signal) => call('GET', ['sessions', id, 'advice'], { signal }),

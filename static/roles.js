@@ -3,6 +3,7 @@ const ALLOWED = {
   administrator: [
     'upload',
     'retry',
+    'edit_sessions',
     'rate',
     'delete',
     'see_trainees',
@@ -16,6 +17,7 @@ const ALLOWED = {
   instructor: [
     'upload',
     'retry',
+    'edit_sessions',
     'rate',
     'delete',
     'see_trainees',

@@ -1,11 +1,13 @@
 //! Scoring without tracking: the stored path of a session by the present program, and the rows of another tracker. The same
 //! assessment as after tracking, on numbers that were checked when they came; no pixels, so no child.
 
+use super::edits;
 use super::orders::{Earlier, KnownBefore};
 use super::paths::{Kind, Paths, PathsError};
 use super::product::{self, Assessed, ProductError};
 use super::protocol::PathRow;
 use super::worker::{WorkError, Workshop, crashed};
+use crate::domain::edit::EditsInForce;
 use crate::domain::files::trajectory::{ImportedTable, TrajectoryProblem, read_csv};
 use crate::domain::job::{ImportInput, JobInput, RescoreInput};
 use crate::domain::problem::Problem;
@@ -57,7 +59,9 @@ impl Workshop {
 
     async fn score_rows(&self, held: &Held, input: ImportInput, ending: &Shutdown) -> Result<(), WorkError> {
         let table = self.vault.read(input.table.hash, MOST_BYTES).await?;
-        let Some(scored) = self.beside(held, ending, move || score_table(&table)).await? else {
+        let edits = self.store.edits().in_force(input.session).await?;
+        let revision = edits.revision;
+        let Some(scored) = self.beside(held, ending, move || score_table(&table, &edits)).await? else {
             return Ok(());
         };
         let versions = Versions {
@@ -70,6 +74,7 @@ impl Workshop {
         let kept = self.vault.put(&scored.paths).await?;
         let result = NewResult {
             versions,
+            edits: revision,
             video: scored.facts,
             tools: scored.tools,
             features: scored.assessed.features,
@@ -98,10 +103,19 @@ impl Workshop {
         }
         let blob = self.vault.read(input.trajectory.hash, MOST_BYTES).await?;
         let (is_import, frames) = (session.tracker.is_some(), old.video.frames);
-        let work = move || if is_import { score_stored_rows(&blob, frames) } else { score_stored(&blob, &known) };
+        let edits = self.store.edits().in_force(input.session).await?;
+        let seen = match old.diagnostics {
+            Some(seen) if !edits.changes.is_empty() => self.vault.read(seen, MOST_BYTES).await?,
+            _ => Vec::new(),
+        };
+        let revision = edits.revision;
+        let work = move || match is_import {
+            true => score_stored_rows(&blob, frames, &edits),
+            false => score_stored((&blob, &seen), &known, &edits),
+        };
         let Some(assessed) = self.beside(held, ending, work).await? else { return Ok(()) };
         let pipeline = session.tracker.as_ref().map_or_else(|| PIPELINE_VERSION.to_owned(), version_of_rows);
-        let score = again(&old, pipeline, assessed);
+        let score = again(&old, pipeline, revision, assessed);
         Ok(held.finish(async |store, lease| store.jobs().finish_rescore(lease, score).await).await?)
     }
 
@@ -135,35 +149,44 @@ impl Workshop {
 }
 
 /// What was made of an old result's path now.
-fn again(old: &SessionResult, pipeline: String, assessed: Assessed) -> NewScore {
+fn again(old: &SessionResult, pipeline: String, edits: u64, assessed: Assessed) -> NewScore {
     let tracked_with = old.versions.tracked_with.as_ref().unwrap_or(&old.versions.pipeline);
     let tracked_with = (*tracked_with != pipeline).then(|| tracked_with.clone());
     let Assessed { features, evidence, quality } = assessed;
-    NewScore { from: old.id, tracked_with, pipeline, features, evidence, quality }
+    NewScore { from: old.id, tracked_with, pipeline, edits, features, evidence, quality }
 }
 
-/// The paths of a recording that was tracked here.
-fn score_stored(blob: &[u8], known: &KnownBefore) -> Result<Assessed, AgainError> {
+/// The paths of a recording that was tracked here, and what was seen of it, as they are edited.
+fn score_stored(
+    (blob, seen): (&[u8], &[u8]),
+    known: &KnownBefore,
+    edits: &EditsInForce,
+) -> Result<Assessed, AgainError> {
     let paths = Paths::from_bytes(blob)?;
     if paths.tracking.is_none() {
         return Err(AgainError::PathsAlone);
     }
-    Ok(product::assessed(&paths, known)?)
+    let left = edits::edited(&paths, &edits.changes, &edits::unmeasured_of_diagnostics(seen));
+    Ok(product::assessed(&left, known)?)
 }
 
 /// The path of rows that another tracker measured.
-fn score_stored_rows(blob: &[u8], frames: u64) -> Result<Assessed, AgainError> {
-    let path = Paths::from_bytes(blob)?.trajectory(Kind::Smoothed);
-    Ok(product::assessed_rows(&path, frames)?)
+fn score_stored_rows(blob: &[u8], frames: u64, edits: &EditsInForce) -> Result<Assessed, AgainError> {
+    Ok(assessed_rows(&Paths::from_bytes(blob)?, frames, edits)?)
+}
+
+fn assessed_rows(paths: &Paths, frames: u64, edits: &EditsInForce) -> Result<Assessed, ProductError> {
+    let left = edits::edited(paths, &edits.changes, &[]);
+    product::assessed_rows(&left.trajectory(Kind::Smoothed), edits::frames_left(&left, frames, &edits.changes))
 }
 
 /// A table that was read once already when it came.
-fn score_table(table: &[u8]) -> Result<Rows, AgainError> {
+fn score_table(table: &[u8], edits: &EditsInForce) -> Result<Rows, AgainError> {
     let ImportedTable { trajectory, frames, duration_s } = ImportedTable::of(read_csv(table)?);
-    let assessed = product::assessed_rows(&trajectory, frames)?;
     let smoothed = trajectory.samples.iter().map(PathRow::from).collect();
     let (raw, filtered, frame_times_s) = (Vec::new(), Vec::new(), Vec::new());
     let paths = Paths { tools: trajectory.tools, frame_times_s, raw, filtered, smoothed, tracking: None };
+    let assessed = assessed_rows(&paths, frames, edits)?;
     let facts = VideoFacts { width: None, height: None, frames, duration_s };
     Ok(Rows { assessed, paths: paths.to_bytes()?, tools: paths.tools, facts })
 }

@@ -11,6 +11,7 @@
 
 pub mod calibration;
 pub mod child;
+pub mod edits;
 pub mod marked;
 pub mod paths;
 pub mod protocol;
@@ -18,7 +19,7 @@ pub mod self_test;
 
 mod again;
 mod attempt;
-mod diagnostics;
+pub mod diagnostics;
 mod glance;
 mod orders;
 mod product;

@@ -4,12 +4,14 @@
 use serde_json::Value;
 
 use super::diagnostics::Diagnostics;
+use super::edits;
 use super::orders::KnownBefore;
 use super::paths::{self, Paths, PathsError};
 use super::protocol::{PaletteShape, encode};
 use super::receipt::Heard;
 use crate::domain::boxes::BoxTool;
 use crate::domain::calibration::{CalibrationSource, NewCalibration};
+use crate::domain::edit::EditsInForce;
 use crate::domain::evidence::{EvidenceRow, MOST_ROWS};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::files::camera::{CameraFile, CameraFileError};
@@ -49,6 +51,7 @@ pub(super) enum ProductError {
 /// What tracking gave, but for its files' places in the vault.
 pub(super) struct Tracked {
     pub(super) versions: Versions,
+    pub(super) edits: u64,
     pub(super) video: VideoFacts,
     pub(super) tools: Vec<String>,
     pub(super) features: Vec<FeatureRow>,
@@ -60,12 +63,13 @@ pub(super) struct Tracked {
 }
 
 impl Tracked {
-    /// Judges and assesses the smoothed path and codes the rest. Takes a while for an hour of recording: not for an async
+    /// Judges and assesses the smoothed path, as it is edited, and codes the rest as it was tracked. Takes a while for an hour of recording: not for an async
     /// thread.
     pub(super) fn new(
         input: &TrackInput,
         tools: Vec<String>,
         known: &KnownBefore,
+        edits: &EditsInForce,
         heard: Heard,
     ) -> Result<Self, ProductError> {
         let (width, height) = heard.size.ok_or(ProductError::Missing("a picture size"))?;
@@ -80,9 +84,11 @@ impl Tracked {
             smoothed: heard.smoothed,
             tracking: Some(paths::Tracked { quality: summary, frames_expected: heard.frames_expected }),
         };
-        let Assessed { features, evidence, quality } = assessed(&paths, known)?;
+        let left = edits::edited(&paths, &edits.changes, &edits::unmeasured(&heard.seen));
+        let Assessed { features, evidence, quality } = assessed(&left, known)?;
         Ok(Self {
             versions: versions(input),
+            edits: edits.revision,
             video,
             features,
             evidence,
@@ -266,7 +272,8 @@ mod tests {
         let (session, calibration, palette) = (SessionId::at(0), CalibrationId::at(0), PaletteId::at(0));
         let known = KnownBefore { calibration_rms_px: Some(0.3), ..KnownBefore::default() };
         let input = TrackInput { session, video, calibration, palette };
-        Tracked::new(&input, vec!["orange".into()], &known, heard).unwrap_or_else(|e| panic!("{e}"))
+        Tracked::new(&input, vec!["orange".into()], &known, &EditsInForce::default(), heard)
+            .unwrap_or_else(|e| panic!("{e}"))
     }
 
     #[test]

@@ -218,7 +218,11 @@ impl Workshop {
     async fn save(&self, held: Held, tools: Vec<String>, known: KnownBefore, heard: Heard) -> Result<(), WorkError> {
         match held.job().input.clone() {
             JobInput::Track(input) => {
-                let assess = move || Tracked::new(&input, tools, &known, heard);
+                let edits = match self.store.edits().in_force(input.session).await {
+                    Ok(edits) => edits,
+                    Err(error) => return self.stumble(held, error.into()).await,
+                };
+                let assess = move || Tracked::new(&input, tools, &known, &edits, heard);
                 self.save_tracking(held, tokio::task::spawn_blocking(assess).await).await
             }
             JobInput::Import(_) | JobInput::Rescore(_) => Ok(held.give_back().await?), // no child speaks of these
@@ -279,6 +283,7 @@ impl Workshop {
         };
         let result = NewResult {
             versions: tracked.versions,
+            edits: tracked.edits,
             video: tracked.video,
             tools: tracked.tools,
             features: tracked.features,

@@ -60,6 +60,8 @@ pub struct Step {
 named! {
     /// Why a session counts for nothing. It keeps its number: it was practice.
     SetAside: "reason" {
+        /// Somebody has set it aside; `GET /sessions/{id}/edits` says who, when and why.
+        ByHand = "by_hand",
         /// It is not tracked yet.
         Pending = "pending",
         /// It could not be tracked.

@@ -1,7 +1,7 @@
 //! A trainee's sessions of a task over time.
 //!
 //! Sessions are numbered in the order in which they were recorded, whatever became of them: practice is practice. Those
-//! that are refused, failed or of another version of the program count for nothing else. The version that counts is the newest
+//! that are refused, failed, set aside by somebody or of another version of the program count for nothing else. The version that counts is the newest
 //! believed result's, so that a program's update does not end what was learnt before the old sessions are tracked again.
 
 use super::answer::{Course, SetAside, Step};

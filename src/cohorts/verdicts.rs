@@ -13,6 +13,7 @@ use crate::pipeline::score::lc_cusum::{Career, Event, Monitor, Point, Standing};
 use crate::pipeline::score::pass_rule::{self, PassRule};
 use crate::pipeline::score::reminder::{self, State, reminders};
 use crate::pipeline::score::standard::Judgement;
+use crate::store::Practised;
 use crate::time::to_rfc3339;
 
 /// What the standard makes of the sessions.
@@ -95,8 +96,10 @@ impl Verdicts {
 /// What each session was worth, up to the last that has ended: what is not tracked yet before it may have been a miss, and
 /// what comes after it is still to be seen.
 fn trials(definition: &Definition, sessions: &[Numbered<'_>], handedness: Option<Handedness>) -> Vec<Trial> {
-    let pending =
-        |session: &Numbered<'_>| session.session.result.is_none() && session.session.status != SessionStatus::Failed;
+    let pending = |session: &Numbered<'_>| {
+        let Practised { result, status, is_set_aside, .. } = session.session;
+        result.is_none() && *status != SessionStatus::Failed && !is_set_aside
+    };
     let ended = sessions.iter().rposition(|session| !pending(session)).map_or(0, |last| last + 1);
     let trial = |session: &Numbered<'_>| {
         if !session.counts {

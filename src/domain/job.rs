@@ -120,6 +120,14 @@ pub struct RescoreInput {
     pub result: ResultId,
     /// The paths of that result.
     pub trajectory: Blob,
+    /// For which state of the session's edits it was ordered.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub edits: u64,
+}
+
+/// Of a session that was never edited the work is written as ever, so that it is the same work.
+fn is_zero(edits: &u64) -> bool {
+    *edits == 0
 }
 
 /// Pictures of a checkerboard.

@@ -15,6 +15,7 @@
 //! | [`advice`] | what to work on next, by rules |
 //! | [`rating`] | instructors' forms, and what they give on them |
 //! | [`comment`] | what somebody says about a second |
+//! | [`edit`] | what people change about a scored session |
 //! | [`standard`] | what a task asks for: targets, pass rule, charts |
 //! | [`cohort`] | who is in a reference group |
 //! | [`calibration`] | a version of a box's camera |
@@ -37,6 +38,7 @@ pub mod boxes;
 pub mod calibration;
 pub mod cohort;
 pub mod comment;
+pub mod edit;
 pub mod enrolment;
 pub mod evidence;
 pub mod feature;

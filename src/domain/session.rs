@@ -168,6 +168,8 @@ pub struct NewScore {
     pub pipeline: String,
     /// Version of the program that tracked it, if that is another one.
     pub tracked_with: Option<String>,
+    /// With which state of the session's edits.
+    pub edits: u64,
     /// Features, in the order in which people read them.
     pub features: Vec<FeatureRow>,
     /// The seconds that made them.
@@ -181,6 +183,8 @@ pub struct NewScore {
 pub struct NewResult {
     /// What it was made with.
     pub versions: Versions,
+    /// With which state of the session's edits; its path is as it was tracked.
+    pub edits: u64,
     /// What decoding showed.
     pub video: VideoFacts,
     /// Names of the tools, in the trajectory's order.

@@ -87,6 +87,8 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(sessions::ratings, sessions::rate))
         .routes(routes!(sessions::comments, sessions::comment))
         .routes(routes!(sessions::withdraw_comment))
+        .routes(routes!(sessions::edits, sessions::edit))
+        .routes(routes!(sessions::undo_edit))
         .merge(resumable())
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::get))

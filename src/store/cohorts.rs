@@ -90,7 +90,8 @@ macro_rules! select_cohorts {
 
 /// What people, at most `$7` of them, measured at task `$4`, in their last `$5` sessions of it, of the features `$6` (a JSON
 /// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row a
-/// person: rows cost more on their way out of SQLite than in it. What was not measured here is compared with nobody.
+/// person: rows cost more on their way out of SQLite than in it. What was not measured here is compared with nobody, and what
+/// somebody has set aside is no session.
 macro_rules! values_of {
     ($($members:tt)*) => {
         concat!(
@@ -101,6 +102,8 @@ macro_rules! values_of {
             " ORDER BY member.id DESC LIMIT $7) AS member
              CROSS JOIN session ON session.id IN
                  (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
+                  AND NOT EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = recent.id
+                                  AND session_edit.kind = 'set_aside' AND session_edit.undone_at_ms IS NULL)
                   ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $5)
              CROSS JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id

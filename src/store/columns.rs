@@ -7,6 +7,7 @@ use sqlx::{Decode, Encode, Sqlite, Type};
 
 use crate::domain::blob::BlobHash;
 use crate::domain::calibration::CalibrationSource;
+use crate::domain::edit::EditKind;
 use crate::domain::feed::FrameCodec;
 use crate::domain::files::annotations::View;
 use crate::domain::job::{JobKind, JobState};
@@ -20,8 +21,8 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, FeedId, GroupId, JobId, LeaseToken, ModelId, PaletteId, PersonId,
-    RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, EditId, FeedId, GroupId, JobId, LeaseToken, ModelId, PaletteId,
+    PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 
 /// A type that is stored as text, by these two functions.
@@ -56,9 +57,9 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
-    StandardId CohortId RatingId CommentId RescoringId ModelId
+    StandardId CohortId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form SessionJudgement RescoringSource RescoringItemState
+    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form SessionJudgement RescoringSource RescoringItemState EditKind
 }
 
 as_text! {

@@ -24,6 +24,7 @@
 //! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `practice_of_many` `trained` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
+//! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` `total` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `backed_up` · `last_backup` |
@@ -38,6 +39,7 @@ mod cohorts;
 mod columns;
 mod comments;
 mod cookies;
+mod edits;
 mod enrolment;
 mod error;
 mod feeds;
@@ -75,6 +77,7 @@ pub use calibrations::{Calibration, Calibrations};
 pub use cohorts::{Cohort, CohortValue, Cohorts};
 pub use comments::{Comment, Comments, SeenComments};
 pub use cookies::{Cookie, Cookies};
+pub use edits::{Edit, Edits, SessionEdits};
 pub use enrolment::Enrolment;
 pub use error::{StoreError, StoreResult};
 pub use feeds::{Feed, Feeds, NewFeed};
@@ -290,6 +293,8 @@ rooms! {
     ratings: Ratings;
     /// What people say about seconds of sessions.
     comments: Comments;
+    /// What people change about scored sessions.
+    edits: Edits;
     /// Orders to score sessions again.
     rescorings: Rescorings;
     /// Work that waits, runs or has ended.

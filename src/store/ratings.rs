@@ -10,6 +10,7 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
+use super::sessions::counts;
 use super::visibility::{AskedBy, require_staff, sees_trainee};
 use super::{Scope, Store};
 use crate::domain::feature::FeatureKey;
@@ -98,13 +99,15 @@ type GivenRow = (SessionId, i64, TraineeId, PersonId, Json<Vec<Mark>>);
 type ResultRow = (ResultId, SessionId, Option<Handedness>, String, CalibrationId);
 type ValueRow = (ResultId, String, Option<String>, FeatureSpace, f64);
 
-/// The latest blind rating on form `$4` of each session of task `$3` and rater, newest sessions first, at most `$5`.
+/// The latest blind rating on form `$4` of each session of task `$3` that counts and rater, newest sessions first, at most `$5`.
 macro_rules! given {
     () => {
         concat!(
             "SELECT session.id, session.recorded_at_ms, session.trainee_id, rating.person_id, rating.items
              FROM session CROSS JOIN rating ON rating.session_id = session.id AND rating.form = $4
              WHERE session.task_id = $3 AND rating.is_blind = 1 AND rating.person_id IS NOT NULL AND ",
+            counts!(),
+            " AND ",
             sees_trainee!("session.trainee_id"),
             " AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)
               AND NOT EXISTS (SELECT 1 FROM rating AS later
@@ -210,6 +213,8 @@ impl Ratings<'_> {
                                          ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              WHERE session.id IN (SELECT value FROM json_each($3))
                AND json_extract(result.quality, '$.verdict') IS NOT 'refused' AND result.calibration_id IS NOT NULL AND ",
+            counts!(),
+            " AND ",
             sees_trainee!("session.trainee_id")
         ));
         let results = results.asked_by(scope).bind(Json(sessions)).fetch_all(self.0.readers()).await?;

@@ -1,20 +1,18 @@
 //! Orders to score a task's sessions again: made by administrators, worked off by [`crate::rescoring`], kept as a record.
 
-use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::audit::note;
 use super::columns::integer;
 use super::error::{StoreError, StoreResult, not_found};
-use super::jobs::{enqueue_track_for, insert, present};
+use super::jobs::{enqueue_rescore, enqueue_track_for};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
-use crate::domain::blob::{Blob, BlobHash};
-use crate::domain::job::{JobInput, JobState, RescoreInput, Turn};
+use crate::domain::job::{JobState, Turn};
 use crate::domain::problem::Problem;
 use crate::domain::rescoring::{NewRescoring, RescoringSource, Which};
 use crate::domain::standard::SessionJudgement;
-use crate::ids::{JobId, RescoringId, ResultId, SessionId, StandardId, TaskId};
+use crate::ids::{RescoringId, ResultId, SessionId, StandardId, TaskId};
 use crate::pipeline::PIPELINE_VERSION;
 
 mod report;
@@ -146,7 +144,7 @@ impl Rescorings<'_> {
                 for (rescoring, session, source) in &waiting {
                     let job = match source == RescoringSource::Recording.name() {
                         true => enqueue_track_for(tx, *session, Turn::Again, now_ms, attempts).await?,
-                        false => enqueue_again(tx, *session, now_ms, attempts).await?,
+                        false => enqueue_rescore(tx, *session, now_ms, attempts).await?,
                     };
                     // Without a job it is settled as one whose work is gone: its box has lost camera or colours.
                     let update = sqlx::query(
@@ -245,21 +243,3 @@ impl Rescorings<'_> {
 const WAITING: &str = "SELECT item.rescoring_id, item.session_id, rescoring.source
      FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'waiting'
      WHERE rescoring.ended_at_ms IS NULL ORDER BY rescoring.id, item.session_id LIMIT $1";
-
-/// Queues the scoring of the path of the result that counts.
-async fn enqueue_again(
-    tx: &mut SqliteConnection,
-    session: SessionId,
-    now_ms: i64,
-    max_attempts: u32,
-) -> StoreResult<Option<JobId>> {
-    let row = sqlx::query_as(
-        "SELECT result.id, blob.hash, blob.bytes FROM result JOIN blob ON blob.hash = result.trajectory
-         WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1",
-    );
-    let row: Option<(ResultId, BlobHash, i64)> = row.bind(session).fetch_optional(&mut *tx).await?;
-    let Some((result, hash, bytes)) = row else { return Ok(None) };
-    let trajectory = Blob { hash, bytes: bytes.unsigned_abs() };
-    let input = JobInput::Rescore(RescoreInput { session, result, trajectory });
-    insert(tx, &input, &present(), now_ms, max_attempts).await.map(Some)
-}

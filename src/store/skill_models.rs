@@ -8,6 +8,7 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, not_found};
+use super::sessions::counts;
 use super::visibility::{AskedBy, require_administrator};
 use super::{Scope, Store};
 use crate::domain::session::FeatureSpace;
@@ -87,7 +88,8 @@ macro_rules! select_models {
 /// level the `$4` people who practised last.
 macro_rules! declared {
     () => {
-        "WITH usable AS (
+        concat!(
+            "WITH usable AS (
              SELECT trainee.id AS trainee_id, trainee.level, result.id AS result_id, json_array_length(result.tools) AS tools,
                     row_number() OVER (PARTITION BY trainee.id ORDER BY session.recorded_at_ms DESC, session.id DESC) AS back,
                     max(session.recorded_at_ms) OVER (PARTITION BY trainee.id) AS last_ms
@@ -95,11 +97,14 @@ macro_rules! declared {
              JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
                                          ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              WHERE session.task_id = $1 AND trainee.level IS NOT NULL AND result.pipeline = $2
-               AND coalesce(json_extract(result.quality, '$.verdict'), '') <> 'refused'),
+               AND coalesce(json_extract(result.quality, '$.verdict'), '') <> 'refused' AND ",
+            counts!(),
+            "),
          ranked AS (
              SELECT *, dense_rank() OVER (PARTITION BY level ORDER BY last_ms DESC, trainee_id) AS place
              FROM usable WHERE back <= $3)
          SELECT trainee_id, level, tools, result_id FROM ranked WHERE place <= $4 ORDER BY trainee_id, back"
+        )
     };
 }
 

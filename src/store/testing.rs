@@ -146,6 +146,7 @@ impl Centre {
                 palette: Some(palette),
                 model: None,
             },
+            edits: 0,
             video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
             tools: vec!["orange".to_owned()],
             features: vec![

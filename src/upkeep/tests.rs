@@ -10,10 +10,10 @@ use crate::domain::feed::record::{Body, HEAD, Record};
 use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::domain::text::Key;
-use crate::time::Clock;
 use crate::ids::{FeedId, TraineeId, UploadId};
 use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{NewFeed, NewUpload, Session, Store, StoreSettings};
+use crate::time::Clock;
 use crate::vault::Vault;
 
 struct Bench {

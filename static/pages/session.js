@@ -1,5 +1,5 @@
 // One session: how it stands while it is being scored, and what came out of it.
-import { html, useEffect, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem, useData } from '../data.js';
 import { dateTime } from '../format.js';
@@ -8,6 +8,7 @@ import { may } from '../roles.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
 import { Confirm } from '../parts/dialog.js';
+import { SetAside } from '../parts/edits.js';
 import { LiveFeatures, LiveView } from '../parts/live_view.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { Review } from '../parts/review.js';
@@ -21,12 +22,14 @@ export default function Session({ person, route }) {
   const id = route.path[1];
   const { data: session, problem, reload } = useData(signal => api.sessions.get(id, signal), [id]);
   const [moved, setMoved] = useState(null);
+  const { edits, reload: readEdits } = useEdits(id, Boolean(session) && session.status !== 'receiving', reload);
 
   useLive('resync', () => (!session || isMoving(session)) && reload());
   useLive('session', event => {
     if (event.id !== session?.id) return;
     setMoved(event);
     if (event.status !== session.status) reload();
+    else readEdits();
   });
 
   // One that was erased, or was the same recording as another, is no more.
@@ -46,9 +49,10 @@ export default function Session({ person, route }) {
       ${isScored(session) && session.live_features && html`<${ToldLive} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />`}
+      <${SetAside} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
       ${session.status !== 'receiving' && html`<${Loaded} key=${`${session.id} ${session.status}`} session=${session}
-        person=${person} start=${Number(route.query.get('t')) || 0} />`}
+        person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
     </div>`;
 }
 
@@ -106,27 +110,46 @@ function Actions({ session, person, onChange }) {
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />`;
 }
 
+/** Rows of a tool that the page begins with; of a shorter recording these are all. */
+const POINTS = 4000;
+
 /** The path is asked for only when there is one; a recording that failed can still be looked at. */
-function Loaded({ session, person, start }) {
+function Loaded({ session, person, edits, start, onEdited }) {
   const done = session.status === 'done';
   const { data, problem, reload } = useData(
-    async signal => {
-      if (!done) return { trajectory: null, diagnostics: null };
-      const [trajectory, diagnostics] = await Promise.all([
-        api.sessions.trajectory(session.id, 'smoothed', signal),
-        api.sessions.diagnostics(session.id, signal).catch(() => null),
-      ]);
-      return { trajectory, diagnostics };
-    },
-    [session.id, done],
+    signal => (done ? api.sessions.trajectory(session.id, { points: POINTS, trimmed: false }, signal) : null),
+    [session.id, done, useSwaps(edits)],
   );
-  const [shown, setShown] = useState(null);
-  useEffect(() => data && setShown(data), [data]);
-
   if (!done && !session.video) return null;
   return html`
     ${problem && html`<${ProblemNotice}
       problem=${{ title: words.noPath, detail: `${problem.title}. ${problem.detail}` }} onRetry=${reload} />`}
-    ${shown || problem ? html`<${Review} session=${session} person=${person} trajectory=${shown?.trajectory}
-      diagnostics=${shown?.diagnostics} start=${start} />` : html`<${Loading} />`}`;
+    ${data !== undefined || problem ? html`<${Review} session=${session} person=${person} trajectory=${data}
+      edits=${edits} start=${start} onEdited=${onEdited} />` : html`<${Loading} />`}`;
+}
+
+/** Counts up when other tools' names are exchanged than when the page began: its path then goes by other names. */
+function useSwaps(edits) {
+  const swaps = edits && edits.items.filter(edit => edit.kind === 'swap' && !edit.undone).map(edit => edit.id).join();
+  const known = useRef({ swaps: null, count: 0 });
+  if (edits && known.current.swaps !== null && known.current.swaps !== swaps) known.current.count++;
+  if (edits) known.current.swaps = swaps;
+  return known.current.count;
+}
+
+const LOOK_MS = 2_000;
+
+/** A session's edits; `onScored` when a score has been made with them. */
+function useEdits(id, isThere, onScored) {
+  const { data, reload } = useData(signal => (isThere ? api.sessions.edits(id, signal) : null), [id, isThere]);
+  const isMaking = ['waiting', 'working'].includes(data?.score);
+  const wasMaking = useRef(false);
+  useEffect(() => {
+    if (wasMaking.current && data?.score === 'current') onScored();
+    wasMaking.current = isMaking;
+    if (!isMaking) return undefined;
+    const timer = setInterval(reload, LOOK_MS); // Events tell at once, where they come through.
+    return () => clearInterval(timer);
+  }, [data?.score, data?.revision]);
+  return { edits: data ?? null, reload };
 }

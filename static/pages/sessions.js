@@ -105,7 +105,8 @@ const Table = ({ items }) => html`
               <td class="second">${session.box?.name}</td>
               <td class="muted third">${session.filename}</td>
               <td class="number second">${session.video ? clock(session.video.duration_s, 0) : '–'}</td>
-              <td><${StatusPill} state=${stateOf(session)} /></td>
+              <td><${StatusPill} state=${stateOf(session)} />${session.set_aside && html` <span class="small muted">${
+                words.aside}</span>`}</td>
             </tr>`)}
       </tbody>
     </table>

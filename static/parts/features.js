@@ -121,7 +121,7 @@ const isMissing = feature => feature.value === null || feature.value === undefin
 function Value({ feature }) {
   if (!feature) return '';
   if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
-  return html`${number(feature.value)}<${Off} feature=${feature} />`;
+  return html`${number(feature.value)}<${Off} feature=${feature} /><${Limit} feature=${feature} />`;
 }
 
 /** How far the value may be off: half of what 95 of 100 sessions lie in. What the range ends at is no bound of the error. */
@@ -131,6 +131,11 @@ function Off({ feature: { error, no_error: why } }) {
   const told = words.offMeans(number(error.low), number(error.high));
   return html`<small class="off" title=${told} aria-label=${told}>${words.off(uncertain((error.high - error.low) / 2))}</small>`;
 }
+
+/** What the standard asks for, and whether it was kept. */
+const Limit = ({ feature: { target, judgement } }) => target && html`
+  <small class=${`limit ${judgement}`}>${t.report.limits[target.better](number(target.limit))}<span class="unseen">: ${
+    t.report.judgements[judgement]}</span></small>`;
 
 /** What was told while the recording arrived. */
 const Live = ({ feature }) => feature && html`

@@ -1,7 +1,7 @@
 // What the tracker saw, drawn over the recording: past path, borders, tip, depth. Plain canvas, one call per picture.
 import { colour } from '../theme.js';
 import { t } from '../texts.js';
-import { isAfterHole, MISSING, PREDICTED } from './track.js';
+import { isAfterHole, isExact, MISSING, PREDICTED } from './track.js';
 
 const PATH_S = 2;
 const FONT = '600 13px system-ui, sans-serif';
@@ -29,7 +29,7 @@ export function fitCanvas(canvas) {
 export function drawOverlay(canvas, track, frame, { show, hidden, size }) {
   const { pen, width, height } = fitCanvas(canvas);
   const picture = { width: track.width ?? size?.width, height: track.height ?? size?.height };
-  if (!picture.width || !width) return;
+  if (!picture.width || !width || !isExact(track, frame)) return;
   const box = pictureBox(width, height, picture.width, picture.height);
   // OpenCV counts from the centre of the first pixel, a canvas from its corner.
   const place = (u, v) => [box.left + (u + 0.5) * box.scale, box.top + (v + 0.5) * box.scale];
@@ -38,7 +38,9 @@ export function drawOverlay(canvas, track, frame, { show, hidden, size }) {
   for (const tool of track.tools) {
     if (hidden.has(tool.name)) continue;
     if (show.path) drawPath(pen, track, tool, frame, place);
+    if (show.mask) drawMask(pen, tool, frame, place);
     if (show.borders) drawBorders(pen, tool, frame, place);
+    if (show.midline) drawMidline(pen, tool, frame, place);
     if (tool.state[frame] === MISSING) unseen.push(tool);
     if (tool.state[frame] === MISSING || Number.isNaN(tool.tip_u_px[frame])) continue;
     const [x, y] = place(tool.tip_u_px[frame], tool.tip_v_px[frame]);
@@ -83,6 +85,36 @@ function drawBorders(pen, tool, frame, place) {
     pen.lineTo(...place(u2, v2));
     strokeTwice(pen, tool.bright, 1.5);
   }
+}
+
+/** The band: what lies between both borders, from its distal to its proximal end. */
+function drawMask(pen, tool, frame, place) {
+  const [a, b] = [tool.borderA[frame], tool.borderB[frame]];
+  if (!a || !b) return;
+  pen.beginPath();
+  pen.moveTo(...place(a[0], a[1]));
+  pen.lineTo(...place(a[2], a[3]));
+  pen.lineTo(...place(b[2], b[3]));
+  pen.lineTo(...place(b[0], b[1]));
+  pen.closePath();
+  pen.globalAlpha = 0.3;
+  pen.fillStyle = tool.bright;
+  pen.fill();
+  pen.globalAlpha = 1;
+}
+
+/** The middle between the borders, and on to the tip. */
+function drawMidline(pen, tool, frame, place) {
+  const [a, b] = [tool.borderA[frame], tool.borderB[frame]];
+  if (!a || !b) return;
+  const middle = [0, 1, 2, 3].map(at => (a[at] + b[at]) / 2);
+  pen.beginPath();
+  pen.moveTo(...place(middle[2], middle[3]));
+  pen.lineTo(...place(middle[0], middle[1]));
+  if (Number.isFinite(tool.tip_u_px[frame])) pen.lineTo(...place(tool.tip_u_px[frame], tool.tip_v_px[frame]));
+  pen.setLineDash([6, 4]);
+  strokeTwice(pen, tool.bright, 1.5);
+  pen.setLineDash([]);
 }
 
 /** Full ring: observed on this frame. Broken ring: bridged by the motion model. */

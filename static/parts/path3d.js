@@ -8,7 +8,7 @@ import { SpacePainter } from './space_painter.js';
 
 const words = t.session;
 
-export function Path3d({ track, playback, hidden }) {
+export function Path3d({ track, playback, hidden, ghost }) {
   const canvas = useRef(null);
   const orbit = useMemo(() => new Orbit(), []);
   const [by, setBy] = useState('speed');
@@ -16,7 +16,7 @@ export function Path3d({ track, playback, hidden }) {
 
   useEffect(() => {
     const tools = track.tools.filter(tool => !hidden.has(tool.name));
-    const painter = new SpacePainter(track, tools, by);
+    const painter = new SpacePainter(track, tools, by, ghost);
     let pending = 0;
     const paint = () => {
       pending = 0;
@@ -35,7 +35,7 @@ export function Path3d({ track, playback, hidden }) {
       () => cancelAnimationFrame(pending),
     ];
     return () => ends.forEach(end => end());
-  }, [track, hidden, by]);
+  }, [track, hidden, by, ghost]);
 
   const look = view => {
     orbit.look(view);

@@ -15,6 +15,8 @@ export class Playback {
     this.fallbackDuration = 0;
     this.watchers = new Set();
     this.marked = null;
+    /** Does it begin again where a marked stretch ends? */
+    this.looping = false;
     this.lookers = new Set();
   }
 
@@ -22,7 +24,28 @@ export class Playback {
   show(from, to) {
     this.pause();
     this.marked = to > from ? [from, to] : null;
+    this.looping = false;
     this.seek(from);
+  }
+
+  /** Marks a stretch, or with nothing, none. */
+  mark(from, to) {
+    this.marked = to > from ? [Math.max(0, from), Math.min(to, this.duration)] : null;
+    if (!this.marked) this.looping = false;
+    this.#tell();
+  }
+
+  /** Plays the marked stretch again and again, or does so no more. */
+  loop(wanted) {
+    this.looping = wanted && this.marked !== null;
+    if (this.looping && (this.time < this.marked[0] || this.time >= this.marked[1])) this.seek(this.marked[0]);
+    if (this.looping) this.play();
+    this.#tell();
+  }
+
+  /** Something that is drawn has changed without the moment. */
+  refresh() {
+    this.#tell();
   }
 
   /** The same for somebody who wants to look at it: the picture comes into sight, wherever on the page they are. */
@@ -157,6 +180,7 @@ export class Playback {
 
   #moved(time) {
     this.time = time;
+    if (this.looping && this.playing && time >= Math.min(this.marked[1], this.duration - 0.05)) return this.seek(this.marked[0]);
     this.#tell();
   }
 

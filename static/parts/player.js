@@ -4,16 +4,18 @@ import { clock } from '../format.js';
 import { t } from '../texts.js';
 import { icons } from './icons.js';
 import { drawOverlay } from './overlay.js';
+import { markingKeys } from './span_bar.js';
 
 const words = t.session;
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
-const LAYERS = ['tip', 'borders', 'path', 'depth'];
+const LAYERS = ['tip', 'borders', 'mask', 'midline', 'path', 'depth'];
+const SHOWN = { tip: true, borders: true, mask: true, midline: false, path: true, depth: true };
 
 export function Player({ address, size, track, playback, hidden }) {
   const screen = useRef(null);
   const video = useRef(null);
   const canvas = useRef(null);
-  const [show, setShow] = useState({ tip: true, borders: true, path: true, depth: true });
+  const [show, setShow] = useState(SHOWN);
   const [unplayable, setUnplayable] = useState(false);
 
   useEffect(() => playback.attach(video.current), [address]);
@@ -52,7 +54,8 @@ export function Player({ address, size, track, playback, hidden }) {
     </div>`;
 }
 
-function Transport({ playback, onFull, children }) {
+/** The controls alone: what was measured elsewhere has no picture, and is played all the same. */
+export function Transport({ playback, onFull, children }) {
   const slider = useRef(null);
   const reading = useRef(null);
   const [playing, setPlaying] = useState(false);
@@ -94,8 +97,8 @@ function Transport({ playback, onFull, children }) {
             ${RATES.map(value => html`<option key=${value} value=${String(value)} selected=${value === rate}>
               ${words.rateOf(value)}</option>`)}
           </select>
-          <button class="button" type="button" aria-label=${words.full} title=${words.full} onClick=${onFull}>
-            <${icons.full} /></button>
+          ${onFull && html`<button class="button" type="button" aria-label=${words.full} title=${words.full} onClick=${onFull}>
+            <${icons.full} /></button>`}
         </div>
       </div>
     </div>`;
@@ -121,6 +124,7 @@ export function pageKeys(playback) {
     if (at.closest?.('input:not([type="range"]), select, textarea')) return;
     const onControl = at.closest?.('button, a, summary');
     const actions = {
+      ...markingKeys(playback),
       ',': () => playback.step(-1),
       '.': () => playback.step(1),
       ArrowLeft: () => playback.seek(playback.time - 1),

@@ -1,10 +1,11 @@
-// x, y, z and speed over time, one curve per tool, with a line at the moment of the video. Click or drag goes there.
+// x, y, z and speed over time, one curve per tool, with a line at the moment of the video. Click or drag goes there, with
+// Shift it marks a span. What was trimmed off is shaded; another session's curves lie under these, in time with them.
 import { html, useEffect, useRef, useState } from './preact.js';
 import { onThemeChange } from '../theme.js';
 import { number } from '../format.js';
 import { t } from '../texts.js';
+import { curves } from './curves.js';
 import { inkOf } from './overlay.js';
-import { curveFrames, MISSING, OBSERVED, PREDICTED } from './track.js';
 
 const words = t.session;
 const AXES = [
@@ -17,7 +18,8 @@ const HEIGHT = 132;
 /** How close to the ends of the shown span the line may come, as a share of the span. */
 const EDGE = 0.1;
 
-export function Plots({ track, playback, hidden, span }) {
+/** `kept`: the seconds that trims leave, or null. `loader` brings exact rows of what is shown. */
+export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
   const places = useRef({});
   const [uPlot, setLibrary] = useState(null);
   const [theme, setTheme] = useState(0);
@@ -26,18 +28,28 @@ export function Plots({ track, playback, hidden, span }) {
 
   useEffect(() => {
     if (!uPlot) return undefined;
-    const plots = AXES.map(([name, field]) => makePlot(uPlot, places.current[name], track, field, hidden, playback));
+    const shown = { track, playback, span, kept, ghost, loader, tools: track.tools.filter(tool => !hidden.has(tool.name)) };
+    const plots = [];
+    let pending = 0;
+    // One in each picture: four at once would hold the page up.
+    const next = () => {
+      const [name, field] = AXES[plots.length];
+      plots.push(makePlot(uPlot, places.current[name], field, shown));
+      pending = plots.length < AXES.length ? requestAnimationFrame(next) : 0;
+    };
+    pending = requestAnimationFrame(next);
     const resize = new ResizeObserver(() =>
       plots.forEach(plot => plot.chart.setSize({ width: plot.place.clientWidth, height: HEIGHT })),
     );
     resize.observe(places.current.x);
-    const follow = playback.onTick(() => plots.forEach(plot => turnPage(plot, track, playback, span)));
+    const follow = playback.onTick(() => plots.forEach(plot => turnPage(plot, shown)));
     return () => {
+      cancelAnimationFrame(pending);
       follow();
       resize.disconnect();
       plots.forEach(plot => plot.end());
     };
-  }, [uPlot, theme, track, hidden, span]);
+  }, [uPlot, theme, track, hidden, span, ghost, kept?.from_s, kept?.to_s]);
 
   return html`
     <div class="plots">
@@ -49,8 +61,8 @@ export function Plots({ track, playback, hidden, span }) {
     </div>`;
 }
 
-function makePlot(uPlot, place, track, field, hidden, playback) {
-  const tools = track.tools.filter(tool => !hidden.has(tool.name));
+function makePlot(uPlot, place, field, shown) {
+  const { track, tools, ghost, playback, span } = shown;
   const { muted, line } = inkOf();
   const axis = {
     stroke: muted,
@@ -65,7 +77,7 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
       height: HEIGHT,
       padding: [16, 8, isLast ? 0 : 4, 0],
       legend: { show: false },
-      hooks: { draw: [chart => placeHead(chart, track, playback)] }, // At first, and after every change of size or span.
+      hooks: { draw: [chart => placeAll(chart, shown)] }, // At first, and after every change of size or span.
       cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
       select: { show: false },
       scales: { x: { time: false, range: (_, low, high) => [low, high] } },
@@ -80,19 +92,20 @@ function makePlot(uPlot, place, track, field, hidden, playback) {
         },
         { ...axis, size: 56, space: 26, values: (_, all) => all.map(value => String(value).replace('-', '−')) },
       ],
-      series: [{}, ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
+      series: [{}, ...(ghost ? tools.map(faint) : []), ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
     },
-    curves(track, tools, field),
+    span ? [[track.times[0], track.times[track.frames - 1]], ...tools.flatMap(() => (ghost ? [[], [], []] : [[], []]))]
+      : curves(track, tools, field, { ghost }),
     place,
   );
-  const head = document.createElement('div');
-  head.className = 'playhead';
-  const mark = document.createElement('div');
-  mark.className = 'marked';
-  mark.hidden = true;
-  chart.over.append(mark, head);
-  placeHead(chart, track, playback);
-  return { chart, place, end: connect(chart, playback) };
+  const parts = ['trimmed before', 'trimmed after', 'marked', 'playhead'].map(name =>
+    Object.assign(document.createElement('div'), { className: name, hidden: true }),
+  );
+  chart.over.append(...parts);
+  const plot = { chart, place, field, drawn: null, end: connect(chart, playback) };
+  placeAll(chart, shown);
+  turnPage(plot, shown);
+  return plot;
 }
 
 const stroke = (tool, dashed) => ({
@@ -103,70 +116,71 @@ const stroke = (tool, dashed) => ({
   points: { show: false },
 });
 
-/** Times, and of each tool what was observed and what was predicted; nothing where frames miss. */
-function curves(track, tools, field) {
-  const frames = curveFrames(track);
-  const timeOf = (frame, at) => track.times[frame] ?? (track.times[frames[at - 1]] + track.times[frames[at + 1]]) / 2;
-  const of = values => frames.map(frame => (frame === null ? null : values[frame]));
-  return [frames.map(timeOf), ...tools.flatMap(tool => split(tool, tool[field]).map(of))];
-}
-
-/** Observed and predicted apart; a predicted stretch takes in its neighbours, so that the curve does not break where nothing is missing. */
-function split(tool, values) {
-  const observed = Array.from(values, (value, i) =>
-    tool.state[i] === OBSERVED && Number.isFinite(value) ? value : null,
-  );
-  const touches = i => tool.state[i - 1] === PREDICTED || tool.state[i + 1] === PREDICTED;
-  const predicted = Array.from(values, (value, i) => {
-    const wanted = tool.state[i] === PREDICTED || (tool.state[i] !== MISSING && touches(i));
-    return wanted && Number.isFinite(value) ? value : null;
-  });
-  return [observed, predicted];
-}
+/** Another session's: broad and pale. */
+const faint = tool => ({ stroke: tool.ink(), alpha: 0.3, width: 3.5, spanGaps: false, points: { show: false } });
 
 /** Pointer → time. Capturing the pointer lets a drag leave the curve without losing it. */
 function connect(chart, playback) {
   const { over } = chart;
-  const seek = event => playback.seek(chart.posToVal(event.clientX - over.getBoundingClientRect().left, 'x'));
+  const secondOf = event => chart.posToVal(event.clientX - over.getBoundingClientRect().left, 'x');
+  let from = null;
   const down = event => {
     if (event.button !== 0) return;
     over.setPointerCapture(event.pointerId);
     playback.pause();
-    seek(event);
+    from = event.shiftKey ? secondOf(event) : null;
+    if (from === null) playback.seek(secondOf(event));
   };
-  const move = event => over.hasPointerCapture(event.pointerId) && seek(event);
+  const move = event => {
+    if (!over.hasPointerCapture(event.pointerId)) return;
+    if (from === null) return playback.seek(secondOf(event));
+    const to = secondOf(event);
+    playback.mark(Math.min(from, to), Math.max(from, to));
+  };
   over.addEventListener('pointerdown', down);
   over.addEventListener('pointermove', move);
   return () => chart.destroy();
 }
 
-/** Moves the line; with a span, also the part of the time axis that is shown. */
-function turnPage({ chart }, track, playback, span) {
+/** Moves the line; with a span, also the part of the time axis that is shown, and what is drawn in it. */
+function turnPage(plot, shown) {
+  const { track, playback, span, tools, ghost, loader } = shown;
+  const { chart } = plot;
   const { time } = playback;
-  placeHead(chart, track, playback);
+  placeAll(chart, shown);
   if (!span) return;
   const [first, last] = [track.times[0], track.times[track.times.length - 1]];
   const { min, max } = chart.scales.x;
   const near = time > min + span * EDGE && time < max - span * EDGE;
   const start = Math.min(Math.max(first, time - span / 2), Math.max(first, last - span));
   // Turned over like a page, not at every picture: drawing the curves anew costs more than anything else here.
-  if (max - min > span * 1.01 || (!near && min !== start))
-    chart.setScale('x', { min: start, max: Math.min(start + span, last) });
+  const turns = plot.drawn === null || max - min > span * 1.01 || (!near && min !== start);
+  if (!turns && plot.drawn === track.version) return;
+  const from = turns ? start : min;
+  const to = Math.min(from + span, last);
+  loader?.want(from, to);
+  plot.drawn = track.version;
+  chart.setData(curves(track, tools, plot.field, { ghost, within: [from, to] }), false);
+  chart.setScale('x', { min: from, max: to });
 }
 
-/** The stretch that one has gone to. */
-function placeMark(chart, { marked }) {
-  const mark = chart.over.querySelector('.marked');
-  mark.hidden = !marked;
-  if (!marked) return;
-  const [left, right] = marked.map(second => chart.valToPos(second, 'x'));
-  Object.assign(mark.style, { left: `${left}px`, width: `${Math.max(2, right - left)}px` });
-}
-
-function placeHead(chart, track, playback) {
-  const head = chart.over.querySelector('.playhead');
-  if (!head) return; // uPlot draws once before we have added the line.
+/** The stretch that one has gone to, what was trimmed off, and the moment. */
+function placeAll(chart, { track, playback, kept }) {
+  const parts = chart.over.querySelectorAll(':scope > .trimmed, :scope > .marked, :scope > .playhead');
+  if (!parts.length) return; // uPlot draws once before we have added them.
+  const { min, max } = chart.scales.x;
+  const cover = (part, span) => {
+    const [from, to] = span ? [Math.max(span[0], min), Math.min(span[1], max)] : [0, 0];
+    part.hidden = !(to > from);
+    if (part.hidden) return;
+    const [left, right] = [from, to].map(second => chart.valToPos(second, 'x'));
+    Object.assign(part.style, { left: `${left}px`, width: `${Math.max(2, right - left)}px` });
+  };
+  const [before, after, mark, head] = parts;
+  cover(before, kept && [-Infinity, kept.from_s]);
+  cover(after, kept && [kept.to_s, Infinity]);
+  cover(mark, playback.marked);
   const within = Math.min(Math.max(playback.time, track.times[0]), track.times[track.times.length - 1]);
-  head.style.transform = `translateX(${chart.valToPos(within, 'x')}px)`;
-  placeMark(chart, playback);
+  head.hidden = within < min || within > max;
+  if (!head.hidden) head.style.transform = `translateX(${chart.valToPos(within, 'x')}px)`;
 }

@@ -3,6 +3,7 @@ import { html, useEffect, useRef } from './preact.js';
 import { fixed } from '../format.js';
 import { t } from '../texts.js';
 import { whyUnseen } from './overlay.js';
+import { isExact } from './track.js';
 
 const words = t.session;
 const VALUES = [
@@ -37,10 +38,12 @@ export function Readouts({ track, playback }) {
     () =>
       playback.onTick(({ frame }) => {
         for (const tool of track.tools) {
+          const exact = isExact(track, frame); // What is drawn between is no number to be read.
           for (const [field, digits] of VALUES)
-            cells.current[`${tool.name} ${field}`].textContent = fixed(tool[field][frame], digits);
+            cells.current[`${tool.name} ${field}`].textContent = fixed(exact ? tool[field][frame] : NaN, digits);
           const why = whyUnseen(tool, frame);
-          cells.current[`${tool.name} state`].textContent = words.states[tool.state[frame]] + (why && `: ${why}`);
+          cells.current[`${tool.name} state`].textContent = exact
+            ? words.states[tool.state[frame]] + (why && `: ${why}`) : t.loading;
         }
       }),
     [track],

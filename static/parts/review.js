@@ -7,40 +7,38 @@ import { note } from '../router.js';
 import { t } from '../texts.js';
 import { Advice } from './advice.js';
 import { Comments } from './comments.js';
+import { Edits } from './edits.js';
 import { Features } from './features.js';
+import { GhostChooser, useGhost } from './ghost.js';
 import { Notice } from './notice.js';
+import { PartsLoader } from './parts_loader.js';
 import { Path3d } from './path3d.js';
 import { Playback } from './playback.js';
-import { pageKeys, Player } from './player.js';
+import { pageKeys, Player, Transport } from './player.js';
 import { Plots } from './plots.js';
 import { Quality } from './quality.js';
 import { Ratings } from './ratings.js';
 import { Readouts, ToolSwitches } from './readouts.js';
 import { byFeature } from './seconds.js';
+import { SpanBar } from './span_bar.js';
 import { buildTrack } from './track.js';
 
 const words = t.session;
 const SPANS = ['all', '20', '5'];
 const FORMATS = ['csv', 'json', 'parquet'];
+/** Exact rows are asked for so long before they are played, s. */
+const AHEAD_S = 10;
 
-export function Review({ session, person, trajectory, diagnostics, start }) {
-  const track = useMemo(
-    () =>
-      trajectory?.columns.frame.length
-        ? buildTrack(trajectory, diagnostics, session.video?.frames ?? session.quality?.frames)
-        : null,
-    [trajectory, diagnostics],
-  );
+export function Review({ session, person, trajectory, edits, start, onEdited }) {
   const playback = useMemo(() => new Playback(), []);
+  const { track, loader } = useTrack(session, trajectory, playback);
+  const { ghost, chooser } = useGhost(session, track);
+  const tools = trajectory?.tools ?? session.tools ?? [];
   const [hidden, setHidden] = useState(new Set());
   const [rated, setRated] = useState(0);
   const { evidence, advice } = useSeconds(session);
   const [span, setSpan] = useState('all');
 
-  useEffect(() => {
-    playback.times = track?.times ?? null;
-    playback.seek(playback.time);
-  }, [track]);
   useEffect(() => {
     const keys = pageKeys(playback);
     document.addEventListener('keydown', keys);
@@ -56,13 +54,13 @@ export function Review({ session, person, trajectory, diagnostics, start }) {
       <div class="stack">
         <section class="card first">
           ${session.source?.kind === 'import' ? html`<div class="body"><${Notice} title=${words.noRecording}>${
-            words.noRecordingBody(session.source.tracker)}<//></div>` : html`<${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
+            words.noRecordingBody(session.source.tracker)}<//></div>${track && html`<${Transport} playback=${playback} />`}` : html`<${Player} address=${api.sessions.videoAddress(session.id)} size=${session.video} track=${track}
             playback=${playback} hidden=${hidden} />`}
           ${track && html`<${Readouts} track=${track} playback=${playback} />`}
-          ${session.source?.kind !== 'import' && html`<p class="small muted keys">${words.keys}</p>`}
+          <p class="small muted keys">${words.keys}</p>
         </section>
         ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback}
-          hidden=${hidden} /><//>`}
+          hidden=${hidden} ghost=${ghost} /><//>`}
         <div class="said-of stack">
           <${Comments} session=${session} playback=${playback} rated=${rated} />
           <${Ratings} session=${session} person=${person} onRated=${() => setRated(rated + 1)} />
@@ -83,9 +81,12 @@ export function Review({ session, person, trajectory, diagnostics, start }) {
                 <${SpanChoice} span=${span} onChange=${setSpan} />
               </div>
             </header>
-            <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)} />
+            <${Plots} track=${track} playback=${playback} hidden=${hidden} span=${span === 'all' ? 0 : Number(span)}
+              kept=${edits?.kept} ghost=${ghost} loader=${loader} />
+            <div class="under-curves"><${SpanBar} playback=${playback} /><${GhostChooser} chooser=${chooser} /></div>
             <p class="small muted keys">${words.curvesHint}</p>
           </section>`}
+        <${Edits} session=${session} person=${person} edits=${edits} playback=${playback} tools=${tools} onEdited=${onEdited} />
         ${advice && html`<div class="advised"><${Advice} advice=${advice} playback=${playback} /></div>`}
         ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header>
           ${evidence?.features === null && html`<p class="small muted chooser">${words.evidence.notKept}</p>`}
@@ -105,7 +106,33 @@ function useSeconds(session) {
     ]);
     return { evidence: evidence && { ...evidence, map: byFeature(evidence.features) }, advice };
   };
-  return useData(load, [session.id, session.status]).data ?? {};
+  return useData(load, [session.id, session.status, session.result]).data ?? {};
+}
+
+/** The track of a trajectory, on the playback's clock, and what brings its exact rows as they are looked at. */
+function useTrack(session, trajectory, playback) {
+  const isRecording = session.source?.kind !== 'import';
+  const track = useMemo(
+    () =>
+      trajectory?.columns.frame.length
+        ? buildTrack(trajectory, session.video?.frames ?? session.quality?.frames, session.video ?? {})
+        : null,
+    [trajectory],
+  );
+  const loader = useMemo(() => track && new PartsLoader(session.id, track, isRecording), [track]);
+  useEffect(() => {
+    playback.times = track?.times ?? null;
+    // Without a video the clock runs by itself.
+    if (track && !isRecording) playback.withoutVideo(track.duration);
+    playback.seek(playback.time);
+    if (!loader) return undefined;
+    const ends = [
+      loader.onPart(() => playback.refresh()),
+      playback.onTick(({ time, playing, rate }) => loader.want(time, time + (playing ? AHEAD_S * Math.max(1, rate) : 0))),
+    ];
+    return () => (ends.forEach(end => end()), loader.end());
+  }, [track]);
+  return { track, loader };
 }
 
 const SpanChoice = ({ span, onChange }) => html`

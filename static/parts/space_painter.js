@@ -3,18 +3,20 @@
 import { number } from '../format.js';
 import { colour } from '../theme.js';
 import { fitCanvas, inkOf, outline } from './overlay.js';
-import { isAfterHole, MISSING, PREDICTED } from './track.js';
+import { frameAt, isAfterHole, MISSING, PREDICTED } from './track.js';
 
 /** More segments than a screen has room for only cost time: longer recordings are thinned. */
 const MOST_SEGMENTS = 4000;
 const SHADES = 24;
+const FAINT = 0.35;
 
 export class SpacePainter {
   #layer = document.createElement('canvas');
   #painted = '';
 
-  constructor(track, tools, by) {
-    Object.assign(this, { track, tools, by, bounds: boundsOf(track.tools) });
+  /** `ghost`: another session's `{ track, shift }`, to be drawn faint under this one. */
+  constructor(track, tools, by, ghost = null) {
+    Object.assign(this, { track, tools, by, ghost, bounds: boundsOf([...track.tools, ...(ghost?.track.tools ?? [])]) });
   }
 
   /** The colours have changed: what was painted is of no use. */
@@ -30,6 +32,7 @@ export class SpacePainter {
     if (view !== this.#painted) this.#paintLayer(canvas, place);
     this.#painted = view;
     pen.drawImage(this.#layer, 0, 0, width, height);
+    if (this.ghost) this.#paintGhostTips(pen, frame, place);
     for (const tool of this.tools) drawTip(pen, tool, frame, place);
   }
 
@@ -39,8 +42,25 @@ export class SpacePainter {
     pen.scale(width / clientWidth, width / clientWidth);
     pen.lineCap = pen.lineJoin = 'round';
     drawFloor(pen, this.bounds, place);
+    if (this.ghost) this.#faintly(pen, tool => drawPath(pen, this.ghost.track, tool, place));
     const shades = this.by === 'speed' ? ramp() : null;
     for (const tool of this.tools) drawPath(pen, this.track, tool, place, { shades });
+  }
+
+  /** The other session's tools of the names that are shown. */
+  #faintly(pen, draw) {
+    const names = this.tools.map(tool => tool.name);
+    pen.globalAlpha = FAINT;
+    for (const tool of this.ghost.track.tools) if (names.includes(tool.name)) draw(tool);
+    pen.globalAlpha = 1;
+  }
+
+  /** Where the other session's tips were so long after its beginning. */
+  #paintGhostTips(pen, frame, place) {
+    const { track, shift } = this.ghost;
+    const time = this.track.times[frame] + shift;
+    if (!(time >= track.times[0] && time <= track.times[track.frames - 1])) return;
+    this.#faintly(pen, tool => drawTip(pen, tool, frameAt(track.times, time), place));
   }
 }
 
@@ -105,14 +125,18 @@ function label(pen, words, [x, y], middle) {
 }
 
 /** Segments are gathered by shade and painted shade by shade: a stroke per segment would be too slow. */
-export function drawPath(pen, track, tool, place, { shades, from = 0, to = track.frames } = {}) {
-  const stride = Math.max(1, Math.ceil((to - from) / MOST_SEGMENTS));
+export function drawPath(pen, track, tool, place, { shades, from = 0, to = track.frames, ink = tool.ink() } = {}) {
+  const telling = from === 0 && to === track.frames ? track.telling : null; // Of a long recording, the frames that tell.
+  const count = telling ? telling.length : to - from;
+  const stride = Math.max(1, Math.ceil(count / MOST_SEGMENTS));
   const paths = new Map();
   const top = track.topSpeed || 1;
-  const ink = tool.ink();
-  let before = null;
-  for (let i = from; i < to; i += stride) {
-    if (hasHole(track, i, stride)) before = null;
+  let [before, last] = [null, 0];
+  for (let at = 0; at < count; at += stride) {
+    const i = telling ? telling[at] : from + at;
+    // Where nothing was left out by us, an absence is a break.
+    if (telling ? i > 0 && tool.state[last + 1] === MISSING : hasHole(track, i, stride)) before = null;
+    last = i;
     if (tool.state[i] === MISSING || !Number.isFinite(tool.x_mm[i])) {
       before = null;
       continue;

@@ -25,38 +25,123 @@ const BRIGHT = {
 /** Shapes tell tools apart for those whom colours do not. */
 export const SHAPES = ['circle', 'diamond', 'square', 'triangle'];
 
-/** Joins the trajectory's and the diagnostics' columns; `frames` is the video's count, where known. */
-export function buildTrack(trajectory, diagnostics, frames = 0) {
+/** Frames whose exact rows are asked for at a time. */
+export const PART = 2000;
+
+/**
+ * The track of `GET trajectory?points=…`. Of a long session these are the rows that draw the same curves; between them lies
+ * a straight line until `take` brings the exact ones. `frames` is the video's count, where known.
+ */
+export function buildTrack(trajectory, frames = 0, size = {}) {
   const { columns, tools: names } = trajectory;
-  const seen = diagnostics?.columns ?? { frame: [], tool: [] };
-  const count = Math.max(frames, 1 + largest(columns.frame), 1 + largest(seen.frame));
+  const count = Math.max(frames, 1 + largest(columns.frame));
   const tools = names.map((name, index) => emptyTool(name, index, count));
-  columns.frame.forEach((frame, row) => fillSample(tools[columns.tool[row]], frame, columns, row));
-  const toolOf = (diagnostics?.tools ?? names).map(name => tools[names.indexOf(name)]);
-  seen.frame.forEach((frame, row) => fillSeen(toolOf[seen.tool[row]], frame, seen, row));
   const times = frameTimes(columns, count);
-  return {
+  const whole = !trajectory.thinned;
+  const track = {
     times,
     tools,
     frames: count,
-    width: diagnostics?.width,
-    height: diagnostics?.height,
-    topSpeed: quantile(tools, 0.98),
+    width: size.width,
+    height: size.height,
     duration: times[count - 1] ?? 0,
+    /** Frames that tell a curve's shape, in order; null: all. */
+    telling: whole ? null : tellingFrames(columns),
+    /** Which parts have exact rows, and which have what was seen in the picture. */
+    exact: new Array(Math.ceil(count / PART)).fill(whole),
+    seen: new Array(Math.ceil(count / PART)).fill(false),
+    /** Counts up with every part that comes. */
+    version: 0,
   };
+  columns.frame.forEach((frame, row) => fillSample(tools[columns.tool[row]], frame, columns, row));
+  if (!whole) fillBetween(tools, trajectory);
+  track.topSpeed = quantile(tools, 0.98);
+  return track;
+}
+
+/** Exact rows of one part, in place of what was drawn between. */
+export function takePart(track, part, { columns }) {
+  const [from, to] = [part * PART, Math.min(track.frames, (part + 1) * PART)];
+  for (const tool of track.tools) {
+    for (const field of [...FIELDS, 'speed']) tool[field].fill(NaN, from, to);
+    tool.state.fill(MISSING, from, to);
+  }
+  columns.frame.forEach((frame, row) => {
+    track.times[frame] = columns.time_s[row];
+    fillSample(track.tools[columns.tool[row]], frame, columns, row);
+  });
+  track.exact[part] = true;
+  track.version++;
+}
+
+/** What the tracker saw of one part. */
+export function takeSeen(track, part, { columns, tools: names }) {
+  const toolOf = names.map(name => track.tools.find(tool => tool.name === name));
+  columns.frame.forEach((frame, row) => fillSeen(toolOf[columns.tool[row]], frame, columns, row));
+  track.seen[part] = true;
+  track.version++;
+}
+
+/** Is what stands at this frame what was measured there, not what was drawn between? Live tracks know no other. */
+export const isExact = ({ exact }, frame) => !exact || exact[Math.floor(frame / PART)];
+
+/** The first second that any tool was seen. */
+export function firstSeen({ times, tools, frames }) {
+  for (let frame = 0; frame < frames; frame++) if (tools.some(tool => tool.state[frame] === OBSERVED)) return times[frame];
+  return times[0] ?? 0;
 }
 
 /** Do frames miss before this one? */
 export const isAfterHole = ({ times }, frame) => frame > 0 && times[frame] - times[frame - 1] > BREAK_S;
 
-/** The frames of curves over time, with a null wherever frames miss, so that no line is drawn across. */
-export function curveFrames(track) {
+/**
+ * The frames of curves over time, with a null wherever frames miss, so that no line is drawn across: all between two
+ * seconds, or, without them, those that tell the curves' shape.
+ */
+export function curveFrames(track, [from, to] = [-Infinity, Infinity]) {
+  const all = Number.isFinite(from) || !track.telling;
+  const [first, last] = all ? framesWithin(track, from, to) : [0, track.telling.length - 1];
   const frames = [];
-  for (let frame = 0; frame < track.times.length; frame++) {
+  for (let at = first; at <= last; at++) {
+    const frame = all ? at : track.telling[at];
+    const before = frames[frames.length - 1];
     if (isAfterHole(track, frame)) frames.push(null);
+    // Where a tool was absent between two telling frames, the frame after the first says so.
+    else if (before !== undefined && frame - before > 1 && track.tools.some(tool => tool.state[before + 1] === MISSING))
+      frames.push(before + 1);
     frames.push(frame);
   }
   return frames;
+}
+
+/** The first and the last frame between two seconds, and one more on either side. */
+export function framesWithin({ times }, from, to) {
+  const first = Number.isFinite(from) ? frameAt(times, from) : 0;
+  const last = Number.isFinite(to) ? frameAt(times, to) : times.length - 1;
+  return [Math.max(0, first - 1), Math.min(times.length - 1, last + 1)];
+}
+
+/** Every frame that a row of any tool is on, once. */
+function tellingFrames(columns) {
+  const frames = [];
+  for (const frame of columns.frame) if (frame !== frames[frames.length - 1]) frames.push(frame); // Rows come in order.
+  return frames;
+}
+
+/** A straight line between rows of which those between were left out; nothing where the tool was absent. */
+function fillBetween(tools, { columns, after_gap: afterGap }) {
+  const before = tools.map(() => -1);
+  columns.frame.forEach((frame, row) => {
+    const tool = tools[columns.tool[row]];
+    const last = before[tool.index];
+    before[tool.index] = frame;
+    if (last < 0 || afterGap[row]) return;
+    for (const field of [...FIELDS, 'speed']) {
+      const [from, to] = [tool[field][last], tool[field][frame]];
+      for (let at = last + 1; at < frame; at++) tool[field][at] = from + ((to - from) * (at - last)) / (frame - last);
+    }
+    tool.state.fill(tool.state[last], last + 1, frame);
+  });
 }
 
 /** A tool with its colours and its sign, and room for so many rows. */
@@ -127,6 +212,10 @@ const largest = column => column.reduce((most, value) => Math.max(most, value), 
 
 /** A high quantile of all speeds, so that one wild sample does not grey out the whole colour scale. */
 function quantile(tools, share) {
-  const speeds = tools.flatMap(tool => [...tool.speed].filter(Number.isFinite)).sort((a, b) => a - b);
-  return speeds[Math.floor((speeds.length - 1) * share)] ?? 0;
+  const room = tools.reduce((sum, tool) => sum + tool.speed.length, 0);
+  const speeds = new Float64Array(room);
+  let count = 0;
+  for (const tool of tools) for (const speed of tool.speed) if (Number.isFinite(speed)) speeds[count++] = speed;
+  const sorted = speeds.subarray(0, count).sort();
+  return sorted[Math.floor((count - 1) * share)] ?? 0;
 }

@@ -120,6 +120,11 @@ macro_rules! reason_shape {
             $(#[doc = concat!("[`Reason::", stringify!($reason), "`]")] $reason,)*
         }
 
+        impl ReasonShape {
+            /// All of them.
+            pub const ALL: &[ReasonShape] = &[$(ReasonShape::$reason),*];
+        }
+
         impl From<Reason> for ReasonShape {
             fn from(reason: Reason) -> Self {
                 match reason { $(Reason::$reason => Self::$reason,)* }

@@ -1,6 +1,7 @@
 //! Recordings that are here, how they stand, and what came of them.
 
 mod comments;
+mod edits;
 mod evidence;
 mod features;
 mod files;
@@ -14,6 +15,7 @@ mod show;
 mod trajectory;
 
 pub use comments::*;
+pub use edits::*;
 pub use evidence::*;
 pub use features::*;
 pub use files::*;

@@ -49,7 +49,7 @@ pub struct Which {
 pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Which>) -> Answer<Json<Page<Session>>> {
     let Which { trainee, task, in_box, status, limit, cursor } = which;
     let page = Paging::new(limit, cursor).request(app.settings.page_items)?;
-    let filter = SessionFilter { trainee, task, in_box, status };
+    let filter = SessionFilter { trainee, task, in_box, status, only_counting: false };
     let store::Page { items, next } = app.store.sessions().list(&by.scope, &filter, &page).await?;
     let (mut shown, mut standards) = (Vec::with_capacity(items.len()), HashMap::new());
     for session in items {

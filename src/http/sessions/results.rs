@@ -27,6 +27,8 @@ pub struct ResultSummary {
     verdict: Option<String>,
     /// What it was made with.
     versions: Versions,
+    /// `revision` of the session's edits that it was made with; 0: of none.
+    edits: u64,
     created_at: Time,
 }
 
@@ -42,6 +44,7 @@ pub async fn results(State(app): State<App>, by: Member, at: At) -> Answer<Json<
 impl ResultSummary {
     fn of(result: SessionResult, in_use: bool) -> Self {
         let verdict = result.quality.get("verdict").and_then(Value::as_str).map(str::to_owned);
-        Self { id: result.id, in_use, verdict, versions: result.versions, created_at: Time(result.created_at_ms) }
+        let (edits, created_at) = (result.edits, Time(result.created_at_ms));
+        Self { id: result.id, in_use, verdict, versions: result.versions, edits, created_at }
     }
 }

@@ -30,6 +30,8 @@ pub struct Session {
     recorded_at: Time,
     created_at: Time,
     status: SessionStatus,
+    /// Has somebody set it aside, so that it counts in nothing? `GET /sessions/{id}/edits` says who, when and why.
+    set_aside: bool,
     /// Share that is tracked, 0 to 1.
     progress: f64,
     /// Place in the queue, from 1, while it waits there.
@@ -157,6 +159,7 @@ impl Session {
             recorded_at: Time(session.recorded_at_ms),
             created_at: Time(session.created_at_ms),
             status,
+            set_aside: session.is_set_aside,
             video,
             tools: Vec::new(),
             features: Vec::new(),

@@ -6,8 +6,10 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
+use crate::analysis::edits::edited_path;
 use crate::analysis::paths::{Kind, Paths};
-use crate::domain::files::trajectory::{to_json_columns, write_csv, write_parquet};
+use crate::domain::edit::Change;
+use crate::domain::files::trajectory::{thinned, thinned_to_json, to_json_columns, write_csv, write_parquet};
 use crate::http::auth::signed_in::Member;
 use crate::http::error::{Answer, Problem, Refusal};
 use crate::http::file::disposition;
@@ -15,7 +17,7 @@ use crate::http::read::{At, Params};
 use crate::http::state::App;
 
 /// Longest stored paths that are read at once, bytes: about four hours of two tools.
-const MOST: u64 = 512 * 1024 * 1024;
+pub(super) const MOST: u64 = 512 * 1024 * 1024;
 
 /// A way to write a trajectory.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
@@ -43,6 +45,9 @@ pub enum Smoothness {
     Raw,
 }
 
+/// Fewest and most rows of a tool that may be asked for.
+const POINTS: std::ops::RangeInclusive<usize> = 10..=100_000;
+
 /// Which path, and how.
 #[derive(Clone, Copy, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
@@ -56,9 +61,25 @@ pub struct Wanted {
     #[serde(default)]
     #[param(inline)]
     kind: Smoothness,
+    /// Without what was trimmed off, as it is scored; `false`: all of it. Exchanged names are exchanged in both.
+    #[serde(default = "yes")]
+    #[param(default = true)]
+    trimmed: bool,
+    /// Only rows from this frame on.
+    from_frame: Option<u64>,
+    /// Only rows before this frame.
+    to_frame: Option<u64>,
+    /// At most about so many rows of each tool, chosen so that curves of x, y, z and speed look alike: the extremes of each stretch stay.
+    /// In JSON, `thinned` says whether any were left out, and `after_gap` for each row whether its tool was absent before it.
+    #[param(minimum = 10, maximum = 100000)]
+    points: Option<usize>,
 }
 
-/// Read the path of the tools
+fn yes() -> bool {
+    true
+}
+
+/// Read the path of the tools, as it is edited
 #[utoipa::path(get, path = "/sessions/{id}/trajectory", tag = "sessions",
     params(("id" = String, Path, description = "id"), Wanted),
     responses((status = OK, description = "The table: frame, time_s, tool, x_mm, y_mm, z_mm, …", content(
@@ -74,9 +95,16 @@ pub async fn trajectory(
     if result.versions.calibration.is_none() && !matches!(wanted.kind, Smoothness::Smoothed) {
         return Err(Refusal::Conflict.with("An imported path has one form only. Ask for it with `kind=smoothed`."));
     }
+    if wanted.points.is_some_and(|points| !POINTS.contains(&points)) {
+        return Err(Problem::invalid(
+            "points",
+            format!("expected a number from {} to {}", POINTS.start(), POINTS.end()),
+        ));
+    }
+    let edits = app.store.edits().in_force(id).await?;
     let stored = app.vault.read(result.trajectory, MOST).await?;
     // A long session takes seconds to write: not on a thread that serves others.
-    let written = tokio::task::spawn_blocking(move || write(&stored, wanted));
+    let written = tokio::task::spawn_blocking(move || write(&stored, edits.changes, wanted));
     let table = written.await.map_err(|cause| Problem::internal("writing a trajectory", cause))??;
     let name = format!("{id}.{}", wanted.format.extension());
     let mut headers = HeaderMap::new();
@@ -85,10 +113,18 @@ pub async fn trajectory(
     Ok((StatusCode::OK, headers, table).into_response())
 }
 
-fn write(stored: &[u8], wanted: Wanted) -> Answer<Vec<u8>> {
+fn write(stored: &[u8], mut changes: Vec<Change>, wanted: Wanted) -> Answer<Vec<u8>> {
     let paths = Paths::from_bytes(stored).map_err(|cause| Problem::internal("reading a stored trajectory", cause))?;
-    let trajectory = paths.trajectory(wanted.kind.into());
+    changes.retain(|change| wanted.trimmed || !matches!(change, Change::Trim(_)));
+    let mut trajectory = edited_path(&paths, wanted.kind.into(), &changes);
+    let frames = wanted.from_frame.unwrap_or(0)..wanted.to_frame.unwrap_or(u64::MAX);
+    trajectory.samples.retain(|row| frames.contains(&row.frame));
+    let thin = wanted.points.map(|points| thinned(&trajectory, points));
     let mut table = Vec::new();
+    if let (Some(thin), Format::Json) = (&thin, wanted.format) {
+        return Ok(thinned_to_json(thin).into_bytes());
+    }
+    let trajectory = thin.map_or(trajectory, |thin| thin.trajectory);
     match wanted.format {
         Format::Json => table = to_json_columns(&trajectory).into_bytes(),
         Format::Csv => {

@@ -39,7 +39,7 @@ pub struct Rows {
 
 /// Read all features of a task as one table, without names
 ///
-/// A row for each session that is done, tool and feature, newest sessions first; it is sent while it is read, so that a connection that
+/// A row for each session that is done and not set aside, tool and feature, newest sessions first; it is sent while it is read, so that a connection that
 /// closes before the table's end means that it broke off.
 #[utoipa::path(get, path = "/tasks/{id}/features", tag = "tasks",
     params(("id" = String, Path, description = "id or code"), Rows),
@@ -57,7 +57,8 @@ pub async fn features(
         None => None,
     };
     let status = Some(SessionStatus::Done);
-    let filter = SessionFilter { task: Some(Key::from(&task.id)), status, ..SessionFilter::default() };
+    let of_task = Some(Key::from(&task.id));
+    let filter = SessionFilter { task: of_task, status, only_counting: true, ..SessionFilter::default() };
     let name = format!("features-{}", task.code);
     export::of_many(app, by.scope, Many { filter, only, called: trainees }, format, &name).await
 }

@@ -22,8 +22,8 @@ const MOST_STATEMENTS: u32 = 50;
 
 /// Read a trainee's sessions as xAPI statements, by the page, newest first
 ///
-/// As a learning record store gives them: `more` is the address of the next page, and empty on the last. Sessions without a result
-/// have no statement.
+/// As a learning record store gives them: `more` is the address of the next page, and empty on the last. Sessions without a result,
+/// and those that were set aside, have no statement.
 #[utoipa::path(get, path = "/trainees/{id}/xapi", tag = "trainees",
     params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = StatementResult)))]
 pub async fn xapi(
@@ -41,6 +41,7 @@ pub async fn xapi(
     let filter = SessionFilter {
         trainee: Some(Key::from(&trainee.id)),
         status: Some(SessionStatus::Done),
+        only_counting: true,
         ..SessionFilter::default()
     };
     let found = app.store.sessions().list(&by.scope, &filter, &page).await?;

@@ -5,9 +5,10 @@ use sqlx::sqlite::SqliteConnection;
 use super::super::blobs;
 use super::super::error::{StoreResult, missing};
 use crate::domain::blob::{Blob, BlobHash};
-use crate::domain::job::{JobInput, JobKind, TrackInput, Turn};
-use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, SessionId};
+use crate::domain::job::{JobInput, JobKind, RescoreInput, TrackInput, Turn};
+use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
 use crate::pipeline::PIPELINE_VERSION;
+use crate::store::edits::revision;
 
 /// Inserts a job, or finds the one with the same natural key (kind, input, versions); a failed or quarantined one is
 /// queued again.
@@ -112,6 +113,47 @@ pub(in crate::store) async fn enqueue_track_for(
     let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
     let input = JobInput::Track(TrackInput { session, video, calibration, palette });
     insert_for(tx, &input, turn, &present(), (now_ms, max_attempts)).await.map(Some)
+}
+
+/// Queues the scoring of the path of the result that counts, with the edits that are in force.
+pub(in crate::store) async fn enqueue_rescore(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<Option<JobId>> {
+    let Some((result, trajectory, _)) = counting(tx, session).await? else { return Ok(None) };
+    let edits = revision(tx, session).await?;
+    let input = JobInput::Rescore(RescoreInput { session, result, trajectory, edits });
+    insert(tx, &input, &present(), now_ms, max_attempts).await.map(Some)
+}
+
+/// The same if the result that counts is not of the edits that are in force: after each edit, and after each result that was begun
+/// before one.
+pub(in crate::store) async fn catch_up(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+    now_ms: i64,
+    max_attempts: u32,
+) -> StoreResult<Option<JobId>> {
+    let made_with = counting(tx, session).await?.map(|(_, _, edits)| edits);
+    if made_with.is_none() || made_with == Some(revision(tx, session).await?) {
+        return Ok(None);
+    }
+    enqueue_rescore(tx, session, now_ms, max_attempts).await
+}
+
+/// The result that counts: its path, and the state of edits that it was made with.
+async fn counting(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<Option<(ResultId, Blob, u64)>> {
+    let row = sqlx::query_as(
+        "SELECT result.id, blob.hash, blob.bytes, result.edits FROM result JOIN blob ON blob.hash = result.trajectory
+         WHERE result.session_id = $1 ORDER BY result.created_at_ms DESC, result.id DESC LIMIT 1",
+    );
+    let row: Option<(ResultId, BlobHash, i64, i64)> = row.bind(session).fetch_optional(tx).await?;
+    let of = |(id, hash, bytes, edits): (ResultId, BlobHash, i64, i64)| {
+        (id, Blob { hash, bytes: bytes.unsigned_abs() }, edits.unsigned_abs())
+    };
+    Ok(row.map(of))
 }
 
 /// Queues the sessions of a box that have waited for its camera or colours.

@@ -6,11 +6,12 @@ use sqlx::types::Json;
 
 use super::super::calibrations::{self, Calibration};
 use super::super::columns::integer;
+use super::super::edits::revision;
 use super::super::error::StoreResult;
 use super::super::palettes::{self, Palette};
 use super::super::sessions::evidence;
 use super::super::{StoreError, blobs, self_tests};
-use super::enqueue::enqueue_waiting_sessions;
+use super::enqueue::{catch_up, enqueue_waiting_sessions};
 use super::lease::end_as_done;
 use super::{Jobs, Lease};
 use crate::domain::calibration::NewCalibration;
@@ -23,20 +24,22 @@ use crate::store::sessions::latest_result;
 
 impl Jobs<'_> {
     /// Stores what tracking a session gave. If this session has a result of the same versions already, that one stays:
-    /// the same input gives the same numbers.
+    /// the same input gives the same numbers. If somebody has edited the session since it was assessed, it is scored again.
     pub async fn finish_track(&self, held: &Lease, result: NewResult) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
-        let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
+        let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
                 end_as_done(tx, id, token, now_ms).await?;
-                insert_result(tx, (session, id), result, now_ms).await
+                insert_result(tx, (session, id), result, now_ms).await?;
+                catch_up(tx, session, now_ms, attempts).await?;
+                Ok(())
             })
             .await
     }
 
     /// Stores what scoring a stored path again gave, beside what is there. If another result counts by now, the path of the old one
-    /// is out of date and nothing is stored.
+    /// is out of date and nothing is stored; nor if the session was edited meanwhile, which has queued work of its own.
     pub async fn finish_rescore(&self, held: &Lease, score: NewScore) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
         let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
@@ -45,7 +48,7 @@ impl Jobs<'_> {
                 end_as_done(tx, id, token, now_ms).await?;
                 let latest: Option<ResultId> =
                     sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(&mut *tx).await?;
-                match latest == Some(score.from) {
+                match latest == Some(score.from) && score.edits == revision(tx, session).await? {
                     true => insert_score(tx, id, score, now_ms).await,
                     false => Ok(()),
                 }
@@ -131,8 +134,8 @@ async fn insert_result(
     let insert = sqlx::query_scalar(
         "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
                              duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms,
-                             tracked_with)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18)
+                             tracked_with, edits)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19)
          ON CONFLICT DO NOTHING RETURNING id",
     );
     let insert = insert.bind(ResultId::at(now_ms)).bind(session);
@@ -141,7 +144,11 @@ async fn insert_result(
     let insert = insert.bind(new.video.width).bind(new.video.height).bind(integer(new.video.frames));
     let insert = insert.bind(new.video.duration_s).bind(Json(new.tools)).bind(Json(new.quality));
     let insert = insert.bind(new.score.map(Json)).bind(new.trajectory.hash).bind(new.diagnostics.map(|blob| blob.hash));
-    let insert = insert.bind(new.preview.map(|blob| blob.hash)).bind(now_ms).bind(versions.tracked_with);
+    let insert = insert
+        .bind(new.preview.map(|blob| blob.hash))
+        .bind(now_ms)
+        .bind(versions.tracked_with)
+        .bind(integer(new.edits));
     let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
     match inserted {
         Some(result) => insert_assessed(tx, job, result, new.features, new.evidence).await,
@@ -154,13 +161,14 @@ async fn insert_score(tx: &mut SqliteConnection, job: JobId, new: NewScore, now_
     let insert = sqlx::query_scalar(
         "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
                              duration_s, tools, quality, score, trajectory, diagnostics, preview, created_at_ms,
-                             tracked_with)
+                             tracked_with, edits)
          SELECT $1, session_id, $2, calibration_id, palette_id, NULL, width, height, frames,
-                duration_s, tools, $3, NULL, trajectory, diagnostics, preview, $4, $5 FROM result WHERE id = $6
+                duration_s, tools, $3, NULL, trajectory, diagnostics, preview, $4, $5, $7 FROM result WHERE id = $6
          ON CONFLICT DO NOTHING RETURNING id",
     );
     let insert = insert.bind(ResultId::at(now_ms)).bind(new.pipeline).bind(Json(new.quality)).bind(now_ms);
-    let inserted: Option<ResultId> = insert.bind(new.tracked_with).bind(new.from).fetch_optional(&mut *tx).await?;
+    let insert = insert.bind(new.tracked_with).bind(new.from).bind(integer(new.edits));
+    let inserted: Option<ResultId> = insert.fetch_optional(&mut *tx).await?;
     match inserted {
         Some(result) => insert_assessed(tx, job, result, new.features, new.evidence).await,
         None => Ok(()),

@@ -11,7 +11,9 @@ mod enqueue;
 mod finish;
 mod lease;
 
-pub(super) use enqueue::{enqueue_track, enqueue_track_for, enqueue_waiting_sessions, insert, present};
+pub(super) use enqueue::{
+    catch_up, enqueue_rescore, enqueue_track, enqueue_track_for, enqueue_waiting_sessions, insert, present,
+};
 pub use lease::{Lease, Swept};
 
 use super::audit::note;

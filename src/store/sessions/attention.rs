@@ -2,7 +2,7 @@
 
 use super::super::error::StoreResult;
 use super::super::visibility::{AskedBy, require_staff, sees_trainee};
-use super::Sessions;
+use super::{Sessions, counts};
 use crate::domain::text::{Code, Name};
 use crate::ids::{SessionId, TaskId, TraineeId};
 use crate::store::Scope;
@@ -28,7 +28,7 @@ pub struct Waiting {
     pub recorded_at_ms: i64,
 }
 
-/// Sessions with a result that came since `$3`, and what a [`Waiting`] says of them; conditions follow.
+/// Sessions with a result that came since `$3` and count, and what a [`Waiting`] says of them; conditions follow.
 macro_rules! waiting {
     ($($conditions:tt)*) => {
         concat!(
@@ -42,6 +42,8 @@ macro_rules! waiting {
                   ORDER BY latest.created_at_ms DESC, latest.id DESC LIMIT 1)
              WHERE session.created_at_ms >= $3 AND ",
             sees_trainee!("session.trainee_id"),
+            " AND ",
+            counts!(),
             " AND ",
             $($conditions)*,
             " ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4"

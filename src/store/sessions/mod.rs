@@ -42,6 +42,15 @@ macro_rules! latest_result {
 }
 pub(in crate::store) use latest_result;
 
+/// The session in this row counts: nobody has set it aside. Along the index `session_set_aside`.
+macro_rules! counts {
+    () => {
+        "NOT EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = session.id
+                     AND session_edit.kind = 'set_aside' AND session_edit.undone_at_ms IS NULL)"
+    };
+}
+pub(in crate::store) use counts;
+
 /// The sessions.
 pub struct Sessions<'s>(pub(super) &'s Store);
 
@@ -93,6 +102,8 @@ pub struct Session {
     /// Why it failed, or what happened when it last crashed.
     #[sqlx(json(nullable))]
     pub job_problem: Option<Problem>,
+    /// Has somebody set it aside, so that it counts in nothing?
+    pub is_set_aside: bool,
     /// Has its box a camera?
     pub box_has_camera: bool,
     /// Has its box colours?
@@ -113,6 +124,8 @@ pub struct SessionFilter {
     pub in_box: Option<Key>,
     /// Only those that stand so.
     pub status: Option<SessionStatus>,
+    /// Only those that count: not what somebody has set aside.
+    pub only_counting: bool,
 }
 
 impl Session {
@@ -161,6 +174,8 @@ macro_rules! select_sessions {
                 session.filename, session.media_type, session.video, blob.bytes AS video_bytes, session.tracker,
                 session.recorded_at_ms, session.created_at_ms,
                 job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
+                EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = session.id
+                        AND kind = 'set_aside' AND undone_at_ms IS NULL) AS is_set_aside,
                 EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
                 EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette
          FROM session
@@ -189,10 +204,17 @@ impl Sessions<'_> {
                                       WHEN job.state IN ('failed', 'quarantined') THEN 'failed'
                                       ELSE 'queued' END)
               AND ($7 IS NULL OR session.id < $7)
-              ORDER BY session.id DESC LIMIT $8"
+              AND (NOT $8 OR ",
+            counts!(),
+            ")
+              ORDER BY session.id DESC LIMIT $9"
         ));
         let rows = rows.asked_by(scope).bind(&which.trainee).bind(&which.task).bind(&which.in_box);
-        let rows = rows.bind(which.status.map(SessionStatus::name)).bind(page.after()).bind(page.rows());
+        let rows = rows
+            .bind(which.status.map(SessionStatus::name))
+            .bind(page.after())
+            .bind(which.only_counting)
+            .bind(page.rows());
         let mut rows: Vec<Session> = rows.fetch_all(self.0.readers()).await?;
         self.find_places(&mut rows).await?;
         Ok(Page::cut(rows, page, |session: &Session| session.id.to_string()))

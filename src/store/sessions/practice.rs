@@ -8,7 +8,7 @@ use sqlx::types::Json;
 
 use super::super::error::StoreResult;
 use super::super::visibility::{AskedBy, sees_trainee};
-use super::Sessions;
+use super::{Sessions, counts};
 use crate::domain::feature::FeatureKey;
 use crate::domain::job::JobState;
 use crate::domain::session::{FeatureSpace, SessionStatus};
@@ -43,6 +43,8 @@ pub struct Practised {
     pub recorded_at_ms: i64,
     /// How it stands.
     pub status: SessionStatus,
+    /// Has somebody set it aside?
+    pub is_set_aside: bool,
     /// Its latest result.
     pub result: Option<Outcome>,
     /// What that measured of the features that were asked for.
@@ -76,6 +78,7 @@ struct Row {
     id: SessionId,
     recorded_at_ms: i64,
     is_whole: bool,
+    counts: bool,
     job_state: Option<JobState>,
     result_id: Option<ResultId>,
     pipeline: Option<String>,
@@ -98,9 +101,13 @@ type FeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, 
 /// What a [`Row`] says of a session.
 macro_rules! of_session {
     () => {
-        "session.id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole, job.state AS job_state,
-                    result.id AS result_id, result.pipeline, result.calibration_id,
+        concat!(
+            "session.id, session.recorded_at_ms, session.video IS NOT NULL AS is_whole, job.state AS job_state,
+                    result.id AS result_id, result.pipeline, result.calibration_id, ",
+            counts!(),
+            " AS counts,
                     json_extract(result.quality, '$.verdict') = 'refused' AS refused"
+        )
     };
 }
 
@@ -257,6 +264,7 @@ impl Row {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
+            is_set_aside: !self.counts,
             measured: self.result_id.and_then(|result| measured.remove(&result)).unwrap_or_default(),
             result: self.pipeline.map(|pipeline| Outcome { pipeline, calibration, refused }),
         }

@@ -22,6 +22,8 @@ pub struct SessionResult {
     pub id: ResultId,
     /// What it was made with.
     pub versions: Versions,
+    /// With which state of the session's edits.
+    pub edits: u64,
     /// What decoding the recording showed.
     pub video: VideoFacts,
     /// Names of the tools, in the trajectory's order.
@@ -50,6 +52,8 @@ struct Row {
     calibration_id: Option<CalibrationId>,
     palette_id: Option<PaletteId>,
     model: Option<String>,
+    #[sqlx(try_from = "i64")]
+    edits: u64,
     width: Option<u32>,
     height: Option<u32>,
     #[sqlx(try_from = "i64")]
@@ -182,6 +186,7 @@ impl Row {
                 palette: self.palette_id,
                 model: self.model,
             },
+            edits: self.edits,
             video: VideoFacts {
                 width: self.width,
                 height: self.height,

@@ -30,6 +30,7 @@ async fn score(centre: &Centre, lease: &Lease, seconds: f64) {
         from: input.result,
         pipeline: PIPELINE_VERSION.to_owned(),
         tracked_with: Some("1".to_owned()),
+        edits: input.edits,
         features: vec![duration(seconds, 1.0)],
         evidence: Vec::new(),
         quality: serde_json::json!({}),

@@ -9,7 +9,7 @@ use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -18,6 +18,7 @@ const FILES: [&str; 8] = [
     include_str!("../../../migrations/0012_skill_models.sql"),
     include_str!("../../../migrations/0013_evidence_ratings.sql"),
     include_str!("../../../migrations/0014_rescoring.sql"),
+    include_str!("../../../migrations/0015_session_edits.sql"),
 ];
 
 /// A connection that bypasses the store's functions.

@@ -8,6 +8,7 @@ use crate::domain::standard::{ChartDesign, Definition, Rule};
 use crate::domain::text::Key;
 use crate::store::StoreError;
 use crate::store::cohorts::{belongs, values_of, values_of_cohort, values_of_seen};
+use crate::store::sessions::counts;
 use crate::store::sessions::practice::{measured, of_session, practised, practised_by_many, with_result};
 use crate::store::standards::select_standards;
 use crate::store::testing::Centre;
@@ -86,5 +87,10 @@ async fn progress_reads_no_table_from_end_to_end() {
         assert!(plan.iter().any(|line| line == wanted), "{plan:#?}");
         let whole = ["SCAN session", "SCAN result", "SCAN feature", "SCAN job", "SCAN standard"];
         assert!(!plan.iter().any(|line| whole.iter().any(|scan| line.starts_with(scan))), "{plan:#?}");
+        let edits = |line: &&String| line.contains("session_edit");
+        assert!(
+            plan.iter().filter(edits).all(|line| line.contains("INDEX session_set_aside (session_id=?)")),
+            "{plan:#?}"
+        );
     }
 }

@@ -3,6 +3,7 @@
 mod advice;
 pub mod centre;
 mod documents;
+mod edits;
 mod exchange;
 mod full_disk;
 mod hostile;

@@ -245,6 +245,7 @@ fn beside(versions: Versions, number: u64) -> NewResult {
     let tools = [tool("left", [-88.8, 108.7, 64.9]), tool("right", [150.6, 97.0, 54.1])];
     NewResult {
         versions,
+        edits: 0,
         video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97 },
         tools: vec!["left".into(), "right".into()],
         features: vec![],

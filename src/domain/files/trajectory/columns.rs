@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::state_name;
+use super::{Thinned, state_name};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
 /// A trajectory, column by column. Serialises as `{"tools":[…],"columns":{"frame":[…],…,"state":[…]}}`, where the
@@ -72,4 +72,17 @@ impl Columns {
 pub fn to_json_columns(trajectory: &Trajectory) -> String {
     // Vectors of numbers and strings always serialise; a number that is not finite becomes null.
     serde_json::to_string(&TrajectoryColumns::from(trajectory)).unwrap_or_default()
+}
+
+/// A thinned trajectory as JSON columns, with `after_gap` for each row and whether any were left out.
+pub fn thinned_to_json(left: &Thinned) -> String {
+    #[derive(Serialize)]
+    struct Document<'a> {
+        #[serde(flatten)]
+        table: TrajectoryColumns,
+        after_gap: &'a [bool],
+        thinned: bool,
+    }
+    let Thinned { trajectory, after_gap, is_thinned } = left;
+    serde_json::to_string(&Document { table: trajectory.into(), after_gap, thinned: *is_thinned }).unwrap_or_default()
 }

@@ -10,12 +10,14 @@ mod columns;
 mod import;
 mod parquet;
 mod read;
+mod thin;
 mod write;
 
-pub use columns::{TrajectoryColumns, to_json_columns};
+pub use columns::{TrajectoryColumns, thinned_to_json, to_json_columns};
 pub use import::{ImportLimits, ImportProblem, ImportedTable, read_import};
 pub use parquet::{ParquetProblem, write_parquet};
 pub use read::{TrajectoryProblem, read_csv};
+pub use thin::{Thinned, thinned};
 pub use write::write_csv;
 
 use crate::pipeline::trajectory::SampleState;

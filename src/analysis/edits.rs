@@ -1,0 +1,261 @@
+//! A recording's paths with what people changed about them: cut off at both ends, two tools' names exchanged over a stretch. What is
+//! stored stays as it was tracked; this is what scores are made of.
+//!
+//! **In:** [`Paths`], the changes in force, and why each tool was not measured on each frame ([`Unmeasured`]). **Out:** the paths
+//! and the tracker's summary as if only that had been recorded, under those names. Frames keep their numbers and times. Counts, gaps
+//! and light are of what is left. What is known of a recording as a whole stays: how far borders and depth are off, where the trocar
+//! is, how the colours stand apart; and of frames that are missing in the container, or are interlaced, the share.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::paths::{Kind, Paths};
+use super::protocol::{PathRow, QualityShape, ReasonShape, SeenRow, ToolQualityShape};
+use crate::domain::edit::{Change, EditsInForce, kept};
+use crate::domain::text::Invalid;
+use crate::pipeline::reason::Reason;
+use crate::pipeline::trajectory::Trajectory;
+
+/// Shortest recording that may be left by trimming, s: less is no practice, and no feature could be measured.
+pub const LEAST_KEPT_S: f64 = 1.0;
+
+/// From when to when where nothing is cut off, s.
+const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+/// Frame and tool of each measurement that failed, and why.
+pub type Unmeasured = Vec<(u64, u32, ReasonShape)>;
+
+/// The same of what a child has just seen.
+pub fn unmeasured(seen: &[SeenRow]) -> Unmeasured {
+    seen.iter().filter_map(|row| Some((row.frame, row.tool, row.reason?))).collect()
+}
+
+/// The same of stored diagnostics; nothing of a file that cannot be read.
+pub fn unmeasured_of_diagnostics(json: &[u8]) -> Unmeasured {
+    #[derive(Deserialize)]
+    struct Document {
+        columns: Columns,
+    }
+    #[derive(Deserialize)]
+    struct Columns {
+        frame: Vec<u64>,
+        tool: Vec<u32>,
+        reason: Vec<Option<String>>,
+    }
+    let named = |name: &str| ReasonShape::ALL.iter().copied().find(|shape| Reason::from(*shape).name() == name);
+    let Ok(Document { columns }) = serde_json::from_slice(json) else { return Vec::new() };
+    let rows = columns.frame.into_iter().zip(columns.tool).zip(columns.reason);
+    rows.filter_map(|((frame, tool), reason)| Some((frame, tool, named(&reason?)?))).collect()
+}
+
+/// The paths with these changes. Without any, they are the same.
+pub fn edited(paths: &Paths, changes: &[Change], unmeasured: &[(u64, u32, ReasonShape)]) -> Paths {
+    if changes.is_empty() {
+        return paths.clone();
+    }
+    let span = kept(changes).unwrap_or(ALWAYS);
+    let swaps = Swaps::of(paths, changes);
+    let rows = |rows: &[PathRow]| {
+        let mut rows: Vec<PathRow> = rows.iter().filter(|row| is_within(row.time_s, span)).copied().collect();
+        rows.iter_mut().for_each(|row| row.tool = swaps.name_at(row.tool, row.time_s));
+        rows.sort_by_key(|row| (row.frame, row.tool));
+        rows
+    };
+    let mut left = Paths {
+        tools: paths.tools.clone(),
+        frame_times_s: paths.frame_times_s.iter().copied().filter(|time_s| is_within(*time_s, span)).collect(),
+        raw: rows(&paths.raw),
+        filtered: rows(&paths.filtered),
+        smoothed: rows(&paths.smoothed),
+        tracking: paths.tracking.clone(),
+    };
+    if let Some(tracking) = &mut left.tracking {
+        let whole = tracking.quality.frames;
+        tracking.quality = summary(&tracking.quality, (paths, &left.smoothed), (span, &swaps), unmeasured);
+        tracking.frames_expected = tracking.frames_expected.map(|n| share_of(n, tracking.quality.frames, whole));
+    }
+    left
+}
+
+/// One of the paths with these changes.
+pub fn edited_path(paths: &Paths, kind: Kind, changes: &[Change]) -> Trajectory {
+    let mut path = paths.trajectory(kind);
+    if changes.is_empty() {
+        return path;
+    }
+    let (span, swaps) = (kept(changes).unwrap_or(ALWAYS), Swaps::of(paths, changes));
+    path.frame_times_s.retain(|time_s| is_within(*time_s, span));
+    path.samples.retain(|row| is_within(row.time_s, span));
+    path.samples.iter_mut().for_each(|row| row.tool = swaps.name_at(row.tool as u32, row.time_s) as usize);
+    path.samples.sort_by_key(|row| (row.frame, row.tool));
+    path
+}
+
+/// How many frames of rows that came alone are left: those that any tool has a row on.
+pub fn frames_left(paths: &Paths, frames: u64, changes: &[Change]) -> u64 {
+    if kept(changes).is_none() {
+        return frames;
+    }
+    let mut seen: Vec<u64> = paths.smoothed.iter().map(|row| row.frame).collect();
+    seen.dedup();
+    seen.len() as u64
+}
+
+/// The change as it can be made to these paths, beside those in force: its seconds are brought within the recording.
+///
+/// # Errors
+/// It names a tool that is not there, lies outside the recording, changes nothing, or leaves nothing.
+pub fn fitting(paths: &Paths, in_force: &EditsInForce, new: Change) -> Result<Change, Invalid> {
+    let Some([first, last]) = recorded(paths) else {
+        return Err(Invalid::new("from_s", "cannot be met: the recording has no path"));
+    };
+    let within = |[from, to]: [f64; 2]| {
+        if from < last && to > first {
+            return Ok([from.max(first), to.min(last)]);
+        }
+        Err(Invalid::new(
+            "from_s",
+            format!("and `to_s` lie outside the recording, which is from {first:.2} to {last:.2} s"),
+        ))
+    };
+    match new {
+        Change::SetAside => Ok(new),
+        Change::Swap(tools, span) => {
+            if let Some(unknown) = tools.iter().find(|tool| !paths.tools.contains(tool)) {
+                let known = paths.tools.join("`, `");
+                return Err(Invalid::new("tools", format!("names `{unknown}`; the session's tools are `{known}`")));
+            }
+            let span = within(span)?;
+            let has_rows = paths.smoothed.iter().any(|row| is_within(row.time_s, span));
+            if has_rows {
+                Ok(Change::Swap(tools, span))
+            } else {
+                Err(Invalid::new("from_s", "and `to_s` have no path between them"))
+            }
+        }
+        Change::Trim(span) => {
+            let span = within(span)?;
+            if span == [first, last] {
+                return Err(Invalid::new("from_s", "and `to_s` are the whole recording: nothing would be cut off"));
+            }
+            let all: Vec<Change> = in_force.changes.iter().cloned().chain([Change::Trim(span)]).collect();
+            let [from, to] = kept(&all).unwrap_or(span);
+            let has_rows = paths.smoothed.iter().any(|row| row.observed && is_within(row.time_s, [from, to]));
+            if to - from >= LEAST_KEPT_S && has_rows {
+                return Ok(Change::Trim(span));
+            }
+            let why = format!(
+                "would leave too little: keep at least {LEAST_KEPT_S} s of what other edits keep, with a tool in it"
+            );
+            Err(Invalid::new("to_s", why))
+        }
+    }
+}
+
+/// First and last second of a recording.
+fn recorded(paths: &Paths) -> Option<[f64; 2]> {
+    let ends = |first: Option<f64>, last: Option<f64>| Some([first?, last?]);
+    let rows = &paths.smoothed;
+    ends(paths.frame_times_s.first().copied(), paths.frame_times_s.last().copied())
+        .or_else(|| ends(rows.first().map(|row| row.time_s), rows.last().map(|row| row.time_s)))
+}
+
+fn is_within(time_s: f64, [from, to]: [f64; 2]) -> bool {
+    (from..=to).contains(&time_s)
+}
+
+fn share_of(number: u64, part: u64, whole: u64) -> u64 {
+    if whole == 0 { number } else { (number as f64 * part as f64 / whole as f64).round() as u64 }
+}
+
+/// Which tools change names, when.
+pub struct Swaps(Vec<([u32; 2], [f64; 2])>);
+
+impl Swaps {
+    /// Of these changes.
+    pub fn of(paths: &Paths, changes: &[Change]) -> Self {
+        let index = |name: &String| paths.tools.iter().position(|tool| tool == name).map(|index| index as u32);
+        let swap = |change: &Change| match change {
+            Change::Swap([one, other], span) => Some(([index(one)?, index(other)?], *span)),
+            Change::Trim(_) | Change::SetAside => None,
+        };
+        Self(changes.iter().filter_map(swap).collect())
+    }
+
+    /// Is nothing exchanged?
+    pub fn is_none(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Under which name a tool goes at this time.
+    pub fn name_at(&self, tool: u32, time_s: f64) -> u32 {
+        let in_time = self.0.iter().filter(|(_, span)| is_within(time_s, *span));
+        in_time.fold(tool, |tool, ([one, other], _)| match tool {
+            t if t == *one => *other,
+            t if t == *other => *one,
+            t => t,
+        })
+    }
+}
+
+/// The tracker's summary of what is left.
+fn summary(
+    whole: &QualityShape,
+    (paths, smoothed): (&Paths, &[PathRow]),
+    (span, swaps): ([f64; 2], &Swaps),
+    unmeasured: &[(u64, u32, ReasonShape)],
+) -> QualityShape {
+    // Frames are numbered from 0, and each has its time.
+    let times = &paths.frame_times_s;
+    let left = |frame: u64| times.get(frame as usize).is_some_and(|time_s| is_within(*time_s, span));
+    let frames = times.iter().filter(|time_s| is_within(**time_s, span)).count() as u64;
+    let name_at = |tool: u32, frame: u64| times.get(frame as usize).map_or(tool, |time_s| swaps.name_at(tool, *time_s));
+    let mut counts = vec![[0u64; 2]; whole.tools.len()];
+    for row in smoothed {
+        if let Some(count) = counts.get_mut(row.tool as usize) {
+            count[usize::from(!row.observed)] += 1;
+        }
+    }
+    let mut reasons = vec![BTreeMap::<ReasonShape, u64>::new(); whole.tools.len()];
+    for (frame, tool, reason) in unmeasured.iter().filter(|(frame, ..)| left(*frame)) {
+        if let Some(of_tool) = reasons.get_mut(name_at(*tool, *frame) as usize) {
+            *of_tool.entry(*reason).or_default() += 1;
+        }
+    }
+    let mut gaps = vec![Vec::new(); whole.tools.len()];
+    for (index, tool) in whole.tools.iter().enumerate() {
+        for &(first, last, reason) in &tool.gaps {
+            let frames = (first..=last).filter(|frame| left(*frame));
+            frames.for_each(|frame| add_to(&mut gaps, name_at(index as u32, frame), (frame, reason)));
+        }
+    }
+    gaps.iter_mut().for_each(|of_tool| of_tool.sort_by_key(|gap| gap.0));
+    let tool = |(index, tool): (usize, &ToolQualityShape)| {
+        let [observed, predicted] = counts[index];
+        ToolQualityShape {
+            observed_predicted_missing: [observed, predicted, frames.saturating_sub(observed + predicted)],
+            reasons: std::mem::take(&mut reasons[index]).into_iter().collect(),
+            gaps: std::mem::take(&mut gaps[index]),
+            ..tool.clone()
+        }
+    };
+    QualityShape {
+        frames,
+        frames_interlaced: share_of(whole.frames_interlaced, frames, whole.frames),
+        tools: whole.tools.iter().enumerate().map(tool).collect(),
+        light: whole.light.iter().copied().filter(|[time_s, ..]| is_within(*time_s, span)).collect(),
+    }
+}
+
+/// Adds a frame to a tool's gaps: to the one that it goes on, or as the first of another.
+fn add_to(gaps: &mut [Vec<(u64, u64, Option<ReasonShape>)>], tool: u32, (frame, reason): (u64, Option<ReasonShape>)) {
+    let Some(gaps) = gaps.get_mut(tool as usize) else { return };
+    match gaps.last_mut() {
+        Some(last) if last.1 + 1 == frame && last.2 == reason => last.1 = frame,
+        _ => gaps.push((frame, frame, reason)),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,174 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::analysis::paths::Tracked;
+
+const FRAMES: u64 = 250;
+const STEP_S: f64 = 0.04;
+
+fn row(frame: u64, tool: u32) -> PathRow {
+    PathRow {
+        frame,
+        time_s: frame as f64 * STEP_S,
+        tool,
+        tip_mm: [frame as f64, f64::from(tool), 150.0],
+        velocity_mm_s: Some([25.0, 0.0, 0.0]),
+        axis: None,
+        tip_px: None,
+        sigma_xy_mm: Some(0.1),
+        sigma_z_mm: Some(0.5),
+        observed: frame % 10 != 9,
+    }
+}
+
+/// Ten seconds of two tools; cyan is out of view from frame 100 to 149, for a reason from 120 on.
+fn paths() -> (Paths, Unmeasured) {
+    let is_there = |frame: u64, tool: u32| tool == 0 || !(100..150).contains(&frame);
+    let rows: Vec<PathRow> = (0..FRAMES)
+        .flat_map(|f| [0, 1].map(|t| (f, t)))
+        .filter(|(f, t)| is_there(*f, *t))
+        .map(|(f, t)| row(f, t))
+        .collect();
+    let gaps = vec![(100, 119, None), (120, 149, Some(ReasonShape::TooSmall))];
+    let tool = |gaps: Vec<_>| {
+        let missing: u64 = gaps.iter().map(|(first, last, _)| last - first + 1).sum();
+        let predicted = rows.iter().filter(|row| row.tool == u32::from(missing > 0) && !row.observed).count() as u64;
+        ToolQualityShape {
+            observed_predicted_missing: [FRAMES - missing - predicted, predicted, missing],
+            reasons: if missing > 0 { vec![(ReasonShape::TooSmall, 30)] } else { Vec::new() },
+            border_residual_px: Some(0.2),
+            passing_depth_mm: Some(0.3),
+            effective_diameter: None,
+            gaps,
+            colour: [None, None],
+            fulcrum: None,
+        }
+    };
+    let quality = QualityShape {
+        frames: FRAMES,
+        frames_interlaced: 50,
+        tools: vec![tool(Vec::new()), tool(gaps)],
+        light: (0..10).map(|second| [f64::from(second), 1.0, 0.0, 0.0]).collect(),
+    };
+    let paths = Paths {
+        tools: vec!["orange".to_owned(), "cyan".to_owned()],
+        frame_times_s: (0..FRAMES).map(|frame| frame as f64 * STEP_S).collect(),
+        raw: rows.clone(),
+        filtered: rows.clone(),
+        smoothed: rows,
+        tracking: Some(Tracked { quality, frames_expected: Some(500) }),
+    };
+    (paths, (120..150).map(|frame| (frame, 1, ReasonShape::TooSmall)).collect())
+}
+
+fn pair() -> [String; 2] {
+    ["orange".to_owned(), "cyan".to_owned()]
+}
+
+fn counts(paths: &Paths, tool: usize) -> [u64; 3] {
+    paths.tracking.as_ref().unwrap().quality.tools[tool].observed_predicted_missing
+}
+
+#[test]
+fn a_trim_leaves_what_lies_within_and_counts_that_alone() {
+    let (paths, unmeasured) = paths();
+    let left = edited(&paths, &[Change::Trim([4.4, 8.0])], &unmeasured); // frames 110 to 200
+    assert_eq!((left.smoothed.first().unwrap().frame, left.smoothed.last().unwrap().frame), (110, 200));
+    assert_eq!([&left.raw, &left.filtered].map(Vec::len), [left.smoothed.len(); 2]);
+    assert_eq!((left.frame_times_s.len(), left.frame_times_s[0]), (91, 4.4));
+    let quality = &left.tracking.as_ref().unwrap().quality;
+    assert_eq!(
+        (quality.frames, left.tracking.as_ref().unwrap().frames_expected),
+        (91, Some(182)),
+        "half is cut, as ever"
+    );
+    assert_eq!(quality.frames_interlaced, 18, "a fifth, as ever");
+    assert_eq!((quality.light[0][0], quality.light.len()), (5.0, 4));
+    assert_eq!(quality.tools[1].gaps, [(110, 119, None), (120, 149, Some(ReasonShape::TooSmall))]);
+    assert_eq!((counts(&left, 0), counts(&left, 1)), ([82, 9, 0], [46, 5, 40]));
+    assert_eq!(quality.tools[1].reasons, [(ReasonShape::TooSmall, 30)]);
+    let late = edited(&paths, &[Change::Trim([5.2, 8.0])], &unmeasured); // from frame 130
+    assert_eq!(late.tracking.unwrap().quality.tools[1].reasons, [(ReasonShape::TooSmall, 20)]);
+}
+
+#[test]
+fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
+    let (paths, unmeasured) = paths();
+    let left = edited(&paths, &[Change::Swap(pair(), [4.8, 9.96])], &unmeasured); // frames 120 to 249
+    let tools = &left.tracking.as_ref().unwrap().quality.tools;
+    assert_eq!(tools[0].gaps, [(120, 149, Some(ReasonShape::TooSmall))]);
+    assert_eq!(tools[1].gaps, [(100, 119, None)]);
+    assert_eq!((tools[0].reasons.len(), tools[1].reasons.len()), (1, 0));
+    let of = |frame: u64, tool: u32| left.smoothed.iter().find(|row| (row.frame, row.tool) == (frame, tool));
+    assert_eq!(of(50, 0).unwrap().tip_mm[1], 0.0);
+    assert_eq!(of(200, 0).unwrap().tip_mm[1], 1.0, "what was cyan is orange now");
+    assert!(of(130, 0).is_none() && of(130, 1).is_some());
+    assert!(left.smoothed.is_sorted_by_key(|row| (row.frame, row.tool)));
+    assert_eq!(
+        edited_path(&paths, Kind::Smoothed, &[Change::Swap(pair(), [4.8, 9.96]), Change::Trim([1.0, 6.0])]),
+        edited(&paths, &[Change::Swap(pair(), [4.8, 9.96]), Change::Trim([1.0, 6.0])], &unmeasured)
+            .trajectory(Kind::Smoothed)
+    );
+}
+
+#[test]
+fn stored_diagnostics_tell_the_same_reasons_as_what_was_seen() {
+    let seen: Vec<SeenRow> = (0..9)
+        .map(|frame| SeenRow {
+            frame,
+            tool: (frame % 2) as u32,
+            reason: ReasonShape::ALL.get(frame as usize).copied(),
+            borders_px: None,
+            tip_px: None,
+        })
+        .collect();
+    let tools = pair();
+    let json = super::super::diagnostics::Diagnostics::new((640, 480), &tools, &seen).to_json().unwrap();
+    assert_eq!(unmeasured_of_diagnostics(&json), unmeasured(&seen));
+    assert_eq!(unmeasured(&seen).len(), 9, "every reason has its name");
+    assert!(unmeasured_of_diagnostics(b"no json").is_empty());
+}
+
+#[test]
+fn an_edit_is_brought_within_the_recording_or_refused() {
+    let (paths, _) = paths();
+    let fits = |in_force: Vec<Change>, new| fitting(&paths, &EditsInForce { revision: 1, changes: in_force }, new);
+    let trim = Change::Trim;
+    assert_eq!(fits(vec![], trim([3.0, 999.0])), Ok(trim([3.0, 249.0 * STEP_S])));
+    for (in_force, new) in [
+        (vec![], trim([100.0, 200.0])),
+        (vec![], trim([0.0, 999.0])),
+        (vec![], trim([3.0, 3.5])),
+        (vec![trim([0.0, 4.0])], trim([5.0, 9.0])),
+        (vec![trim([0.0, 4.0])], trim([3.5, 9.0])),
+        (vec![], Change::Swap(["orange".to_owned(), "green".to_owned()], [0.0, 5.0])),
+        (vec![], Change::Swap(pair(), [50.0, 60.0])),
+        (vec![], Change::Swap(pair(), [3.001, 3.002])),
+    ] {
+        assert!(fits(in_force.clone(), new.clone()).is_err(), "{in_force:?} {new:?}");
+    }
+    let (no_rows, free) = (Paths { smoothed: vec![], frame_times_s: vec![], ..paths.clone() }, EditsInForce::default());
+    assert!(fitting(&no_rows, &free, trim([1.0, 5.0])).is_err());
+    assert_eq!(fits(vec![trim([2.0, 9.0])], trim([1.0, 8.0])), Ok(trim([1.0, 8.0])), "they may overlap");
+}
+
+proptest! {
+    #[test]
+    fn a_swap_made_twice_is_none_and_a_trim_comes_before_or_after(from in 0.0..8.0f64, for_s in 1.0..5.0f64, at in 0.0..9.0f64) {
+        let (paths, unmeasured) = paths();
+        let swap = Change::Swap(pair(), [at, at + 3.0]);
+        let twice = edited(&paths, &[swap.clone(), swap.clone()], &unmeasured);
+        prop_assert_eq!(&twice.smoothed, &paths.smoothed);
+        prop_assert_eq!(&twice.tracking, &paths.tracking);
+        let trim = Change::Trim([from, from + for_s]);
+        let both = [[swap.clone(), trim.clone()], [trim, swap]].map(|changes| edited(&paths, &changes, &unmeasured));
+        prop_assert_eq!(&both[0], &both[1]);
+        // Every frame is measured, bridged or missing, and each gap is missing.
+        for tool in &both[0].tracking.as_ref().unwrap().quality.tools {
+            let [observed, predicted, missing] = tool.observed_predicted_missing;
+            prop_assert_eq!(observed + predicted + missing, both[0].frame_times_s.len() as u64);
+            prop_assert_eq!(tool.gaps.iter().map(|(first, last, _)| last - first + 1).sum::<u64>(), missing);
+            prop_assert!(tool.gaps.is_sorted_by(|a, b| a.1 < b.0));
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Fewer rows that draw the same curves: for a page that shows twenty minutes on a thousand pixels.
+//!
+//! Each tool's rows are split into stretches of equal time; of each, the first row stays and those where x, y, z or speed is least
+//! and greatest, so that no spike is lost, whatever curve is drawn. A tool's absence stays one where it is as long as half a
+//! stretch; shorter ones are finer than the picture.
+
+use crate::pipeline::trajectory::{Sample, Trajectory};
+
+/// Rows that a stretch leaves at most: its first, and two extremes of four numbers.
+const OF_A_STRETCH: usize = 9;
+
+/// A trajectory with fewer rows, and behind which of them a tool was absent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thinned {
+    /// The rows that are left.
+    pub trajectory: Trajectory,
+    /// For each: was its tool absent between the row before and this one?
+    pub after_gap: Vec<bool>,
+    /// Were any rows left out?
+    pub is_thinned: bool,
+}
+
+/// At most about so many rows of each tool. Fewer than that stay all.
+pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
+    let stretches = (rows_of_a_tool / OF_A_STRETCH).max(1);
+    let ends = trajectory.samples.first().zip(trajectory.samples.last());
+    let [begin_s, end_s] = ends.map_or([0.0; 2], |(first, last)| [first.time_s, last.time_s]);
+    let stretch_s = (end_s - begin_s) / stretches as f64;
+    let frames = ends.map_or(0, |(first, last)| last.frame - first.frame + 1);
+    // A tool that has more rows than asked for is thinned, and so are the others, so that one moment shows all of them alike.
+    let is_thinned = (0..trajectory.tools.len()).any(|tool| trajectory.of_tool(tool).count() > rows_of_a_tool);
+    let least_gap = if is_thinned { (frames / stretches as u64 / 2).max(2) } else { 2 };
+    let least_gap_s = if is_thinned { stretch_s / 2.0 } else { f64::INFINITY };
+    let mut left: Vec<(Sample, bool)> = Vec::new();
+    for tool in 0..trajectory.tools.len() {
+        let rows: Vec<&Sample> = trajectory.of_tool(tool).collect();
+        let mut before: Option<&Sample> = None;
+        let gap = |before: Option<&Sample>, row: &Sample| {
+            before.is_none_or(|b| row.frame - b.frame >= least_gap || row.time_s - b.time_s >= least_gap_s)
+        };
+        let gaps: Vec<bool> = rows.iter().map(|row| gap(before.replace(row), row)).collect();
+        let place = |row: &Sample| if is_thinned { ((row.time_s - begin_s) / stretch_s) as usize } else { 0 };
+        let mut first = 0;
+        while first < rows.len() {
+            // A stretch ends where the next begins, or where the tool goes.
+            let mut last = first;
+            while last + 1 < rows.len() && !gaps[last + 1] && place(rows[last + 1]) == place(rows[first]) {
+                last += 1;
+            }
+            let ends_here = gaps.get(last + 1).is_none_or(|is_gap| *is_gap);
+            let keep = if is_thinned { telling(&rows[first..=last], ends_here) } else { (0..=last - first).collect() };
+            left.extend(keep.into_iter().map(|index| (*rows[first + index], gaps[first + index])));
+            first = last + 1;
+        }
+    }
+    left.sort_by_key(|(row, _)| (row.frame, row.tool));
+    let (samples, after_gap) = left.into_iter().unzip();
+    let (tools, frame_times_s) = (trajectory.tools.clone(), trajectory.frame_times_s.clone());
+    Thinned { trajectory: Trajectory { tools, samples, frame_times_s }, after_gap, is_thinned }
+}
+
+/// The rows of a stretch that its curves cannot do without; its last one where the tool goes behind it.
+fn telling(rows: &[&Sample], ends_here: bool) -> Vec<usize> {
+    let numbers: [fn(&Sample) -> Option<f64>; 4] = [
+        |row| Some(row.tip_mm.x),
+        |row| Some(row.tip_mm.y),
+        |row| Some(row.tip_mm.z),
+        |row| row.velocity_mm_s.map(|v| v.norm()),
+    ];
+    let mut keep = vec![0];
+    for number in numbers {
+        let values = || rows.iter().enumerate().filter_map(|(index, row)| Some((index, number(row)?)));
+        keep.extend(values().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index));
+        keep.extend(values().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index));
+    }
+    keep.extend(ends_here.then_some(rows.len() - 1));
+    keep.sort_unstable();
+    keep.dedup();
+    keep
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::pipeline::trajectory::SampleState;
+
+    fn sample(frame: u64, tool: usize, x: f64) -> Sample {
+        Sample {
+            frame,
+            time_s: frame as f64 * 0.04,
+            tool,
+            tip_mm: Point3::new(x, -x, 150.0 + x / 2.0),
+            velocity_mm_s: Some(Vector3::new(x, 0.0, 0.0)),
+            axis: None,
+            tip_px: None,
+            sigma_xy_mm: None,
+            sigma_z_mm: None,
+            state: SampleState::Observed,
+        }
+    }
+
+    fn path(frames: u64, x: impl Fn(u64) -> Option<f64>) -> Trajectory {
+        let samples = (0..frames).filter_map(|frame| Some(sample(frame, 0, x(frame)?))).collect();
+        Trajectory { tools: vec!["orange".to_owned()], samples, frame_times_s: Vec::new() }
+    }
+
+    #[test]
+    fn a_short_path_stays_as_it_is_and_its_gaps_are_told() {
+        let all = path(100, |frame| (frame != 40).then_some(frame as f64));
+        let left = thinned(&all, 99);
+        assert_eq!((&left.trajectory, left.is_thinned), (&all, false));
+        let gaps: Vec<u64> =
+            all.samples.iter().zip(&left.after_gap).filter(|(_, gap)| **gap).map(|(s, _)| s.frame).collect();
+        assert_eq!(gaps, [0, 41]);
+        assert!(thinned(&path(0, |_| None), 100).trajectory.samples.is_empty());
+    }
+
+    #[test]
+    fn twenty_minutes_become_as_few_rows_as_asked_for_and_one_wild_frame_stays() {
+        let all = path(30_000, |frame| Some(if frame == 17_003 { 900.0 } else { (frame as f64 / 40.0).sin() }));
+        let left = thinned(&all, 2_000);
+        let count = left.trajectory.samples.len();
+        assert!(left.is_thinned && (500..=2_010).contains(&count), "{count}");
+        assert!(left.trajectory.samples.iter().any(|row| row.frame == 17_003));
+        assert_eq!(left.after_gap.iter().filter(|gap| **gap).count(), 1, "the beginning");
+    }
+
+    #[test]
+    fn an_absence_stays_one_and_a_flicker_does_not_swell_the_rows() {
+        let away = path(30_000, |frame| (!(9_000..12_000).contains(&frame)).then_some(1.0));
+        let left = thinned(&away, 2_000);
+        let after: Vec<u64> = left
+            .trajectory
+            .samples
+            .iter()
+            .zip(&left.after_gap)
+            .filter(|(_, gap)| **gap)
+            .map(|(s, _)| s.frame)
+            .collect();
+        assert_eq!(after, [0, 12_000]);
+        assert!(left.trajectory.samples.iter().any(|row| row.frame == 8_999), "the last sight");
+        let flickers = path(30_000, |frame| (frame % 3 != 0).then_some((frame as f64).sin()));
+        assert!(thinned(&flickers, 2_000).trajectory.samples.len() <= 2_010);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_left_reaches_as_far_as_all_rows_wherever_one_looks(seed in 0u64..1000, at in 0.0..0.7f64) {
+            let x = |frame: u64| ((frame * (2 * seed + 1)) % 977) as f64;
+            let all = path(9_000, |frame| Some(x(frame)));
+            let left = thinned(&all, 900);
+            // A fifth of the recording, and a stretch of 90 frames more on either side.
+            let from = 100 + (at * 8_000.0) as u64;
+            let most = |rows: &[Sample], from: u64, to: u64| {
+                let within = rows.iter().filter(|row| (from..to).contains(&row.frame)).map(|row| row.tip_mm.x);
+                within.fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x), high.max(x)])
+            };
+            let (true_most, left_most) =
+                (most(&all.samples, from, from + 600), most(&left.trajectory.samples, from - 91, from + 691));
+            prop_assert!(left_most[0] <= true_most[0] && left_most[1] >= true_most[1], "{left_most:?} {true_most:?}");
+            prop_assert!(left.trajectory.samples.iter().all(|row| all.samples.contains(row)), "nothing is made up");
+        }
+    }
+}

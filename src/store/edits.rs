@@ -1,0 +1,259 @@
+//! What people change about scored sessions: made and undone by staff, never deleted. Whoever sees the session sees what was changed,
+//! by whom and why.
+//!
+//! A trim or a swap makes a new result necessary, which is queued in the same transaction. Each that is made or undone is the next
+//! *revision* of the session's edits; a result says of which revision it is, so that one that was begun before is noticed
+//! ([`catch_up`]).
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found};
+use super::jobs::catch_up;
+use super::sessions::latest_result;
+use super::visibility::require_staff;
+use super::{Scope, Store};
+use crate::domain::edit::{Change, EditKind, EditsInForce, ScoreState};
+use crate::domain::job::JobState;
+use crate::domain::problem::Problem;
+use crate::domain::text::{Name, Remark};
+use crate::ids::{EditId, JobId, PersonId, SessionId};
+
+/// The edits.
+pub struct Edits<'s>(pub(super) &'s Store);
+
+/// Most edits of one session, those that were undone included.
+pub const MOST: i64 = 200;
+
+/// A change of a session.
+#[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
+pub struct Edit {
+    /// Its id.
+    pub id: EditId,
+    /// What is changed.
+    pub kind: EditKind,
+    /// From which second.
+    pub from_s: Option<f64>,
+    /// To which.
+    pub to_s: Option<f64>,
+    /// Which two tools change names.
+    #[sqlx(json(nullable))]
+    pub tools: Option<[String; 2]>,
+    /// Why.
+    pub why: Remark,
+    /// Who made it, if they are still here.
+    pub who: Option<Name>,
+    /// When, epoch ms.
+    pub created_at_ms: i64,
+    /// Who undid it, if they are still here.
+    pub undone_by: Option<Name>,
+    /// When it was undone, epoch ms; `None`: it is in force.
+    pub undone_at_ms: Option<i64>,
+}
+
+/// A session's edits, and how its score stands to them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SessionEdits {
+    /// All of them, the oldest first.
+    pub items: Vec<Edit>,
+    /// Trims and swaps made and undone so far.
+    pub revision: u64,
+    /// Is the score made with those in force?
+    pub score: ScoreState,
+    /// The work that makes it; `None` where it is made.
+    pub job: Option<JobId>,
+    /// Why it could not be made.
+    pub problem: Option<Problem>,
+}
+
+impl Edit {
+    /// What it changes.
+    pub fn change(&self) -> Option<Change> {
+        let span = self.from_s.zip(self.to_s).map(|(from, to)| [from, to]);
+        match (self.kind, span, &self.tools) {
+            (EditKind::Trim, Some(span), _) => Some(Change::Trim(span)),
+            (EditKind::Swap, Some(span), Some(tools)) => Some(Change::Swap(tools.clone(), span)),
+            (EditKind::SetAside, ..) => Some(Change::SetAside),
+            _ => None, // the schema has what each kind needs
+        }
+    }
+}
+
+/// Edits of session `$1` with all that an [`Edit`] says, the oldest first.
+const SELECT: &str =
+    "SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.why, maker.name AS who, edit.created_at_ms,
+            undoer.name AS undone_by, edit.undone_at_ms
+     FROM session_edit AS edit LEFT JOIN person AS maker ON maker.id = edit.person_id
+     LEFT JOIN person AS undoer ON undoer.id = edit.undone_by
+     WHERE edit.session_id = $1 ORDER BY edit.created_at_ms, edit.rowid LIMIT $2";
+
+impl Edits<'_> {
+    /// A session's edits.
+    pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SessionEdits> {
+        self.0.sessions().get(scope, session).await?;
+        let items: Vec<Edit> = sqlx::query_as(SELECT).bind(session).bind(MOST).fetch_all(self.0.readers()).await?;
+        let revision = revision_of(&items);
+        let of = |score| SessionEdits { items, revision, score, job: None, problem: None };
+        let made_with: Option<i64> =
+            sqlx::query_scalar(concat!("SELECT edits FROM result WHERE id = (", latest_result!(), ")"))
+                .bind(session)
+                .fetch_optional(self.0.readers())
+                .await?;
+        if made_with.is_none_or(|made_with| made_with.unsigned_abs() == revision) {
+            return Ok(of(ScoreState::Current));
+        }
+        let job = sqlx::query_as(
+            "SELECT id, state, problem FROM job WHERE session_id = $1 AND kind = 'rescore'
+             ORDER BY created_at_ms DESC, id DESC LIMIT 1",
+        );
+        let job: Option<(JobId, JobState, Option<Json<Problem>>)> =
+            job.bind(session).fetch_optional(self.0.readers()).await?;
+        Ok(match job {
+            None => of(ScoreState::Waiting),
+            Some((id, state, problem)) => SessionEdits {
+                job: Some(id),
+                problem: problem.map(|Json(problem)| problem).filter(|_| score_of(state) == ScoreState::Failed),
+                ..of(score_of(state))
+            },
+        })
+    }
+
+    /// What a session is to be scored with.
+    pub async fn in_force(&self, session: SessionId) -> StoreResult<EditsInForce> {
+        let items: Vec<Edit> = sqlx::query_as(SELECT).bind(session).bind(MOST).fetch_all(self.0.readers()).await?;
+        let changes = items.iter().filter(|edit| is_of_path(edit.kind) && edit.undone_at_ms.is_none());
+        Ok(EditsInForce { revision: revision_of(&items), changes: changes.filter_map(Edit::change).collect() })
+    }
+
+    /// Makes an edit. With `seen`, only if nobody has made or undone a trim or a swap since that revision.
+    pub async fn add(
+        &self,
+        scope: &Scope,
+        session: SessionId,
+        (change, why): (Change, Remark),
+        seen: Option<u64>,
+    ) -> StoreResult<Edit> {
+        self.0.sessions().get(scope, session).await?;
+        require_staff(scope, "editing sessions")?;
+        let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        let id = EditId::at(now_ms);
+        self.0
+            .write(async move |tx| {
+                let kind = change.kind();
+                refuse_if_open(tx, session, kind).await?;
+                let now = revision(tx, session).await?;
+                if is_of_path(kind) && seen.is_some_and(|seen| seen != now) {
+                    return Err(StoreError::refused(
+                        "somebody else has edited it meanwhile: look at the session again, then decide",
+                    ));
+                }
+                insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
+                catch_up(tx, session, now_ms, attempts).await?;
+                note(tx, &by, now_ms, (kind.name(), "session"), session).await
+            })
+            .await?;
+        self.one(scope, session, id).await
+    }
+
+    /// Undoes an edit; one that is undone already stays as it is.
+    pub async fn undo(&self, scope: &Scope, session: SessionId, id: EditId) -> StoreResult<Edit> {
+        let edit = self.one(scope, session, id).await?;
+        require_staff(scope, "editing sessions")?;
+        let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        self.0
+            .write(async move |tx| {
+                refuse_if_open(tx, session, edit.kind).await?;
+                let update = sqlx::query(
+                    "UPDATE session_edit SET undone_at_ms = max($2, created_at_ms), undone_by = $3
+                     WHERE id = $1 AND undone_at_ms IS NULL",
+                );
+                let update = update.bind(id).bind(now_ms).bind(by.person()).execute(&mut *tx).await?;
+                if update.rows_affected() == 0 {
+                    return Ok(());
+                }
+                catch_up(tx, session, now_ms, attempts).await?;
+                note(tx, &by, now_ms, ("undo", "session_edit"), id).await
+            })
+            .await?;
+        self.one(scope, session, id).await
+    }
+
+    async fn one(&self, scope: &Scope, session: SessionId, id: EditId) -> StoreResult<Edit> {
+        let all = self.of_session(scope, session).await?.items;
+        all.into_iter().find(|edit| edit.id == id).ok_or(not_found("edit"))
+    }
+}
+
+async fn insert(
+    tx: &mut SqliteConnection,
+    (id, session, person): (EditId, SessionId, Option<PersonId>),
+    change: &Change,
+    why: Remark,
+    now_ms: i64,
+) -> StoreResult<()> {
+    let [from_s, to_s] = change.span().map_or([None; 2], |span| span.map(Some));
+    let tools = match change {
+        Change::Swap(tools, _) => Some(Json(tools)),
+        Change::Trim(_) | Change::SetAside => None,
+    };
+    let insert = sqlx::query(
+        "INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, why, created_at_ms)
+         SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9 WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $10",
+    );
+    let insert = insert.bind(id).bind(session).bind(person).bind(change.kind()).bind(from_s).bind(to_s).bind(tools);
+    let insert = insert.bind(why).bind(now_ms).bind(MOST).execute(tx).await.map_err(twice_or_missing)?;
+    match insert.rows_affected() {
+        0 => Err(StoreError::refused(format!(
+            "the session was edited {MOST} times; no more edits are kept of one session"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn twice_or_missing(error: sqlx::Error) -> StoreError {
+    match error.as_database_error() {
+        Some(e) if e.is_unique_violation() => StoreError::refused("the session is set aside already"),
+        _ => missing("session")(error),
+    }
+}
+
+/// A path can be edited once there is one, and while no other is being made.
+async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: EditKind) -> StoreResult<()> {
+    if !is_of_path(kind) {
+        return Ok(());
+    }
+    let sql = "SELECT state FROM job WHERE session_id = $1 AND turn < 2 ORDER BY created_at_ms DESC, id DESC LIMIT 1";
+    let state: Option<JobState> = sqlx::query_scalar(sql).bind(session).fetch_optional(&mut *tx).await?;
+    if matches!(state, Some(JobState::Queued | JobState::Running)) {
+        return Err(StoreError::refused("the session is being tracked: wait until it is scored, then edit it"));
+    }
+    let result: Option<String> = sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(tx).await?;
+    result.map(drop).ok_or_else(|| StoreError::refused("the session has no path yet that could be edited"))
+}
+
+/// Does the score depend on edits of this kind? What is set aside keeps the score that it has.
+fn is_of_path(kind: EditKind) -> bool {
+    kind != EditKind::SetAside
+}
+
+fn score_of(state: JobState) -> ScoreState {
+    match state {
+        JobState::Running => ScoreState::Working,
+        JobState::Failed | JobState::Quarantined => ScoreState::Failed,
+        JobState::Queued | JobState::Done => ScoreState::Waiting, // done: the next one is queued at once
+    }
+}
+
+/// Trims and swaps made and undone: it only ever grows.
+fn revision_of(items: &[Edit]) -> u64 {
+    let of = |edit: &Edit| if is_of_path(edit.kind) { 1 + u64::from(edit.undone_at_ms.is_some()) } else { 0 };
+    items.iter().map(of).sum()
+}
+
+/// The same, in a transaction.
+pub(super) async fn revision(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<u64> {
+    let sql = "SELECT count(*) + count(undone_at_ms) FROM session_edit WHERE session_id = $1 AND kind <> 'set_aside'";
+    let revision: i64 = sqlx::query_scalar(sql).bind(session).fetch_one(tx).await?;
+    Ok(revision.unsigned_abs())
+}

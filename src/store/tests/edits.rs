@@ -1,0 +1,195 @@
+//! Edits of sessions: which result counts, whoever is quicker; and what counts no more.
+
+use std::time::Duration;
+
+use serde_json::json;
+
+use crate::domain::edit::{Change, ScoreState};
+use crate::domain::feature::FeatureKey;
+use crate::domain::job::JobInput;
+use crate::domain::problem::Problem;
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::session::{FeatureSpace, NewResult, NewScore};
+use crate::domain::text::Key;
+use crate::ids::{SessionId, TraineeId};
+use crate::pipeline::PIPELINE_VERSION;
+use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::store::{Edit, Lease, PageRequest, SessionResult, StoreError};
+
+const TRIM: Change = Change::Trim([2.0, 5.0]);
+
+async fn add(centre: &Centre, session: SessionId, change: Change) -> Result<Edit, StoreError> {
+    let why = "It began late.".parse().unwrap();
+    centre.clock.advance(Duration::from_millis(1));
+    centre.store.edits().add(&Scope::service(), session, (change, why), None).await
+}
+
+async fn practised() -> (Centre, TraineeId, SessionId) {
+    let centre = Centre::ready().await;
+    let ana = centre.trainee("Ana").await.id;
+    let session = centre.practised(ana, NOW_MS, vec![duration(40.0, 1.0)]).await.id;
+    (centre, ana, session)
+}
+
+/// Ends the work with this duration and the edits of that state.
+async fn score(centre: &Centre, lease: &Lease, seconds: f64, edits: u64) {
+    let JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
+    centre.clock.advance(Duration::from_millis(1)); // the newest counts
+    let score = NewScore {
+        from: input.result,
+        pipeline: PIPELINE_VERSION.to_owned(),
+        tracked_with: Some("1".to_owned()),
+        edits,
+        features: vec![duration(seconds, 1.0)],
+        evidence: Vec::new(),
+        quality: json!({}),
+    };
+    centre.store.jobs().finish_rescore(lease, score).await.unwrap();
+}
+
+async fn counting(centre: &Centre, session: SessionId) -> SessionResult {
+    centre.store.sessions().result(&Scope::service(), session).await.unwrap().unwrap()
+}
+
+async fn score_state(centre: &Centre, session: SessionId) -> ScoreState {
+    centre.store.edits().of_session(&Scope::service(), session).await.unwrap().score
+}
+
+#[tokio::test]
+async fn each_edit_and_each_undoing_makes_one_result_and_the_last_counts() {
+    let (centre, _, session) = practised().await;
+    let edit = add(&centre, session, TRIM).await.unwrap();
+    assert_eq!(score_state(&centre, session).await, ScoreState::Waiting);
+    let lease = centre.claim().await.unwrap();
+    assert_eq!(score_state(&centre, session).await, ScoreState::Working);
+    let in_force = centre.store.edits().in_force(session).await.unwrap();
+    assert_eq!((in_force.revision, in_force.changes), (1, vec![TRIM]));
+    score(&centre, &lease, 3.0, 1).await;
+    assert_eq!((counting(&centre, session).await.edits, score_state(&centre, session).await), (1, ScoreState::Current));
+
+    centre.store.edits().undo(&Scope::service(), session, edit.id).await.unwrap();
+    centre.store.edits().undo(&Scope::service(), session, edit.id).await.unwrap();
+    assert!(centre.store.edits().in_force(session).await.unwrap().changes.is_empty());
+    score(&centre, &centre.claim().await.unwrap(), 40.0, 2).await;
+    assert_eq!(counting(&centre, session).await.edits, 2);
+    assert_eq!((centre.store.count_results().await, centre.claim().await), (3, None), "undone once");
+    let audit = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap().items;
+    let noted =
+        |action: &str, subject: String| audit.iter().filter(|e| e.action == action && e.subject == subject).count();
+    assert_eq!((noted("trim", session.to_string()), noted("undo", edit.id.to_string())), (1, 1));
+}
+
+#[tokio::test]
+async fn a_score_that_was_begun_before_an_edit_is_thrown_away_and_the_edits_own_follows() {
+    let (centre, _, session) = practised().await;
+    add(&centre, session, TRIM).await.unwrap();
+    let stale = centre.claim().await.unwrap();
+    add(&centre, session, Change::Trim([3.0, 5.0])).await.unwrap();
+    score(&centre, &stale, 3.0, 1).await;
+    assert_eq!((counting(&centre, session).await.edits, centre.store.count_results().await), (0, 1));
+    score(&centre, &centre.claim().await.unwrap(), 2.0, 2).await;
+    assert_eq!((counting(&centre, session).await.edits, score_state(&centre, session).await), (2, ScoreState::Current));
+}
+
+#[tokio::test]
+async fn a_recording_that_is_tracked_again_keeps_its_edits_also_where_one_came_meanwhile() {
+    let (centre, _, session) = practised().await;
+    add(&centre, session, TRIM).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
+    centre.calibrate().await;
+    centre.clock.advance(Duration::from_millis(1));
+    centre.store.sessions().retry(&Scope::service(), session).await.unwrap();
+    let refused = add(&centre, session, TRIM).await;
+    assert!(matches!(refused, Err(StoreError::Refused { .. })), "while it is tracked: {refused:?}");
+    // Its result is of before the trim: as if the trim had come while it was assessed.
+    let lease = centre.claim().await.unwrap();
+    centre.clock.advance(Duration::from_millis(1));
+    centre.store.jobs().finish_track(&lease, centre.result(session).await).await.unwrap();
+    assert_eq!(score_state(&centre, session).await, ScoreState::Waiting, "it is scored again by itself");
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
+    assert_eq!((counting(&centre, session).await.edits, score_state(&centre, session).await), (1, ScoreState::Current));
+
+    // A result that knows the edits leaves nothing to do.
+    centre.calibrate().await;
+    centre.clock.advance(Duration::from_millis(1));
+    centre.store.sessions().retry(&Scope::service(), session).await.unwrap();
+    let result = NewResult { edits: 1, ..centre.result(session).await };
+    centre.store.jobs().finish_track(&centre.claim().await.unwrap(), result).await.unwrap();
+    assert_eq!((score_state(&centre, session).await, centre.claim().await), (ScoreState::Current, None));
+}
+
+#[tokio::test]
+async fn work_that_fails_says_so_and_the_old_score_stays() {
+    let (centre, _, session) = practised().await;
+    add(&centre, session, TRIM).await.unwrap();
+    let lease = centre.claim().await.unwrap();
+    centre.store.jobs().fail(&lease, Problem::new("input-gone", "Gone", "because")).await.unwrap();
+    let edits = centre.store.edits().of_session(&Scope::service(), session).await.unwrap();
+    assert_eq!((edits.score, edits.job), (ScoreState::Failed, Some(lease.job.id)));
+    assert_eq!(edits.problem.unwrap().slug, "input-gone");
+    let seen = centre.store.sessions().get(&Scope::service(), session).await.unwrap();
+    assert_eq!((seen.status().name(), counting(&centre, session).await.edits), ("done", 0));
+}
+
+#[tokio::test]
+async fn two_who_edit_at_once_do_not_overlook_each_other() {
+    let (centre, _, session) = practised().await;
+    let (edits, service) = (centre.store.edits(), Scope::service());
+    let why = || "Why.".parse().unwrap();
+    edits.add(&service, session, (TRIM, why()), Some(0)).await.unwrap();
+    let late = edits.add(&service, session, (TRIM, why()), Some(0)).await;
+    assert!(matches!(late, Err(StoreError::Refused { .. })), "{late:?}");
+    edits.add(&service, session, (Change::SetAside, why()), Some(0)).await.unwrap();
+    edits.add(&service, session, (TRIM, why()), Some(1)).await.unwrap();
+}
+
+#[tokio::test]
+async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts() {
+    let (centre, ana, first) = practised().await;
+    let second = centre.practised(ana, NOW_MS + 1, vec![duration(90.0, 1.0)]).await.id;
+    let service = Scope::service();
+    let new = serde_json::from_value(json!({"name": "Listed", "members": [ana]})).unwrap();
+    let cohort = centre.store.cohorts().create(&service, new).await.unwrap();
+    let key = FeatureKey { feature: "duration".to_owned(), tool: None, space: FeatureSpace::Space3d };
+    let values = async || {
+        let rows = centre.store.cohorts().values(cohort.id, centre.task.id, 1, &[key.clone()]).await.unwrap();
+        rows.iter().map(|row| row.value).collect::<Vec<f64>>()
+    };
+    let level = serde_json::from_value(json!({"level": "novice"})).unwrap();
+    centre.store.trainees().change(&service, &Key::from(&ana), level).await.unwrap();
+    let declared = async || centre.store.skill_models().declared(centre.task.id, "1", 9, 9).await.unwrap().len();
+    assert_eq!((values().await, declared().await), (vec![90.0], 2));
+    let edit = add(&centre, second, Change::SetAside).await.unwrap();
+    assert_eq!((values().await, declared().await), (vec![40.0], 1), "the last one that counts");
+    let practice = centre.store.sessions().practice(&service, ana, centre.task.id, &["duration"], 9).await.unwrap();
+    let told: Vec<(SessionId, bool)> = practice.sessions.iter().map(|one| (one.id, one.is_set_aside)).collect();
+    assert_eq!(told, [(first, false), (second, true)]);
+    let rated = centre.store.ratings().values(&service, &[first, second]).await.unwrap();
+    assert!(rated.iter().all(|value| value.session == first) && !rated.is_empty());
+    centre.store.edits().undo(&service, second, edit.id).await.unwrap();
+    assert_eq!((values().await, declared().await), (vec![90.0], 2));
+    assert_eq!(centre.claim().await, None, "no score depends on it");
+}
+
+#[tokio::test]
+async fn trainees_see_edits_and_make_none_and_nobody_sees_a_strangers() {
+    let (centre, ana, session) = practised().await;
+    let eve = centre.trainee("Eve").await;
+    let own = centre.person("ana", Role::Trainee, Some(ana)).await.scope();
+    let other = centre.person("eve", Role::Trainee, Some(eve.id)).await.scope();
+    let teacher = centre.person("ines", Role::Instructor, None).await;
+    let edit = add(&centre, session, TRIM).await.unwrap();
+    let edits = centre.store.edits();
+    assert_eq!(edits.of_session(&own, session).await.unwrap().items, [edit.clone()]);
+    let refused = edits.undo(&own, session, edit.id).await;
+    assert!(matches!(refused, Err(StoreError::Forbidden { .. })));
+    for scope in [other, teacher.scope()] {
+        assert!(matches!(edits.of_session(&scope, session).await, Err(StoreError::NotFound { .. })));
+        assert!(matches!(edits.undo(&scope, session, edit.id).await, Err(StoreError::NotFound { .. })));
+        let made = edits.add(&scope, session, (TRIM, "Why.".parse().unwrap()), None).await;
+        assert!(matches!(made, Err(StoreError::NotFound { .. })));
+    }
+    centre.store.sessions().erase(&Scope::service(), session).await.unwrap();
+    assert_eq!(centre.store.check().await.unwrap(), Vec::<String>::new(), "erased with its session");
+}

@@ -1,0 +1,255 @@
+//! Trims, swapped names and sessions that are set aside: made, followed by the score, undone.
+
+use reqwest::{Method, StatusCode, header};
+use serde_json::{Value, json};
+
+use super::centre::{Centre, recording, session};
+use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
+use crate::support::{Client, Service, problem, read, soon};
+
+const MISSING: &str = "0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44";
+
+async fn at_work() -> Centre {
+    Centre::open_in(
+        Service::start_with(|settings| {
+            settings.workers = 1;
+            settings.rescoring.look_ms = 10;
+        })
+        .await,
+    )
+    .await
+}
+
+/// Two tools that go to and fro for twenty seconds, 25 frames a second, the right one three times as far.
+async fn imported(centre: &Centre) -> String {
+    let mut table = "frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm\n".to_owned();
+    for frame in 0..500 {
+        let time = f64::from(frame) * 0.04;
+        for (tool, reach) in [("left", 20.0), ("right", 60.0)] {
+            let x = reach * (time * 1.3).sin();
+            table += &format!("{frame},{time},{tool},{x},{},150,0.1,0.4\n", 20.0 * (time * 0.7).cos());
+        }
+    }
+    let path = "/api/v1/sessions/import?task=peg&box=box-1&trainee=ada";
+    let request = centre.instructor.request(Method::POST, path).header(header::CONTENT_TYPE, "text/csv").body(table);
+    let made = read(request.send().await.unwrap(), StatusCode::CREATED).await;
+    let at = format!("/api/v1/sessions/{}", made["id"].as_str().unwrap());
+    until(&centre.instructor, &at, |session| session["status"] == "done").await;
+    at
+}
+
+async fn until(client: &Client, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+    soon(path, async {
+        loop {
+            let seen = client.read(path).await;
+            if wanted(&seen) {
+                return seen;
+            }
+            tokio::task::yield_now().await;
+        }
+    })
+    .await
+}
+
+/// Makes an edit, and waits for the score that it makes necessary.
+async fn edited(client: &Client, at: &str, body: Value) -> Value {
+    let edit = client.make(&format!("{at}/edits"), body).await;
+    scored(client, at).await;
+    edit
+}
+
+async fn scored(client: &Client, at: &str) -> Value {
+    until(client, &format!("{at}/edits"), |edits| edits["score"] == "current").await
+}
+
+async fn undone(client: &Client, at: &str, edit: &Value) -> Value {
+    let undone = client.delete(&format!("{at}/edits/{}", edit["id"].as_str().unwrap())).await;
+    let undone = read(undone, StatusCode::OK).await;
+    scored(client, at).await;
+    undone
+}
+
+async fn value(client: &Client, at: &str, name: &str, tool: Value) -> f64 {
+    let session = client.read(at).await;
+    let features = session["features"].as_array().unwrap();
+    let is_it = |row: &&Value| row["name"] == name && row["space"] == "3d" && row["tool"] == tool;
+    features.iter().find(is_it).unwrap()["value"].as_f64().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trim_is_scored_and_undone_it_is_as_if_it_had_never_been() {
+    let centre = at_work().await;
+    let at = imported(&centre).await;
+    let before = centre.instructor.read(&at).await;
+    assert!(value(&centre.instructor, &at, "duration", Value::Null).await > 15.0);
+
+    let trim = json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "Talked at first.", "revision": 0});
+    let edit = edited(&centre.instructor, &at, trim).await;
+    assert_eq!(
+        (&edit["who"], &edit["why"], &edit["undone"]),
+        (&json!("ines"), &json!("Talked at first."), &Value::Null)
+    );
+    let kept = value(&centre.instructor, &at, "duration", Value::Null).await;
+    assert!(kept > 5.0 && kept < 8.1, "{kept}");
+    let session = centre.instructor.read(&at).await;
+    assert_eq!((&session["quality"]["frames"], &session["status"]), (&json!(201), &json!("done")));
+    let evidence = centre.trainee.read(&format!("{at}/evidence")).await;
+    for stretch in evidence["features"].as_array().unwrap().iter().flat_map(|row| row["stretches"].as_array().unwrap())
+    {
+        let [from, to] = ["from_s", "to_s"].map(|end| stretch[end].as_f64().unwrap());
+        assert!(from >= 3.9 && to <= 12.1, "{stretch}");
+    }
+    let edits = centre.trainee.read(&format!("{at}/edits")).await;
+    assert_eq!((&edits["kept"], &edits["revision"]), (&json!({"from_s": 4.0, "to_s": 12.0}), &json!(1)));
+
+    // A second trim by somebody who has seen the first; who has not is told.
+    let late = json!({"kind": "trim", "from_s": 6.0, "to_s": 20.0, "why": "x", "revision": 0});
+    problem(centre.administrator.post(&format!("{at}/edits"), late).await, 409, "conflict").await;
+    let second = json!({"kind": "trim", "from_s": 6.0, "to_s": 99.0, "why": "x", "revision": 1});
+    let second = edited(&centre.administrator, &at, second).await;
+    assert_eq!(second["to_s"], 19.96, "brought within the recording");
+    assert!(value(&centre.instructor, &at, "duration", Value::Null).await < 6.1);
+
+    undone(&centre.instructor, &at, &second).await;
+    assert_eq!(value(&centre.instructor, &at, "duration", Value::Null).await, kept);
+    let gone = undone(&centre.administrator, &at, &edit).await;
+    assert_eq!(gone["undone"]["who"], centre.administrator.read("/api/v1/me").await["name"]);
+    assert_eq!(undone(&centre.instructor, &at, &edit).await, gone, "once");
+    let after = centre.instructor.read(&at).await;
+    assert_eq!((&after["features"], &after["quality"]), (&before["features"], &before["quality"]));
+    let results = centre.instructor.read(&format!("{at}/results")).await;
+    let revisions: Vec<&Value> = results["items"].as_array().unwrap().iter().map(|result| &result["edits"]).collect();
+    assert_eq!(revisions, [4, 3, 2, 1, 0], "old results stay");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn swapped_tools_have_each_others_numbers_and_rescoring_keeps_them() {
+    let centre = at_work().await;
+    let at = imported(&centre).await;
+    let of = async |tool: &str| value(&centre.instructor, &at, "path_length", json!(tool)).await;
+    let (left, right) = (of("left").await, of("right").await);
+    assert!(right > 2.0 * left);
+    let swap = json!({"kind": "swap", "tools": ["left", "right"], "from_s": 0.0, "to_s": 60.0, "why": "Other hands."});
+    let edit = edited(&centre.instructor, &at, swap).await;
+    let near = |a: f64, b: f64| (a / b - 1.0).abs() < 0.02; // error bars are of replicates by the tool's name
+    assert!(
+        near(of("left").await, right) && near(of("right").await, left),
+        "{} {}",
+        of("left").await,
+        of("right").await
+    );
+    let swapped = of("left").await;
+    let rows = centre.trainee.get(&format!("{at}/trajectory?format=csv&from_frame=10&to_frame=11")).await.text().await;
+    let x = |row: &str| row.split(',').nth(3).unwrap().parse::<f64>().unwrap();
+    let rows: Vec<String> = rows.unwrap().lines().map(str::to_owned).collect();
+    assert!(rows.len() == 3 && rows[1].contains(",left,") && x(&rows[1]) > 2.0 * x(&rows[2]), "{rows:?}");
+
+    let order = centre.administrator.make("/api/v1/tasks/peg/rescorings", json!({"which": "all"})).await;
+    let order = format!("/api/v1/rescorings/{}", order["id"].as_str().unwrap());
+    until(&centre.administrator, &order, |order| order["ended_at"] != Value::Null).await;
+    assert_eq!(of("left").await, swapped);
+    undone(&centre.instructor, &at, &edit).await;
+    assert_eq!((of("left").await, of("right").await), (left, right));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_path_is_told_as_it_is_scored_or_whole_or_thinned() {
+    let centre = at_work().await;
+    let at = imported(&centre).await;
+    let read = async |query: &str| centre.trainee.read(&format!("{at}/trajectory?{query}")).await;
+    let rows = |path: &Value| path["columns"]["frame"].as_array().unwrap().len();
+    let whole = read("").await;
+    edited(&centre.instructor, &at, json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"})).await;
+    assert_eq!((rows(&read("").await), read("trimmed=false").await), (402, whole));
+    assert_eq!(rows(&read("from_frame=110&to_frame=120").await), 20);
+    let thin = read("points=90&trimmed=false").await;
+    assert!(rows(&thin) <= 200 && thin["thinned"] == true, "{}", rows(&thin));
+    assert_eq!(thin["after_gap"].as_array().unwrap().len(), rows(&thin));
+    let all = read("points=500").await;
+    assert_eq!((rows(&all), &all["thinned"]), (402, &json!(false)));
+    for query in ["points=1", "points=1000000"] {
+        problem(centre.trainee.get(&format!("{at}/trajectory?{query}")).await, 422, "invalid").await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_set_aside_counts_in_nothing_until_that_is_undone() {
+    let centre = Centre::open().await;
+    let planter = Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let ada = planter.trainee("ada").await;
+    for (day, seconds) in [40.0, 60.0].into_iter().enumerate() {
+        planter.session(ada, NEW_YEAR_MS + day as i64 * DAY_MS, vec![duration(seconds, 1.0)]).await;
+    }
+    let progress = async || centre.trainee.read("/api/v1/trainees/ada/progress?task=peg&feature=duration").await;
+    let id = progress().await["sessions"][1]["id"].as_str().unwrap().to_owned();
+    let at = format!("/api/v1/sessions/{id}");
+    let aside = json!({"kind": "set_aside", "why": "Somebody else trained under this name."});
+    let edit = centre.instructor.make(&format!("{at}/edits"), aside.clone()).await;
+    problem(centre.instructor.post(&format!("{at}/edits"), aside).await, 409, "conflict").await;
+
+    let seen = progress().await;
+    assert_eq!(seen["sessions"][1]["set_aside"], "by_hand");
+    assert_eq!(centre.trainee.read(&at).await["set_aside"], true, "it stays to be seen");
+    let table = async || {
+        let table = centre.administrator.get("/api/v1/tasks/peg/features?format=csv").await.text().await.unwrap();
+        table.lines().count() - 1
+    };
+    assert_eq!(table().await, 1);
+    let statements = centre.trainee.read("/api/v1/trainees/ada/xapi").await;
+    assert_eq!(statements["statements"].as_array().unwrap().len(), 1);
+    let edits = centre.trainee.read(&format!("{at}/edits")).await;
+    assert_eq!((&edits["score"], &edits["revision"]), (&json!("current"), &json!(0)), "its score is as it was");
+
+    let undo = centre.instructor.delete(&format!("{at}/edits/{}", edit["id"].as_str().unwrap())).await;
+    assert_eq!(read(undo, StatusCode::OK).await["undone"]["who"], "ines");
+    assert_eq!((&progress().await["sessions"][1]["set_aside"], table().await), (&Value::Null, 2));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_may_not_edit_is_refused_and_so_is_what_cannot_be() {
+    let centre = at_work().await;
+    let at = imported(&centre).await;
+    let edits = format!("{at}/edits");
+    let trim = json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"});
+    for client in [&centre.trainee, &centre.agent] {
+        problem(client.post(&edits, trim.clone()).await, 403, "forbidden").await;
+    }
+    let missing = format!("/api/v1/sessions/{MISSING}/edits");
+    for path in [&edits, &missing] {
+        problem(centre.other_instructor.get(path).await, 404, "not-found").await;
+        problem(centre.other_instructor.post(path, trim.clone()).await, 404, "not-found").await;
+    }
+    let made = edited(&centre.instructor, &at, trim).await;
+    let one = format!("{edits}/{}", made["id"].as_str().unwrap());
+    problem(centre.other_instructor.delete(&one).await, 404, "not-found").await;
+    problem(centre.trainee.delete(&one).await, 403, "forbidden").await;
+    problem(centre.instructor.delete(&format!("{edits}/{MISSING}")).await, 404, "not-found").await;
+    for body in [
+        json!({"kind": "trim", "from_s": 40.0, "to_s": 50.0, "why": "x"}),
+        json!({"kind": "trim", "from_s": 12.0, "to_s": 20.0, "why": "x"}),
+        json!({"kind": "trim", "from_s": 9.0, "to_s": 5.0, "why": "x"}),
+        json!({"kind": "trim", "from_s": 5.0, "to_s": 9.0, "why": " "}),
+        json!({"kind": "trim", "from_s": 5.0, "to_s": 9.0}),
+        json!({"kind": "trim", "from_s": "NaN", "to_s": 9.0, "why": "x"}),
+        json!({"kind": "swap", "from_s": 5.0, "to_s": 9.0, "why": "x"}),
+        json!({"kind": "swap", "tools": ["left", "green"], "from_s": 5.0, "to_s": 9.0, "why": "x"}),
+        json!({"kind": "set_aside", "from_s": 5.0, "why": "x"}),
+        json!({"kind": "forget", "why": "x"}),
+    ] {
+        problem(centre.instructor.post(&edits, body).await, 422, "invalid").await;
+    }
+    let kept = centre.trainee.read(&edits).await;
+    assert_eq!(kept["items"].as_array().unwrap().len(), 1, "nothing of what was refused is kept");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_that_is_being_tracked_is_edited_later_but_set_aside_at_once() {
+    let centre = Centre::open().await;
+    Planter::beside(&centre.service.data.path().join("trocar.db")).await;
+    let made = session(&centre.instructor, "ada", recording(100, 1)).await;
+    let edits = format!("/api/v1/sessions/{}/edits", made["id"].as_str().unwrap());
+    let trim = json!({"kind": "trim", "from_s": 4.0, "to_s": 12.0, "why": "x"});
+    problem(centre.instructor.post(&edits, trim).await, 409, "conflict").await;
+    let aside = centre.instructor.make(&edits, json!({"kind": "set_aside", "why": "Interrupted."})).await;
+    assert_eq!(aside["kind"], "set_aside");
+}
