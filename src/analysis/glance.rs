@@ -1,5 +1,6 @@
 //! Photos and frames for which somebody waits, with the board or the brush in their hand: looked at by a child of their own,
-//! beside the queue, within a second or two. Nothing of it is stored.
+//! beside the queue, within a second or two. Nothing of it is kept: the
+//! collector takes the files as soon as nobody looks at them.
 //!
 //! What is seen is what a job would see: the same work of the same confined child, its records checked by the same receipt.
 
@@ -47,6 +48,9 @@ pub enum Unseen {
     /// The child died of them, or took too long.
     #[error("the process that looked at it {0}")]
     Crashed(String),
+    /// Nobody looked: this machine could not begin, or broke down.
+    #[error("looking at it failed: {0}")]
+    Failed(String),
     /// Too many wait already, or the service ends.
     #[error("no place to look at it now")]
     Busy,
@@ -99,7 +103,7 @@ impl Glances {
             inputs.push(self.vault.open_blob(file.blob.hash).await?.0);
         }
         let _place = self.place().await?;
-        let failed = |error: std::io::Error| Unseen::Crashed(error.to_string());
+        let failed = |error: std::io::Error| Unseen::Failed(error.to_string());
         let stop = PulledWhenGone(Stop::new().map_err(failed)?);
         let (program, budget, stopping) = (self.program.clone(), self.settings.glance_budget(), stop.0.clone());
         let request = Request { threads: 1, work };
@@ -115,7 +119,7 @@ impl Glances {
             Ok(Err(Failure::Explained(problem))) => Err(Unseen::Problem(problem)),
             Ok(Err(Failure::Crashed(why))) => Err(Unseen::Crashed(why)),
             Ok(Err(Failure::Stopped)) => Err(Unseen::Busy),
-            Err(panic) => Err(Unseen::Crashed(panic.to_string())),
+            Err(panic) => Err(Unseen::Failed(panic.to_string())),
         }
     }
 

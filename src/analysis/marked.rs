@@ -36,7 +36,7 @@ pub fn strokes(marks: impl Iterator<Item = (Option<u32>, Rectangle)>) -> Vec<Vec
         let is_same = |(other, of): &&mut (Option<u32>, Vec<Rectangle>)| {
             number.is_some() && number == *other && of.first().is_some_and(|first| first.label == mark.label)
         };
-        match strokes.iter_mut().find(is_same) {
+        match number.and_then(|_| strokes.iter_mut().find(is_same)) {
             Some((_, stroke)) => stroke.push(mark),
             None => strokes.push((number, vec![mark])),
         }

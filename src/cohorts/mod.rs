@@ -7,7 +7,8 @@
 //! | `people.rs` | a cohort's people, one value each, and who of them may be compared with whom |
 //! | `propose.rs` | a standard's limits, made from people or chosen |
 //! | `distribution.rs` | how a feature is spread over people, and whom a limit would be wrong about |
-//! | `overview.rs` | many trainees at once: a group's table, and who needs somebody |
+//! | `alarms.rs` | who needs somebody: relapses, refreshers that are due |
+//! | `overview.rs` | a group's table |
 //! | `progress.rs` | a trainee's sessions of a task over time |
 //! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
 //! | `series.rs` | one feature of them: points, place, curve |
@@ -19,6 +20,7 @@
 //! What cannot be said is a reason ([`answer::Withheld`]), never a number. A person counts once. Nobody's own value leaves
 //! this room but to who may see that person.
 
+mod alarms;
 pub mod answer;
 mod distribution;
 mod known;
@@ -39,9 +41,11 @@ use crate::domain::text::Invalid;
 use crate::store::{Store, StoreError};
 use crate::time::SharedClock;
 
+use alarms::KnownAlarms;
+pub use alarms::{Alarm, AlarmKind, Alarms};
 pub use distribution::{AskedSpread, Distribution, Spread};
 use known::Known;
-pub use overview::{Alarm, AlarmKind, Alarms, GroupTable, GroupTableRow, TableFound};
+pub use overview::{GroupTable, GroupTableRow, TableFound};
 pub use progress::{Asked, Found};
 pub use propose::{Proposal, Proposed};
 pub use raters::{Agreement, CorrelationRow, Correlations};
@@ -87,6 +91,7 @@ pub struct Cohorts {
     store: Store,
     clock: SharedClock,
     known: Arc<Known>,
+    alarms: KnownAlarms,
     places: Arc<Semaphore>,
     training: Arc<Semaphore>,
 }
@@ -96,7 +101,7 @@ impl Cohorts {
     pub fn new(store: Store, clock: SharedClock) -> Self {
         let places = |most| Arc::new(Semaphore::new(most));
         let (places, training) = (places(CALCULATIONS), places(TRAININGS));
-        Self { store, clock, known: Arc::default(), places, training }
+        Self { store, clock, known: Arc::default(), alarms: Arc::default(), places, training }
     }
 
     /// Calculates beside the async threads.

@@ -14,7 +14,7 @@ use crate::domain::feature::{self, FeatureKey};
 use crate::domain::scope::Scope;
 use crate::domain::session::{FeatureSpace, SessionStatus};
 use crate::domain::standard::Definition;
-use crate::domain::text::Key;
+use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
 use crate::pipeline::features::find;
 use crate::pipeline::score::lc_cusum::Monitor;
@@ -80,7 +80,7 @@ impl Cohorts {
         };
         let (known, now_ms) = (self.known.clone(), self.clock.now_ms());
         let (id, handedness) = (trainee.id, trainee.handedness);
-        let definition = standard.as_ref().map(|standard| standard.definition.clone());
+        let definition = standard.as_ref().map(|standard| standard.definition.clone().without_fingerprints());
         let calculation = move || {
             let whom = Whom { trainee: id, handedness, among: among.as_deref() };
             let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
@@ -115,7 +115,17 @@ impl Shown {
             .map_or_else(Vec::new, |standard| standard.targets.iter().map(|target| target.of.clone()).collect());
         let name = match &asked.feature {
             Some(name) => name,
-            None if !judged.is_empty() => return Ok(Self { keys: judged.clone(), of_all_tools: None, judged }),
+            None if !judged.is_empty() => {
+                let is_asked = |of: &&FeatureKey| {
+                    (asked.tool.is_none() || of.tool == asked.tool) && asked.space.is_none_or(|space| of.space == space)
+                };
+                let keys: Vec<FeatureKey> = judged.iter().filter(is_asked).cloned().collect();
+                if keys.is_empty() {
+                    let why = "has no limit in the task's standard: name a feature, too";
+                    return Err(Invalid::new(if asked.tool.is_some() { "tool" } else { "space" }, why).into());
+                }
+                return Ok(Self { keys, of_all_tools: None, judged });
+            }
             None => USUAL,
         };
         let feature = feature::named(name)?;

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::named;
-use crate::pipeline::camera::Coverage;
 use crate::pipeline::camera::glance;
+use crate::pipeline::camera::{Board, Coverage};
 
 named! {
     /// A side of a picture, or of a board as it is seen.
@@ -70,6 +70,9 @@ pub struct PhotoCoverage {
 }
 
 impl PhotoCheck {
+    /// Corners that are shown at most: more than any board has.
+    pub const MOST_CORNERS: usize = (Board::MOST as usize + 2).pow(2);
+
     /// Of a photo of this size.
     pub fn new((width, height): (u32, u32), glance: &glance::Glance) -> Self {
         let mut hints: Vec<PhotoHint> = glance.hints.iter().map(hint).collect();
@@ -78,7 +81,12 @@ impl PhotoCheck {
             width,
             height,
             found: glance.reason.is_none(),
-            corners: glance.corners.iter().map(|corner| [corner.u(), corner.v()].map(to_hundredth)).collect(),
+            corners: glance
+                .corners
+                .iter()
+                .take(Self::MOST_CORNERS)
+                .map(|corner| [corner.u(), corner.v()].map(to_hundredth))
+                .collect(),
             reason: glance.reason.map(|reason| reason.to_string()),
             hints,
             cut_off: glance.hints.iter().filter_map(cut_off).collect(),

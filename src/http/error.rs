@@ -240,8 +240,9 @@ impl From<Unseen> for Problem {
             Unseen::Crashed(why) => {
                 tracing::warn!(why, "a glance did not end well");
                 Refusal::Invalid
-                    .with("It cannot be looked at: the process that did so did not survive it. Send another picture.")
+                    .with("It cannot be looked at: the process that did so did not survive it, or took too long. Send another or a smaller picture.")
             }
+            Unseen::Failed(why) => Problem::internal("looking at a picture", why),
             Unseen::Busy => busy("Others look at pictures now. Try again in a moment."),
             Unseen::Vault(error) => error.into(),
         }

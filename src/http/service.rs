@@ -45,7 +45,7 @@ pub struct StorageState {
 pub struct QueueState {
     queued: i64,
     running: i64,
-    /// SettingsInForce aside after crashing again and again.
+    /// Set aside after crashing again and again.
     quarantined: i64,
 }
 

@@ -78,7 +78,7 @@ async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
             Ok(compared) => store.rescorings().settle(&item, Ok(compared)).await,
             Err(StoreError::NotFound { .. }) => Ok(()), // erased with its session meanwhile, and the item with it
             // One damaged row must not hold up everybody's orders; a store that does not answer at all is asked again.
-            Err(StoreError::Database(error)) => {
+            Err(error) if error.is_unreadable() => {
                 tracing::warn!(%error, session = %item.session, "comparing what a rescoring changed");
                 store.rescorings().settle(&item, Err(not_compared())).await
             }

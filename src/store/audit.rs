@@ -48,7 +48,7 @@ impl Audit<'_> {
         require_administrator(scope, "the audit trail")?;
         let rows = sqlx::query_as(
             "SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who FROM audit
-             LEFT JOIN person ON actor = 'person:' || person.id
+             LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
              WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2",
         );
         let rows = rows.bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
@@ -64,8 +64,9 @@ impl Audit<'_> {
     /// The last backup that was made of this centre.
     pub async fn last_backup(&self, scope: &Scope) -> StoreResult<Option<Backup>> {
         require_administrator(scope, "the state of backups")?;
-        let sql = "SELECT at_ms, subject FROM audit WHERE action = $1 AND noun = $2 ORDER BY id DESC LIMIT 1";
-        let row = sqlx::query_as::<_, (i64, String)>(sql).bind(BACKUP.0).bind(BACKUP.1);
+        let sql =
+            "SELECT at_ms, subject FROM audit WHERE action = 'create' AND noun = 'backup' ORDER BY id DESC LIMIT 1";
+        let row = sqlx::query_as::<_, (i64, String)>(sql);
         let row = row.fetch_optional(self.0.readers()).await?;
         Ok(row.map(|(at_ms, files)| Backup { at_ms, files: files.parse().unwrap_or_default() }))
     }

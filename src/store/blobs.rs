@@ -1,5 +1,5 @@
-//! Which files of the vault the database refers to. A row comes with its first reference, in the same transaction, and
-//! goes after its last one; the file is there before the row and is deleted after it.
+//! Which files of the vault the database refers to. A row comes with its first reference, in the same transaction, or before it,
+//! for a file that may get none, and goes after its last one; the file is there before the row and is deleted after it.
 
 use sqlx::sqlite::SqliteConnection;
 
@@ -31,6 +31,12 @@ impl Blobs<'_> {
                 }
             })
             .await
+    }
+
+    /// Notes a file that nothing refers to yet: if nothing ever does, it is collected.
+    pub async fn note(&self, blob: Blob) -> StoreResult<()> {
+        let now_ms = self.0.now_ms();
+        self.0.write(async move |tx| record(tx, blob, now_ms).await).await
     }
 
     /// Is there a row for this file?

@@ -5,9 +5,6 @@ use sqlx::sqlite::SqliteConnection;
 use super::error::{StoreError, StoreResult};
 use crate::domain::text::{Code, Name};
 
-/// Names tried before giving up: more things of one name than this want codes of their own.
-const MOST_TRIED: u32 = 1_000;
-
 /// The code to use: the given one, or one made of the name that `taken` (a query with the code as `$1`) does not find.
 pub(super) async fn choose(
     tx: &mut SqliteConnection,
@@ -20,12 +17,28 @@ pub(super) async fn choose(
         return Ok(code); // a given code that is taken meets the UNIQUE constraint
     }
     let base = Code::from_name(name, fallback);
-    for number in 1..=MOST_TRIED {
-        let code = if number == 1 { base.clone() } else { base.numbered(number) };
-        let found: Option<i64> = sqlx::query_scalar(taken).bind(&code).fetch_optional(&mut *tx).await?;
-        if found.is_none() {
-            return Ok(code);
+    let mut is_free = async |code: &Code| -> StoreResult<bool> {
+        let found: Option<i64> = sqlx::query_scalar(taken).bind(code).fetch_optional(&mut *tx).await?;
+        Ok(found.is_none())
+    };
+    if is_free(&base).await? {
+        return Ok(base);
+    }
+    // Numbers are given in turn, so that a taken one has all below it taken, but for what was renamed since: the first free one lies
+    // between the last taken and the first free power of two. Five hundred people of one name cost nine looks each, not five hundred.
+    let mut free = 2;
+    while !is_free(&base.numbered(free)).await? {
+        free = free
+            .checked_mul(2)
+            .ok_or_else(|| StoreError::refused(format!("no code like `{base}` is left: give one yourself")))?;
+    }
+    let mut taken = free / 2; // 1 is the code without a number
+    while free - taken > 1 {
+        let middle = taken + (free - taken) / 2;
+        match is_free(&base.numbered(middle)).await? {
+            true => free = middle,
+            false => taken = middle,
         }
     }
-    Err(StoreError::refused(format!("there are {MOST_TRIED} codes like `{base}` already: give one yourself")))
+    Ok(base.numbered(free))
 }

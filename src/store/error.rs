@@ -89,6 +89,12 @@ impl From<sqlx::Error> for StoreError {
 }
 
 impl StoreError {
+    /// Does a row hold what this program cannot read? That stays so; whatever else a database says may pass.
+    pub fn is_unreadable(&self) -> bool {
+        let Self::Database(error) = self else { return false };
+        matches!(**error, sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_))
+    }
+
     /// Did an fsync fail? Then nothing that was ever written can be relied upon.
     pub(super) fn is_failed_sync(&self) -> bool {
         matches!(self, StoreError::Database(e) if [SQLITE_IOERR_FSYNC, SQLITE_IOERR_DIR_FSYNC].contains(&code(e)))

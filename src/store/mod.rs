@@ -26,7 +26,7 @@
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
-//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `has` `all` `total` |
+//! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `all` `total` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `backed_up` · `last_backup` |
 
 mod audit;

@@ -12,9 +12,6 @@ use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
 use crate::ids::{GroupId, TraineeId};
 
-/// Trainees of a group that are read at most: a table of more is none that anybody reads.
-const MOST_OF_GROUP: i64 = 500;
-
 /// The trainees.
 pub struct Trainees<'s>(pub(super) &'s Store);
 
@@ -75,15 +72,15 @@ impl Trainees<'_> {
         Ok(Page::cut(rows, page, |trainee: &Trainee| trainee.code.to_string()))
     }
 
-    /// Who is in a group, of those whom the scope sees, by name.
-    pub async fn of_group(&self, scope: &Scope, group: GroupId) -> StoreResult<Vec<Trainee>> {
+    /// Who is in a group, of those whom the scope sees, by name; at most so many.
+    pub async fn of_group(&self, scope: &Scope, group: GroupId, most: u32) -> StoreResult<Vec<Trainee>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
              WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3) AND ",
             sees_trainee!("trainee.id"),
             " ORDER BY name, code LIMIT $4"
         ));
-        Ok(rows.asked_by(scope).bind(group).bind(MOST_OF_GROUP).fetch_all(self.0.readers()).await?)
+        Ok(rows.asked_by(scope).bind(group).bind(most).fetch_all(self.0.readers()).await?)
     }
 
     /// These trainees, as far as the scope sees them, by name.

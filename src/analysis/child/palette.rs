@@ -9,6 +9,7 @@ use super::{Halt, explain};
 use crate::analysis::marked::{MarkedFrames, colours_of, strokes};
 use crate::analysis::protocol::{Answer, MarkShape, PaletteShape};
 use crate::domain::palette::PaletteAdvice;
+use crate::domain::problem::Problem;
 use crate::media::{Limits, Picture, VideoFile, photo};
 use crate::pipeline::segmentation::palette::advice::advise;
 
@@ -71,7 +72,11 @@ pub(super) fn mask_on(
     look_at(&mut marked, marks, pictures, reporter)?;
     let nothing = || Halt::Explained(explain::no_input());
     reporter.say(&Answer::PaletteReport(marked.report(tools).ok_or_else(nothing)?))?;
-    for mask in marked.masks(&colours_of(tools)).ok_or_else(nothing)? {
+    let unmarked = || {
+        let how = "mark at least one tape, and something that is none, then look again";
+        Halt::Explained(Problem::new("no-marks", "Nothing is marked", how))
+    };
+    for mask in marked.masks(&colours_of(tools)).ok_or_else(unmarked)? {
         reporter.say(&Answer::Mask(mask))?;
     }
     Ok(())

@@ -5,7 +5,7 @@ use crate::analysis::protocol::BoardShape;
 use crate::domain::palette::FrameMask;
 use crate::domain::photo_check::{PhotoCheck, PhotoHint};
 use crate::media::Limits;
-use crate::pipeline::camera::{Board, Coverage};
+use crate::pipeline::camera::Coverage;
 
 /// As many corners as the board has where it was found, and at most as many as a search brings where not; all within reach
 /// of the picture.
@@ -14,7 +14,7 @@ pub(super) fn is_possible_check(check: &PhotoCheck, board: BoardShape, limits: L
     let counted = coverage.corners.iter().map(|&count| u64::from(count)).sum::<u64>();
     let is_word = |text: &String| text.chars().count() <= TEXTS[1] && !text.chars().any(char::is_control);
     let whole = u64::from(board.columns) * u64::from(board.rows);
-    let most = if *found { whole } else { (Board::MOST as u64 + 2).pow(2) };
+    let most = if *found { whole } else { PhotoCheck::MOST_CORNERS as u64 };
     is_size(*width, *height, limits)
         && corners.len() as u64 <= most
         && (!found || corners.len() as u64 == whole)

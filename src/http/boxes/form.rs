@@ -93,6 +93,8 @@ impl Part<'_> {
             return Err(Problem::invalid(&self.name, "is an empty file"));
         }
         let kept = incoming.finish().await?;
+        // A row of its own, to which nothing refers: what no job takes up is collected once nobody holds it.
+        self.app.store.blobs().note(kept.blob()).await?;
         let named = NamedBlob { name, blob: kept.blob() };
         Ok((kept, named))
     }

@@ -65,16 +65,22 @@ impl ColourSamples {
         };
         let size = |of: &Rectangle| end(of).0.saturating_sub(of.x) * end(of).1.saturating_sub(of.y);
         let pixels: usize = rectangles.iter().map(size).sum();
-        let step = (pixels.div_ceil(MOST_PER_RECTANGLE) as f64).sqrt().ceil().max(1.0) as usize;
-        for rectangle in rectangles {
-            let label = self.label_index(&rectangle.label);
-            let (right, bottom) = end(rectangle);
-            for y in (rectangle.y..bottom).step_by(step) {
-                for x in (rectangle.x..right).step_by(step) {
-                    let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));
-                    self.samples.push(ColourSample { label, rectangle: number, yuv });
-                }
-            }
+        let too_many = pixels.div_ceil(MOST_PER_RECTANGLE).max(1);
+        // One rectangle is taken on a grid. Of a stroke, whose rectangles may be a row high, every so manieth pixel is taken: a grid
+        // begun anew in each would take one of each at least, however many there are.
+        let (step, every) = match rectangles.len() {
+            1 => ((too_many as f64).sqrt().ceil() as usize, 1),
+            _ => (1, too_many),
+        };
+        let on_grid = |of: &'_ Rectangle| {
+            let (left, (right, bottom)) = (of.x, end(of));
+            (of.y..bottom).step_by(step).flat_map(move |y| (left..right).step_by(step).map(move |x| (x, y)))
+        };
+        let marked = rectangles.iter().flat_map(|of| on_grid(of).map(move |at| (of, at)));
+        for (of, (x, y)) in marked.step_by(every) {
+            let label = self.label_index(&of.label);
+            let yuv = self.encoding.codes_of(frame.encoding.colour_of(frame.yuv_at(x, y)));
+            self.samples.push(ColourSample { label, rectangle: number, yuv });
         }
     }
 

@@ -26,7 +26,7 @@ pub struct Practice {
 }
 
 /// Somebody, and a task that they train.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, sqlx::FromRow)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct Trained {
     /// Who.
     pub trainee: TraineeId,
@@ -212,15 +212,20 @@ impl Sessions<'_> {
         Ok(of_each.into_iter().map(|(of, rows)| (of, practice(rows, &mut measured))).collect())
     }
 
-    /// Who trained what that has a standard since then, of those whom the scope sees: at most so many, the latest first.
-    pub async fn trained(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<Trained>> {
-        let rows = sqlx::query_as::<_, Trained>(concat!(
-            "SELECT trainee_id AS trainee, task_id AS task FROM session
+    /// Who trained what that has a standard since then, and in how many sessions, of those whom the scope sees: at most so many, the
+    /// latest first.
+    pub async fn trained(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<(Trained, usize)>> {
+        let rows = sqlx::query_as::<_, (TraineeId, TaskId, i64)>(concat!(
+            "SELECT trainee_id, task_id, count(*) FROM session
              WHERE session.recorded_at_ms >= $3 AND task_id IN (SELECT standard.task_id FROM standard) AND ",
             sees_trainee!("session.trainee_id"),
             " GROUP BY trainee_id, task_id ORDER BY max(session.recorded_at_ms) DESC LIMIT $4"
         ));
-        Ok(rows.asked_by(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
+        let rows = rows.asked_by(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?;
+        Ok(rows
+            .into_iter()
+            .map(|(trainee, task, of)| (Trained { trainee, task }, of.unsigned_abs() as usize))
+            .collect())
     }
 
     /// What these results measured of these features.

@@ -9,7 +9,7 @@ use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
-const FILES: [&str; 9] = [
+const FILES: [&str; 10] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -19,6 +19,7 @@ const FILES: [&str; 9] = [
     include_str!("../../../migrations/0013_evidence_ratings.sql"),
     include_str!("../../../migrations/0014_rescoring.sql"),
     include_str!("../../../migrations/0015_session_edits.sql"),
+    include_str!("../../../migrations/0016_lately.sql"),
 ];
 
 /// A connection that bypasses the store's functions.

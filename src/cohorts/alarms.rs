@@ -1,0 +1,194 @@
+//! Who needs somebody, as the standards tell it: relapses, and refreshers that are due.
+//!
+//! All who trained lately are judged for it, which is a second's work at a centre of ten thousand sessions, and every open first page
+//! asks again with every session that is done. So what was found is known for a minute, by who asked; one looks at a time. Names
+//! are read anew each time, through the scope: who was erased, or is seen no more, is not in the answer.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use serde::Serialize;
+use tokio::sync::Mutex;
+use utoipa::ToSchema;
+
+use super::answer::{EventName, ReminderState, Step};
+use super::progress::{Asked, Shown, judged};
+use super::{Cohorts, CohortsError};
+use crate::domain::named as names;
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::ids::{SessionId, TaskId, TraineeId};
+use crate::store::Trained;
+
+/// Sessions that are judged at most, of those who trained last.
+const MOST_SESSIONS: usize = 30_000;
+/// Who has not trained for so long is no news any more: a month beyond the last refresher.
+const LOOKED_BACK_MS: i64 = 150 * 86_400_000;
+/// How long what was found is known.
+const KNOWN_MS: i64 = 60_000;
+
+/// Who of those whom one sees needs somebody, as the standards tell it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
+pub struct Alarms {
+    /// Relapses and refreshers that are due, the latest first.
+    pub items: Vec<Alarm>,
+    /// Were there more trainees than are looked at?
+    pub more: bool,
+}
+
+/// One of them.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct Alarm {
+    /// What.
+    pub kind: AlarmKind,
+    /// Who.
+    pub trainee: TraineeId,
+    /// What they are called.
+    pub trainee_name: String,
+    /// Of what.
+    pub task: TaskId,
+    /// What it is called.
+    pub task_name: String,
+    /// The session by which they relapsed; `null` for a refresher.
+    pub session: Option<SessionId>,
+    /// Since when: the session's day, or the day on which the refresher was due.
+    #[schema(format = "date-time")]
+    pub since: String,
+}
+
+names! {
+    /// Why somebody needs somebody.
+    AlarmKind: "kind" {
+        /// The chart says that they do not keep what they had learnt.
+        Relapsed = "relapsed",
+        /// A refresher is due.
+        Due = "due",
+    }
+}
+
+/// What was found for those who asked lately.
+pub(super) type KnownAlarms = Arc<Mutex<HashMap<(Role, Option<String>), Arc<Found>>>>;
+
+/// Alarms without names.
+#[derive(Debug)]
+pub(super) struct Found {
+    at_ms: i64,
+    alarms: Vec<Raised>,
+    more: bool,
+}
+
+#[derive(Debug)]
+struct Raised {
+    kind: AlarmKind,
+    of: Trained,
+    session: Option<SessionId>,
+    since: String,
+}
+
+impl Cohorts {
+    /// Relapses, and refreshers that are due.
+    pub async fn alarms(&self, scope: &Scope) -> Result<Alarms, CohortsError> {
+        let found = self.found(scope).await?;
+        let mut trainees: Vec<TraineeId> = found.alarms.iter().map(|raised| raised.of.trainee).collect();
+        trainees.sort();
+        trainees.dedup();
+        let seen = self.store.trainees().named(scope, &trainees).await?;
+        let names: HashMap<TraineeId, String> = seen.into_iter().map(|who| (who.id, who.name.to_string())).collect();
+        let mut tasks: HashMap<TaskId, Option<String>> = HashMap::new();
+        let mut items = Vec::with_capacity(found.alarms.len());
+        for Raised { kind, of, session, since } in &found.alarms {
+            if !tasks.contains_key(&of.task) {
+                let task = self.store.tasks().get(scope, &Key::from(&of.task)).await;
+                tasks.insert(of.task, task.ok().map(|task| task.name.to_string()));
+            }
+            let (Some(trainee), Some(Some(task))) = (names.get(&of.trainee), tasks.get(&of.task)) else { continue };
+            items.push(Alarm {
+                kind: *kind,
+                trainee: of.trainee,
+                trainee_name: trainee.clone(),
+                task: of.task,
+                task_name: task.clone(),
+                session: *session,
+                since: since.clone(),
+            });
+        }
+        Ok(Alarms { items, more: found.more })
+    }
+
+    async fn found(&self, scope: &Scope) -> Result<Arc<Found>, CohortsError> {
+        let mut known = self.alarms.lock().await;
+        let now_ms = self.clock.now_ms();
+        known.retain(|_, found| (0..KNOWN_MS).contains(&(now_ms - found.at_ms)));
+        let key = (scope.role(), scope.subject());
+        if let Some(found) = known.get(&key) {
+            return Ok(found.clone());
+        }
+        let found = Arc::new(self.look(scope, now_ms).await?);
+        known.insert(key, found.clone());
+        Ok(found)
+    }
+
+    async fn look(&self, scope: &Scope, now_ms: i64) -> Result<Found, CohortsError> {
+        let since = now_ms.saturating_sub(LOOKED_BACK_MS);
+        let trained = self.store.sessions().trained(scope, since, MOST_SESSIONS as u32 + 1).await?;
+        let mut sessions = 0;
+        let within = |(_, of): &&(Trained, usize)| {
+            sessions += *of;
+            sessions <= MOST_SESSIONS
+        };
+        let pairs: Vec<Trained> = trained.iter().take_while(within).map(|(pair, _)| *pair).collect();
+        let mut tasks: Vec<TaskId> = pairs.iter().map(|pair| pair.task).collect();
+        tasks.sort();
+        tasks.dedup();
+        let mut alarms = Vec::new();
+        for task in tasks {
+            let of: Vec<Trained> = pairs.iter().copied().filter(|pair| pair.task == task).collect();
+            alarms.extend(self.raised_at(scope, task, of, now_ms).await?);
+        }
+        alarms.sort_by(|one, other| other.since.cmp(&one.since));
+        Ok(Found { at_ms: now_ms, alarms, more: pairs.len() < trained.len() })
+    }
+
+    async fn raised_at(
+        &self,
+        scope: &Scope,
+        task: TaskId,
+        pairs: Vec<Trained>,
+        now_ms: i64,
+    ) -> Result<Vec<Raised>, CohortsError> {
+        let Some(standard) = self.store.standards().in_use(scope, task).await? else { return Ok(Vec::new()) };
+        let shown = Shown::of(&Asked::default(), Some(&standard.definition))?;
+        let of_each = self.practices(scope, &pairs, &shown.names()).await?;
+        let ids: Vec<TraineeId> = pairs.iter().map(|pair| pair.trainee).collect();
+        let trainees = self.store.trainees().named(scope, &ids).await?;
+        let (known, definition) = (self.known.clone(), standard.definition);
+        let calculation = move || {
+            let Ok(monitor) = known.charts(definition.charts) else { return Vec::new() };
+            let mut alarms = Vec::new();
+            for trainee in &trainees {
+                let of = Trained { trainee: trainee.id, task };
+                let Some(practice) = of_each.get(&of) else { continue };
+                let (_, course) = judged(practice, Some((&definition, &*monitor)), trainee.handedness, now_ms);
+                let last = course.charts.as_ref().and_then(|charts| charts.events.last());
+                let relapse = last.filter(|event| event.event == EventName::Relapsed);
+                let at = relapse.and_then(|event| course.sessions.iter().find(|step| step.number == event.session));
+                alarms.extend(at.map(|Step { id, recorded_at, .. }| Raised {
+                    kind: AlarmKind::Relapsed,
+                    of,
+                    session: Some(*id),
+                    since: recorded_at.clone(),
+                }));
+                let due = course.reminders.iter().rev().find(|reminder| reminder.state == ReminderState::Due);
+                alarms.extend(due.map(|reminder| Raised {
+                    kind: AlarmKind::Due,
+                    of,
+                    session: None,
+                    since: reminder.due_at.clone(),
+                }));
+            }
+            alarms
+        };
+        self.calculate(calculation).await
+    }
+}
