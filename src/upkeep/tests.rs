@@ -192,6 +192,21 @@ async fn a_recording_that_two_sessions_share_goes_with_the_second() {
 }
 
 #[tokio::test]
+async fn a_picture_that_was_only_looked_at_goes_once_nobody_holds_it() {
+    let bench = Bench::new().await;
+    let store = &bench.centre.store;
+    let held = bench.vault.put(b"a photo of the board").await.unwrap();
+    store.blobs().note(held.blob()).await.unwrap();
+    clear_up(store, &bench.vault).await.unwrap();
+    assert!(bench.vault.open_blob(held.blob().hash).await.is_ok(), "somebody looks at it");
+    let hash = held.blob().hash;
+    drop(held);
+    clear_up(store, &bench.vault).await.unwrap();
+    assert!(bench.vault.open_blob(hash).await.is_err());
+    assert_eq!(bench.findings().await, []);
+}
+
+#[tokio::test]
 async fn of_an_erased_trainee_no_byte_is_left_in_the_data_folder() {
     const MARKER: &str = "Qvinx"; // as long as the uploads are
     let bench = Bench::new().await;

@@ -112,3 +112,43 @@ impl ColourSamples {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::frame::{Matrix, Plane, Range};
+    use proptest::prelude::*;
+
+    const SIZE: usize = 200;
+    const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+
+    /// How many samples a stroke of these rectangles gives on a grey frame.
+    fn samples_of(rectangles: &[Rectangle]) -> usize {
+        let grey = vec![128; SIZE * SIZE];
+        let plane = Plane { data: &grey, stride: SIZE, width: SIZE, height: SIZE };
+        let (y, u, v) = (plane, plane, plane);
+        let frame = Frame { index: 0, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING };
+        let mut samples = ColourSamples::new(ENCODING);
+        samples.collect_stroke(&frame, rectangles);
+        assert!(samples.samples.iter().all(|sample| sample.rectangle == 0), "one stroke");
+        samples.samples.len()
+    }
+
+    proptest! {
+        #[test]
+        fn a_stroke_has_as_many_votes_as_a_rectangle_however_it_is_cut(
+            (x, y, w) in (0..60_usize, 0..60_usize, 1..140_usize),
+            heights in proptest::collection::vec(1..4_usize, 2..40),
+        ) {
+            let mut top = y;
+            let strips: Vec<Rectangle> = heights.iter().map(|&h| {
+                top += h;
+                Rectangle { label: "background".into(), x, y: top - h, w, h }
+            }).collect();
+            let pixels = w * heights.iter().sum::<usize>();
+            let taken = samples_of(&strips);
+            prop_assert!(taken <= MOST_PER_RECTANGLE, "{taken} of {pixels}");
+            prop_assert!(taken >= pixels.min(MOST_PER_RECTANGLE / 2), "{taken} of {pixels}");
+        }
+    }
+}

@@ -60,6 +60,21 @@ async fn a_list_is_enrolled_whole_or_not_at_all() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn however_many_share_a_name_each_has_a_code() {
+    let centre = Centre::open().await;
+    let rows: Vec<Value> = (0..100).map(|_| json!({"name": "王芳"})).collect(); // without a letter that a code may have
+    let mut codes = Vec::new();
+    for _ in 0..2 {
+        let done = read(centre.administrator.post(ENROLMENTS, json!({"rows": rows})).await, StatusCode::OK).await;
+        let made = done["enrolled"].as_array().unwrap().iter().map(|of| of["code"].as_str().unwrap().to_owned());
+        codes.extend(made);
+    }
+    let wanted = (2..=200).map(|number| format!("trainee-{number}"));
+    let wanted: Vec<String> = std::iter::once("trainee".to_owned()).chain(wanted).collect();
+    assert_eq!(codes, wanted);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn who_enrols_does_so_into_groups_of_their_own() {
     let centre = Centre::open().await;
     let rows = |group: Value| json!({"rows": [{"name": "Cleo", "group": group}]});

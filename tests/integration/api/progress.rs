@@ -90,6 +90,22 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
     let refused = problem(centre.administrator.post(STANDARDS, set).await, 422, "invalid").await;
     assert!(refused["detail"].as_str().unwrap().contains("there are 9 novices; needs 10"), "{refused}");
 
+    // Whom the values are of could be found by their fingerprint: administrators alone are told it, wherever the target is shown.
+    let by = json!({"method": "trimmed_experts", "experts": "expert"});
+    let set = json!({"targets": [{"feature": "duration", "by": by}]});
+    read(centre.administrator.post(STANDARDS, set).await, StatusCode::CREATED).await;
+    practise(&planter, [60.0, 50.0]).await;
+    let group = centre.instructor.read("/api/v1/groups").await["items"][0]["id"].as_str().unwrap().to_owned();
+    let mut shown = vec![centre.instructor.read(&format!("/api/v1/groups/{group}/progress?task=peg")).await];
+    for by in [&centre.instructor, &centre.trainee] {
+        shown.push(by.read("/api/v1/trainees/ada/progress?task=peg").await);
+    }
+    for answer in shown {
+        let text = answer.to_string();
+        assert!(text.contains("\"made_from\":{") && text.contains("\"fingerprint\":null"), "{text}");
+        assert!(!text.contains(experts["made_from"]["fingerprint"].as_str().unwrap()), "{text}");
+    }
+
     // A tool's limit is made of people who prefer one hand.
     let of_tool = |cohort: &str| {
         let by = json!({"method": "best_share", "cohort": cohort, "share": 0.5});
