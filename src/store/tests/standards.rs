@@ -80,6 +80,9 @@ async fn progress_reads_no_table_from_end_to_end() {
         let whole = ["SCAN session", "SCAN result", "SCAN feature", "SCAN job", "SCAN standard"];
         assert!(!plan.iter().any(|line| whole.iter().any(|scan| line.starts_with(scan))), "{plan:#?}");
         let edits = |line: &&String| line.contains("session_edit");
-        assert!(plan.iter().filter(edits).all(|line| line.contains("INDEX session_set_aside (session_id=?)")), "{plan:#?}");
+        assert!(
+            plan.iter().filter(edits).all(|line| line.contains("INDEX session_set_aside (session_id=?)")),
+            "{plan:#?}"
+        );
     }
 }
