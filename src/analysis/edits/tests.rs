@@ -1,3 +1,5 @@
+//! What is left of a recording by edits, and which edits fit it.
+
 use proptest::prelude::*;
 
 use super::*;
