@@ -135,7 +135,7 @@ test('before a pass the certificate is refused in words', async () => {
 
 test('two paths of another tracker are imported on the upload page and passed', async () => {
   made.box = await make('boxes', { name: `Table ${mark}` });
-  for (const [seconds, day] of [[20, '2026-01-05T10:00'], [21, '2026-01-06T10:00']]) {
+  for (const [seconds, day] of [[4, '2026-01-05T10:00'], [5, '2026-01-06T10:00']]) {
     await page.goto(`${url}/upload?trainee=${made.ada.id}&task=${made.task.id}&box=${made.box.id}`);
     await page.locator('summary', { hasText: 'Import the path' }).click();
     const form = page.locator('details form');
