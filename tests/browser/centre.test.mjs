@@ -135,7 +135,7 @@ test('before a pass the certificate is refused in words', async () => {
 
 test('two paths of another tracker are imported on the upload page and passed', async () => {
   made.box = await make('boxes', { name: `Table ${mark}` });
-  for (const [seconds, day] of [[20, '2026-01-05T10:00'], [21, '2026-01-06T10:00']]) {
+  for (const [seconds, day] of [[4, '2026-01-05T10:00'], [5, '2026-01-06T10:00']]) {
     await page.goto(`${url}/upload?trainee=${made.ada.id}&task=${made.task.id}&box=${made.box.id}`);
     await page.locator('summary', { hasText: 'Import the path' }).click();
     const form = page.locator('details form');
@@ -170,7 +170,7 @@ test('the pass stands in the group’s table, and the certificate prints on one 
   const names = () => page.locator('tbody th').allInnerTexts();
   assert.deepEqual(await names(), [ADA, BEN]);
   await page.getByText('so people stand by name').waitFor();
-  await button('Name').click();
+  await page.locator('thead button', { hasText: 'Name' }).click();
   assert.deepEqual(await names(), [BEN, ADA]);
   await page.locator('thead button', { hasText: 'Newest value' }).click();
   await page.getByText('it is no ranking').waitFor();
@@ -193,16 +193,15 @@ test('the pass stands in the group’s table, and the certificate prints on one 
   await page.emulateMedia({ media: 'screen' });
 });
 
-test('moving the line says what the service says, and its limit goes into the form', async () => {
+test('imported paths are compared with nobody, and the task’s page says that nobody stands there', async () => {
   await page.goto(`${url}/tasks/${made.task.id}`);
   const spread = page.locator('section', { hasText: 'Where people stand' });
-  // An imported path is compared with nobody, so that nobody stands here; what is told is why.
   await spread.getByText('None of these people has a value of this yet').waitFor();
   const told = await ask(`tasks/${made.task.id}/distribution?feature=duration&limit=30`);
   assert.deepEqual([told.groups[0].values, told.groups[0].keeping], [[], null]);
 });
 
-test('a task with measured sessions shows a dot for each person, and the line moves', async () => {
+test('a task with measured sessions shows a dot for each person, and the line moves', async t => {
   const tasks = (await ask('tasks?limit=200')).items;
   for (const task of tasks) {
     const { groups } = await ask(`tasks/${task.id}/distribution?feature=duration&limit=30`);
@@ -220,10 +219,13 @@ test('a task with measured sessions shows a dot for each person, and the line mo
     assert.equal(await page.getByLabel('Limit, s', { exact: true }).first().inputValue(), '30');
     return;
   }
-  assert.ok(process.env.TROCAR_CLIP === undefined, 'the centre of the other scenarios has measured sessions');
+  assert.equal(process.env.TROCAR_CLIP, undefined, 'the centre of the other scenarios has measured sessions');
+  t.skip('nothing is measured in this centre');
 });
 
 test('the service’s page says what REST says, and who enrolled whom', async () => {
+  const rows = Array.from({ length: 30 }, (_, i) => ({ name: `Guest ${i} ${mark}` }));
+  await make('enrolments', { rows }); // More changes than a page of them holds.
   await page.goto(`${url}/service`);
   const { version, storage } = await ask('service');
   await page.locator('.facts', { hasText: version }).first().waitFor();
