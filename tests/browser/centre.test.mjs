@@ -75,7 +75,7 @@ test('a group is enrolled from a table, once its wrong row is mended', async () 
   const table = second => `Name;Level;Hand;Shoe size\n${ADA};novice;right;38\n"${BEN.replaceAll('"', '""')}";${second};left;44\n`;
   await page.getByLabel('Or paste the rows').fill(table('beginner'));
   await button('Look at it').click();
-  await page.getByText('1 of 2 rows cannot be used').waitFor();
+  await page.locator('.notice', { hasText: '1 of 2 rows cannot be used' }).waitFor();
   await page.locator('tr.wrong', { hasText: 'expected one of novice intermediate expert' }).waitFor();
   await page.getByText('nothing here is called so: Shoe size').waitFor();
   assert.equal(await button('Enrol 2 people').count(), 0);
@@ -114,7 +114,7 @@ test('a standard is set from a published time: first worked out, then set', asyn
   await page.getByLabel('Passes in a row').fill('2');
   await picture('03-standard-proposed');
   await button('Set this standard').click();
-  await page.getByText('Version 1 is the standard now').waitFor();
+  await page.locator('.notice', { hasText: 'Version 1 is the standard now' }).waitFor();
   const [standard] = (await ask(`tasks/${made.task.id}/standards`)).items;
   assert.deepEqual([standard.version, standard.targets[0].limit, standard.rule.in_a_row], [1, presets[0].limit, 2]);
 });
