@@ -118,8 +118,8 @@ export const api = {
   },
   rescorings: {
     ...noun('rescorings'),
-    trainees: (id, signal) => call('GET', ['rescorings', id, 'trainees'], { query: { limit: 50 }, signal }),
-    sessions: (id, signal) => call('GET', ['rescorings', id, 'sessions'], { query: { limit: 20 }, signal }),
+    trainees: (id, query, signal) => call('GET', ['rescorings', id, 'trainees'], { query, signal }),
+    sessions: (id, query, signal) => call('GET', ['rescorings', id, 'sessions'], { query, signal }),
   },
   /** Many trainees at once: all, or nobody. */
   enrol: (rows, onlyCheck) => call('POST', ['enrolments'], { json: { rows, only_check: onlyCheck } }),

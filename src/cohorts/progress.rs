@@ -189,7 +189,8 @@ pub(super) fn judged<'p>(
     handedness: Option<Handedness>,
     now_ms: i64,
 ) -> (Vec<Numbered<'p>>, Course) {
-    let believed = |session: &'_ Practised| session.result.clone().filter(|outcome| !outcome.refused);
+    let believed =
+        |session: &'_ Practised| session.result.clone().filter(|outcome| !outcome.refused && !session.is_set_aside);
     let newest = practice.sessions.iter().rev().find_map(believed);
     let pipeline = newest.map(|outcome| outcome.pipeline.clone());
     let set_aside = |session: &Practised| set_aside(session, pipeline.as_deref());
@@ -222,6 +223,9 @@ pub(super) fn judged<'p>(
 }
 
 fn set_aside(session: &Practised, pipeline: Option<&str>) -> Option<SetAside> {
+    if session.is_set_aside {
+        return Some(SetAside::ByHand);
+    }
     match (&session.result, session.status) {
         (None, SessionStatus::Failed) => Some(SetAside::Failed),
         (None, _) => Some(SetAside::Pending),

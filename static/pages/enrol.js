@@ -1,7 +1,7 @@
 // Enrol many people from a table: read here, checked by the service, shown row by row, and then all are enrolled or nobody.
-import { html, useRef, useState } from '../parts/preact.js';
+import { html, useEffect, useRef, useState } from '../parts/preact.js';
 import { api } from '../api.js';
-import { rowsOf } from '../csv.js';
+import { rowsOf, textOf } from '../csv.js';
 import { asProblem, useData } from '../data.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
@@ -17,6 +17,7 @@ export default function Enrol({ route }) {
   const [enrolled, setEnrolled] = useState(null);
   const [problem, setProblem] = useState(null);
   const [busy, setBusy] = useState(null);
+  const turn = useRef(0); // Counts the changes: an answer about what stood there before one is worth nothing.
   const run = async (what, work) => {
     setBusy(what);
     setProblem(null);
@@ -25,35 +26,46 @@ export default function Enrol({ route }) {
   };
   const look = (text, group) => run('look', async () => {
     setLooked(null);
-    const table = read(text, group);
+    const now = turn.current;
+    const table = read(await text, group);
     const told = table.why ? { problems: [] } : await api.enrol(table.rows, true);
-    setLooked({ ...table, problems: told.problems });
+    if (now === turn.current) setLooked({ ...table, problems: told.problems });
   });
+  const change = () => {
+    turn.current += 1;
+    setLooked(null);
+  };
   const enrol = () => run('enrol', async () => setEnrolled((await api.enrol(looked.rows, false)).enrolled));
-  if (enrolled) return html`<${Done} enrolled=${enrolled} />`;
+  useEffect(() => void (enrolled && document.querySelector('main h1').focus()), [enrolled]);
+  const heard = enrolled ? words.done(enrolled.length) : looked ? cameOf(looked) : '';
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['groups'])}>${t.groups.all}</a><//>
-    <div class="stack">
-      <${Source} groups=${groups ?? []} wanted=${route.query.get('group')} busy=${busy === 'look'} onLook=${look}
-        onChange=${() => setLooked(null)} />
-      <${ProblemNotice} problem=${problem} />
-      ${looked && html`<${Looked} looked=${looked} busy=${busy === 'enrol'} onEnrol=${enrol} />`}
-    </div>`;
+    <${Announce}>${heard}<//>
+    ${enrolled ? html`<${Done} enrolled=${enrolled} />` : html`
+      <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['groups'])}>${t.groups.all}</a><//>
+      <div class="stack">
+        <${Source} groups=${groups ?? []} wanted=${route.query.get('group')} busy=${busy === 'look'} onLook=${look}
+          onChange=${change} />
+        <${ProblemNotice} problem=${problem} />
+        ${looked && html`<${Looked} looked=${looked} busy=${busy === 'enrol'} onEnrol=${enrol} />`}
+      </div>`}`;
 }
 
 function Source({ groups, wanted, busy, onLook, onChange }) {
-  const [file, text, group] = [useRef(null), useRef(null), useRef(null)];
-  const look = async event => {
+  const [file, text] = [useRef(null), useRef(null)];
+  const [joins, setJoins] = useState(wanted ?? '');
+  const look = event => {
     event.preventDefault();
-    onLook(file.current.files[0] ? await file.current.files[0].text() : text.current.value, group.current.value);
+    const [chosen] = file.current.files;
+    onLook(chosen ? textOf(chosen) : text.current.value, joins);
   };
+  const join = event => (setJoins(event.target.value), onChange());
   const pick = () => ((text.current.value = ''), onChange());
   const type = () => ((file.current.value = ''), onChange());
   return html`
     <form class="card" onSubmit=${look}><div class="body stack">
       <div class="fields">
         <${Field} type="file" label=${words.file} hint=${words.fileHint} accept=".csv,.tsv,.txt,text/csv" inputRef=${file} onInput=${pick} />
-        <${Field} type="select" label=${words.group} inputRef=${group} value=${wanted ?? ''} onInput=${onChange}
+        <${Field} type="select" label=${words.group} value=${joins} onInput=${join}
           options=${[['', words.noGroup], ...groups.map(one => [one.name, one.name])]} key=${groups.length} />
       </div>
       <${Field} type="textarea" label=${words.paste} inputRef=${text} onInput=${type} spellcheck=${false} />
@@ -78,16 +90,24 @@ function read(text, group) {
   return { rows, unknown };
 }
 
-function Looked({ looked: { why, rows, unknown, problems }, busy, onEnrol }) {
-  if (why) return html`<${Notice} tone="warn" title=${why} />`;
-  const wrong = new Set(problems.map(problem => problem.row)).size;
+const wrongRows = ({ problems }) => new Set(problems.map(problem => problem.row)).size;
+
+/** What the look at a table came to, in one sentence. */
+function cameOf(looked) {
+  const wrong = looked.why ? 0 : wrongRows(looked);
+  return looked.why ?? (wrong ? words.problems(wrong, looked.rows.length) : words.count(looked.rows.length));
+}
+
+function Looked({ looked, busy, onEnrol }) {
+  const { why, rows, unknown, problems } = looked;
+  if (why) return html`<${Notice} tone="warn" quiet title=${why} />`;
+  const wrong = wrongRows(looked);
   return html`
     <section class="card">
       <header><h2>${words.result}</h2>${wrong === 0 && html`<button class="button main" type="button" disabled=${busy} onClick=${onEnrol}>
         ${busy ? words.enrolling : words.enrol(rows.length)}</button>`}</header>
       <div class="body stack">
-        ${wrong ? html`<${Notice} tone="warn" title=${words.problems(wrong, rows.length)} />`
-          : html`<${Notice} tone="good" title=${words.count(rows.length)} />`}
+        <${Notice} tone=${wrong ? 'warn' : 'good'} quiet title=${cameOf(looked)} />
         ${unknown.length > 0 && html`<p class="muted">${words.unknownColumns(unknown)}</p>`}
       </div>
       <div class="scroll"><table class="table">
@@ -110,8 +130,7 @@ const Row = ({ number, row, problems }) => html`
 const Done = ({ enrolled }) => html`
   <${PageHead} title=${words.title}><a class="button main" href=${href(['groups'])}>${words.back}</a><//>
   <div class="stack">
-    <${Announce}>${words.done(enrolled.length)}<//>
-    <${Notice} tone="good" title=${words.done(enrolled.length)} />
+    <${Notice} tone="good" quiet title=${words.done(enrolled.length)} />
     <section class="card"><header><h2>${words.who}</h2></header>
       <ul class="queue">${enrolled.map(one => html`<li key=${one.id}><div><a href=${href(['trainees', one.id])}>${one.name}</a>
         <span class="code">${one.code}</span></div></li>`)}</ul></section>

@@ -42,11 +42,12 @@ function Progress({ base: { group, tasks, features }, route }) {
   const named = key => route.query.get(key) ?? undefined;
   const task = tasks.find(one => one.id === named('task') || one.code === named('task')) ?? tasks[0];
   const asked = { task: task.id, feature: named('feature'), tool: named('tool') };
-  const { data, problem, reload } = useData(
+  const { data, current: told, problem, reload } = useData(
     signal => api.groups.progress(group.id, asked, signal), [group.id, asked.task, asked.feature, asked.tool]);
   const soon = useThrottled(reload, 3000);
   useLive('session', event => event.status === 'done' && soon());
-  const set = (key, value) => replace(['groups', group.id], { ...asked, ...(key === 'feature' ? { tool: undefined } : {}), [key]: value || undefined });
+  useLive('resync', soon);
+  const set = (key, value) => replace(['groups', group.id], { ...asked, ...(key === 'tool' ? {} : { tool: undefined }), [key]: value || undefined });
   const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value} options=${options}
     onInput=${event => set(key, event.target.value)} />`;
   return html`
@@ -54,12 +55,13 @@ function Progress({ base: { group, tasks, features }, route }) {
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
         ${choose(words.feature, 'feature', asked.feature, [['', words.asked], ...features.map(one => [one.name, one.title])])}
-        ${data?.tools.length > 1 && choose(words.tool, 'tool', data.tool, data.tools.map(one => [one, one]))}
+        ${data?.tools.length > 1 && choose(words.tool, 'tool', told ? told.tool : asked.tool, data.tools.map(one => [one, one]))}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      ${!data && !problem && html`<${Loading} />`}
-      ${data?.trainees.length === 0 && html`<${Empty} title=${words.empty} body=${words.emptyBody}>
+      ${!told && !problem && html`<${Loading} />`}
+      ${told?.trainees.length === 0 && html`<${Empty} title=${words.empty} body=${words.emptyBody}>
         <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a><//>`}
-      ${data?.trainees.length > 0 && html`<${GroupTable} told=${data} />`}
+      ${told?.trainees.length > 0 && html`<${GroupTable} told=${told} />`}
+      ${told?.more && html`<p class="body small muted">${words.more(told.rows.length)}</p>`}
     </section>`;
 }

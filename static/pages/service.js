@@ -1,7 +1,7 @@
 // How the service stands, and who changed what: for administrators.
-import { html, useState } from '../parts/preact.js';
+import { html } from '../parts/preact.js';
 import { api } from '../api.js';
-import { asProblem, useData, useThrottled } from '../data.js';
+import { useData, usePages, useThrottled } from '../data.js';
 import { bytes, dateTime } from '../format.js';
 import { useLive } from '../live.js';
 import { href } from '../router.js';
@@ -56,33 +56,23 @@ function Stands({ told: { version, pipeline, started_at, storage, queue, last_ba
 }
 
 function Audit() {
-  const [pages, setPages] = useState(null);
-  const [problem, setProblem] = useState(null);
-  const more = async cursor => {
-    setProblem(null);
-    try {
-      const page = await api.audit({ limit: PAGE, cursor });
-      setPages(before => ({ items: [...(cursor ? before.items : []), ...page.items], next: page.next }));
-    } catch (error) {
-      setProblem(asProblem(error));
-    }
-  };
-  useData(() => more(), []);
+  const { items, next, problem, busy, more } = usePages((cursor, signal) => api.audit({ limit: PAGE, cursor }, signal), []);
   return html`
     <section class="card">
       <header><h2>${words.audit}</h2></header>
       <p class="body small muted">${words.names}</p>
-      <${ProblemNotice} problem=${problem} onRetry=${() => more()} />
-      ${!pages && !problem && html`<${Loading} />`}
-      ${pages?.items.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
-      ${pages?.items.length > 0 && html`<div class="scroll"><table class="table">
+      <${ProblemNotice} problem=${problem} onRetry=${more} />
+      ${!items && !problem && html`<${Loading} />`}
+      ${items?.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
+      ${items?.length > 0 && html`<div class="scroll"><table class="table">
         <thead><tr><th scope="col">${words.when}</th><th scope="col">${words.who}</th><th scope="col">${words.what}</th>
           <th scope="col">${words.which}</th></tr></thead>
-        <tbody>${pages.items.map(one => html`<tr key=${one.id}>
+        <tbody>${items.map(one => html`<tr key=${one.id}>
           <td class="when">${dateTime(one.at)}</td><td>${one.who ?? words.by[one.by] ?? one.by}</td>
           <td>${words.change(one.action, one.noun)}</td><td class="code">${subject(one)}</td></tr>`)}</tbody>
       </table></div>`}
-      ${pages?.next && html`<div class="pager"><button class="button" type="button" onClick=${() => more(pages.next)}>${words.more}</button></div>`}
+      ${next && html`<div class="pager"><button class="button" type="button" aria-disabled=${busy} onClick=${more}>
+        ${busy ? t.loading : words.more}</button></div>`}
     </section>`;
 }
 

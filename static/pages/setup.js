@@ -45,7 +45,10 @@ export default function SetupPage({ person, route }) {
   const { data: box, problem, reload } = useData(load, [id]);
   const states = box && statesOf(box, bench);
   const asked = route.query.get('step');
-  const step = STEPS.includes(asked) ? asked : states && nextOf(states);
+  // Where the address names no step, the one that was next at first: what is typed in it must not turn the page.
+  const first = useRef(null);
+  first.current ??= states ? nextOf(states) : null;
+  const step = STEPS.includes(asked) ? asked : first.current;
   useFocusOn(box && step);
   if (!box)
     return html`<${PageHead} title=${t.nav.boxes} />${problem

@@ -5,7 +5,8 @@ import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
-import { Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+import { focusSoon } from '../parts/focus.js';
+import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 import { RatersDialog } from '../parts/raters.js';
 import { Rescorings } from '../parts/rescorings.js';
 import { SkillModel } from '../parts/skill_model.js';
@@ -34,7 +35,8 @@ export default function TaskPage({ person, route }) {
   const { task, standards } = data;
   const isAdministrator = may(person, 'people');
   const open = first => (setSet(null), setForm({ first }));
-  const finish = standard => (setForm(null), setSet(standard.version), reload());
+  const close = () => (setForm(null), focusSoon('standard-in-use'));
+  const finish = standard => (close(), setSet(standard.version), reload());
   return html`
     <${PageHead} title=${task.name} lead=${task.description}>
       <a class="button" href=${href(['tasks'])}>${words.all}</a>
@@ -42,9 +44,10 @@ export default function TaskPage({ person, route }) {
     <//>
     <div class="stack">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      ${set && html`<${Notice} tone="good" title=${t.standardForm.isSet(set)} />`}
+      <${Announce}>${set ? t.standardForm.isSet(set) : ''}<//>
+      ${set && html`<${Notice} tone="good" quiet title=${t.standardForm.isSet(set)} />`}
       ${form ? html`<${StandardForm} data=${data} first=${form.first} mayMake=${isAdministrator} onSet=${finish}
-        onCancel=${() => setForm(null)} />` : html`<${Standard} standard=${standards[0]} onSet=${() => open(null)} />`}
+        onCancel=${close} />` : html`<${Standard} standard=${standards[0]} onSet=${() => open(null)} />`}
       <${Spread} data=${data} onTake=${open} />
       <${Rest} task=${task} standards=${standards} person=${person} />
     </div>`;

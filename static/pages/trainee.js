@@ -51,12 +51,13 @@ function Progress({ id, base, route }) {
   const task = tasks.find(one => one.id === named('task') || one.code === named('task')) ?? usual;
   const asked = { task: task.id, feature: named('feature'), cohort: named('cohort') ?? cohorts[0]?.code };
   if (asked.cohort === NOBODY) delete asked.cohort;
-  const { data, problem, reload } = useData(
+  const { current: data, problem, reload } = useData(
     signal => api.trainees.progress(id, asked, signal),
     [id, asked.task, asked.feature, asked.cohort],
   );
   const soon = useThrottled(reload, 2000);
   useLive('session', event => event.status === 'done' && soon());
+  useLive('resync', soon);
 
   const all = data?.features ?? [];
   const series = all.find(one => keyOf(one) === named('series')) ?? all[0];
@@ -89,7 +90,7 @@ function Progress({ id, base, route }) {
           <${ProgressWords} progress=${data} series=${series} />`}
       </div>
     </section>
-    ${data && !none && html`<div class="stack after"><${Balance} progress=${data} />
+    ${data && !none && html`<div class="stack after">${!asked.feature && html`<${Balance} progress=${data} />`}
       ${data.charts && html`<${MonitorCharts} charts=${data.charts} />`}</div>`}
     ${data?.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
 }

@@ -17,6 +17,7 @@ export function Attention({ own }) {
   const { data, problem, reload } = useData(signal => api.attention(signal), []);
   const soon = useThrottled(reload, AGAIN_MS);
   useLive('session', event => event.status === 'done' && soon());
+  useLive('resync', soon);
   const items = data ? [...data.alarms.map(alarm), ...data.refused.map(of('refused')), ...data.unrated.map(of('unrated'))] : [];
   return html`
     <section class="card wide">

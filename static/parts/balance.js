@@ -10,10 +10,9 @@ const BETTER = { strong: 75, weak: 25 }; // Per cent; its whole interval has to 
 
 /** `progress` with the features that the standard limits. */
 export function Balance({ progress }) {
-  const counted = new Set(progress.sessions.filter(session => !session.set_aside).map(session => session.number));
-  const said = progress.features.map(one => judge(one, counted, progress.cohort)).filter(Boolean);
+  const newest = Math.max(0, ...progress.sessions.filter(session => !session.set_aside).map(session => session.number));
+  const said = progress.features.map(one => judge(one, newest, progress.cohort)).filter(one => one?.kind);
   const of = kind => said.filter(one => one.kind === kind);
-  const newest = Math.max(0, ...said.map(one => one.session));
   return html`
     <section class="card">
       <header><h2>${words.title}</h2></header>
@@ -33,13 +32,14 @@ const List = ({ title, items, none }) => html`
       : html`<p class="muted">${none}</p>`}</div>`;
 
 /** A target decides where there is one, else the place; what neither decides is not said. */
-function judge(one, counted, cohort) {
-  const point = [...one.points].reverse().find(at => counted.has(at.session) && at.value !== null);
-  if (!point) return null;
-  const told = { name: words.of(one.title, one.tool), session: point.session };
+function judge(one, newest, cohort) {
+  const point = one.points.find(at => at.session === newest);
+  const told = { name: words.of(one.title, one.tool) };
+  if (!point || point.value === null)
+    return one.target && { ...told, kind: 'open', words: words.unmeasured(limitWords(one.target)) };
   const place = placeWords(one.place, point, cohort);
   const value = `${number(point.value)}${point.low === null ? '' : ` ± ${uncertain((point.high - point.low) / 2)}`} ${unit(one.unit)}`.trim();
-  if (!one.target) return place.kind && { ...told, kind: place.kind, words: place.words };
+  if (!one.target) return { ...told, kind: place.kind, words: place.words };
   const limit = limitWords(one.target);
   if (point.judgement === 'pass') return { ...told, kind: 'strong', words: `${words.kept(value, limit)} ${place.words}` };
   if (point.judgement === 'fail') return { ...told, kind: 'weak', words: `${words.missed(value, limit)} ${place.words}` };

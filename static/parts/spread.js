@@ -25,7 +25,7 @@ export function Spread({ data: { task, standards, features, cohorts, tools }, on
   const tool = feature?.of_tools ? of.tool : '';
   const isReady = !feature || feature.of_session || tool !== '';
   const groups = [of.first, of.second].filter(Boolean).join(',');
-  const { data, problem, reload } = useData(
+  const { data, current, problem, reload } = useData(
     signal => isReady ? api.tasks.distribution(task.id, { feature: of.feature, tool, cohorts: groups, hand: tool && of.hand, limit: settled }, signal) : null,
     [task.id, of.feature, tool, groups, of.hand, settled, isReady]);
   const set = name => event => {
@@ -52,7 +52,7 @@ export function Spread({ data: { task, standards, features, cohorts, tools }, on
         <p class="small muted">${words.lead}</p>
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${isReady && !shown && !problem && html`<${Loading} />`}
-        ${shown && html`<${Told} told=${shown} limit=${limit} known=${known?.limit} isNovices=${of.first !== ''} onMove=${setMoved}
+        ${shown && html`<${Told} told=${shown} isFresh=${shown === current && limit === settled} limit=${limit} known=${known?.limit} isNovices=${of.first !== ''} onMove=${setMoved}
           onTake=${() => onTake({ feature: of.feature, tool, limit })} />`}
       </div>
     </section>`;
@@ -71,7 +71,8 @@ function useSettled(value) {
   return settled;
 }
 
-function Told({ told, limit, known, isNovices, onMove, onTake }) {
+/** `isFresh`: is it told of this limit? The dots stand there meanwhile; shares of another limit would not be true of this one. */
+function Told({ told, isFresh, limit, known, isNovices, onMove, onTake }) {
   const values = told.groups.flatMap(group => group.values);
   if (!values.length) return html`<${Empty} title=${words.none} body=${words.noneBody} />`;
   const [low, high, step] = ends(values, known, limit);
@@ -85,9 +86,9 @@ function Told({ told, limit, known, isNovices, onMove, onTake }) {
       <${Limit} name=${unit(told.unit)} limit=${limit} onMove=${move} />
       <button class="button" type="button" disabled=${limit === null} onClick=${onTake}>${words.take}</button>
     </div>
-    <ul class="stack tight" aria-live="polite">
+    <ul class="stack tight" aria-live="polite" aria-busy=${!isFresh}>
       ${limit === null ? html`<li class="muted">${words.noLimit}</li>`
-        : told.groups.map((group, at) => html`<li key=${group.cohort}>${said(group, at, isNovices, told.groups.length)}</li>`)}
+        : told.groups.map((group, at) => html`<li key=${group.cohort}>${isFresh ? said(group, at, isNovices, told.groups.length) : `${nameOf(group)}: …`}</li>`)}
     </ul>`;
 }
 
@@ -101,8 +102,10 @@ function Limit({ name, limit, onMove }) {
         onBlur=${() => setTyped(null)} /></div>`;
 }
 
+const nameOf = group => group.name ?? words.everybody;
+
 function said(group, at, isNovices, count) {
-  const name = group.name ?? words.everybody;
+  const name = nameOf(group);
   if (!group.keeping) return group.withheld ? words.withheld(name, group.withheld.detail) : `${name}: …`;
   const share = of => words.seenOf(percent(of.seen), percent(of.low), percent(of.high), percent(of.expected));
   const isSecond = at === count - 1 && (count === 2 || !isNovices) && group.cohort !== null;

@@ -16,7 +16,7 @@ export function Standard({ standard, onSet }) {
   return html`
     <section class="card">
       <header>
-        <h2>${words.inUse}</h2>
+        <h2 id="standard-in-use" tabindex="-1">${words.inUse}</h2>
         ${onSet && html`<button class="button main" type="button" onClick=${onSet}>
           ${standard ? words.changeOne : words.setOne}</button>`}
       </header>

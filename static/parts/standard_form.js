@@ -3,15 +3,20 @@ import { html, useEffect, useRef, useState } from './preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { t } from '../texts.js';
+import { focusSoon } from './focus.js';
 import { Field } from './form.js';
 import { Notice, ProblemNotice } from './notice.js';
 import { RuleAndChart, Targets } from './standard.js';
-import { another, asked, begun, TargetFields } from './standard_target.js';
+import { another, asked, begun, isOf, taken, TargetFields } from './standard_target.js';
 
 const words = t.standardForm;
+const [TOP, CHOSEN] = ['standard-form', 'standard-form-chosen']; // What gets the focus.
 const RULE = ['in_a_row', 'then_more', 'at_most'];
 
-/** `first`: a feature and a limit that were chosen elsewhere; null: begin with the standard in use. */
+/**
+ * `first`: a feature and a limit that were chosen elsewhere, anew for each choice: one that comes while the form is open is taken
+ * into it, and what was typed stays. null: begin with the standard in use.
+ */
 export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
   const last = data.standards[0];
   const [targets, setTargets] = useState(() => begun(first, data, mayMake));
@@ -19,8 +24,13 @@ export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
   const [proposal, setProposal] = useState(null);
   const [problem, setProblem] = useState(null);
   const [busy, setBusy] = useState(null);
-  const top = useRef(null);
-  useEffect(() => top.current.focus(), []);
+  const known = useRef(first);
+  useEffect(() => {
+    if (known.current !== first) setTargets(before => taken(before, first));
+    known.current = first;
+    focusSoon(first ? CHOSEN : TOP);
+  }, [first]);
+  const chosen = first ? targets.findIndex(target => isOf(target, first)) : -1;
 
   const body = { targets: targets.map(target => asked(target, data.features)), rule: askedRule(rule), charts: last?.charts };
   const sent = JSON.stringify(body);
@@ -36,19 +46,20 @@ export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
     return run('propose', async () => setProposal({ sent, told: await api.tasks.propose(data.task.id, body) }));
   };
   const keep = () => run('set', async () => onSet(await api.tasks.setStandard(data.task.id, body)));
+  const drop = target => (setTargets(targets.filter(one => one !== target)), focusSoon(TOP));
   const change = (at, more) => setTargets(before => before.map((target, i) => (i === at ? { ...target, ...more } : target)));
   return html`
     <section class="card">
-      <header><h2 ref=${top} tabindex="-1">${words.title}</h2></header>
+      <header><h2 id=${TOP} tabindex="-1">${words.title}</h2></header>
       <form class="body stack" onSubmit=${propose}>
         <p class="muted">${words.lead}</p>
         ${!mayMake && html`<p class="muted">${words.onlyAdministrators}</p>`}
         ${targets.map((target, at) => html`
-          <fieldset class="plain target stack tight" key=${target.key}>
+          <fieldset class="plain target stack tight" key=${target.key} tabindex="-1" id=${at === chosen ? CHOSEN : undefined}>
             <legend class="label">${words.target(at + 1)}</legend>
             <${TargetFields} target=${target} data=${data} mayMake=${mayMake} onChange=${more => change(at, more)} />
             ${targets.length > 1 && html`<div><button class="button bare" type="button" aria-label=${words.drop(at + 1)}
-              onClick=${() => setTargets(targets.filter(one => one !== target))}>${t.form.remove}</button></div>`}
+              onClick=${() => drop(target)}>${t.form.remove}</button></div>`}
           </fieldset>`)}
         <div><button class="button" type="button" onClick=${() => setTargets([...targets, another(data)])}>
           ${words.addTarget}</button></div>

@@ -14,11 +14,18 @@ const fresh = more => ({ ...EMPTY, key: (last += 1), ...more });
 /** The targets that a form begins with: those in use, and the limit that was chosen elsewhere on the page in its place. */
 export function begun(first, data, mayMake) {
   const inUse = (data.standards[0]?.targets ?? []).map(target => again(target, data, mayMake));
-  const chosen = first && fresh({ feature: first.feature, tool: first.tool, limit: String(Number(first.limit.toPrecision(6))) });
-  if (!chosen) return inUse.length ? inUse : [another(data)];
-  const at = inUse.findIndex(one => one.feature === chosen.feature && one.tool === chosen.tool);
-  return at < 0 ? [...inUse, chosen] : inUse.map((one, i) => (i === at ? chosen : one));
+  if (first) return taken(inUse, first);
+  return inUse.length ? inUse : [another(data)];
 }
+
+/** The targets with a limit that was chosen elsewhere: in place of that of the same feature and tool, or beside the others. */
+export function taken(targets, { feature, tool, limit }) {
+  const chosen = fresh({ feature, tool, limit: String(Number(limit.toPrecision(6))) });
+  const at = targets.findIndex(one => isOf(one, chosen));
+  return at < 0 ? [...targets, chosen] : targets.map((one, i) => (i === at ? chosen : one));
+}
+
+export const isOf = (target, { feature, tool }) => target.feature === feature && target.tool === tool;
 
 /** One more target; a first one is usually a published time. */
 export const another = ({ standards, presets }) =>

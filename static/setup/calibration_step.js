@@ -91,7 +91,7 @@ function Residuals({ photos, taken }) {
           <td></td><th scope="col">${t.box.reason}</th></tr></thead>
         <tbody>
           ${photos.map(({ file, used, rms_px, reason }) => html`
-            <tr key=${file} data-used=${used}>
+            <tr key=${file} data-used=${String(used)}>
               <th scope="row">${urls.has(file) && html`<img class="tiny" src=${urls.get(file)} alt="" />`} ${file}</th>
               <td class="number">${number(rms_px)}</td>
               <td class="bars"><i class=${used ? '' : 'left'} style=${{ width: `${(100 * (rms_px ?? 0)) / most}%` }}></i></td>

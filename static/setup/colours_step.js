@@ -14,7 +14,7 @@ import { FrameStrip } from './frame_strip.js';
 import { isMarked, tapesOf } from './marks.js';
 import { PaintBench } from './paint_bench.js';
 import { formOf, usePreview } from './preview.js';
-import { isWhole } from './steps.js';
+import { isOutdated, isWhole } from './steps.js';
 import { inkOf } from './tapes.js';
 
 const words = t.setup.colours;
@@ -22,6 +22,7 @@ const words = t.setup.colours;
 export function ColoursStep({ box, bench, at, onChange }) {
   const [problem, setProblem] = useState(null);
   const [chosen, setChosen] = useState(null);
+  const [opened] = useState(bench.frames.length === 0); // As it was at first: it must not close round the camera at its first frame.
   const { preview, problem: unseen, isAsking } = usePreview(box, bench);
   const tapes = tapesOf(bench.plan.tools);
   const ink = label => inkOf(label, tapes);
@@ -38,7 +39,7 @@ export function ColoursStep({ box, bench, at, onChange }) {
       ${box.palettes[0] && html`<${Learned} palette=${box.palettes[0]} />`}`;
   return html`
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
-    <details open=${frames.length === 0}>
+    <details open=${opened}>
       <summary>${words.add}</summary>
       <${FrameSources} box=${box} bench=${bench} onProblem=${setProblem} />
     </details>
@@ -71,6 +72,7 @@ function Learn({ box, bench, tapes, onProblem, onChange }) {
     setSending(false);
   };
   return html`
+    ${isOutdated(bench.plan.tools, box.palettes[0]) && html`<${Notice} tone="warn" quiet title=${words.outdated}>${words.outdatedBody}<//>`}
     ${unmarked.length > 0 && html`<${Notice} tone="warn" quiet title=${words.unmarked(unmarked)} />`}
     ${unmarked.length === 0 && noBackground && html`<${Notice} tone="warn" quiet title=${words.noBackground} />`}
     <div class="row"><button class="button main" type="button" disabled=${unmarked.length > 0 || noBackground || isSending}

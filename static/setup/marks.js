@@ -84,7 +84,8 @@ export function annotationsOf({ tools, view, frames }) {
   return { ...(view ? { view } : {}), tools: tools.map(entryOf), labels };
 }
 
-function entryOf({ tape, name, side, diameter, band }) {
+/** A tool as annotations.json has it. */
+export function entryOf({ tape, name, side, diameter, band }) {
   const colour = tape.trim();
   return {
     tool: name?.trim() || colour,

@@ -19,6 +19,7 @@ export function Painter({ frame, brush, mask, inkOf, onMark }) {
     brush.kind === 'rectangle' ? rectangleOf(path[0], path[path.length - 1], frame) : strokeOf(path, brush.size, frame);
   const draw = () => paint(canvas.current, { frame, brush, inkOf, path: drawn.current, rectanglesOf, cursor });
   useEffect(draw);
+  useEffect(() => cursor && reveal(canvas.current, cursor), [cursor, brush.zoom]);
 
   const at = event => {
     const box = canvas.current.getBoundingClientRect();
@@ -69,6 +70,16 @@ export function Painter({ frame, brush, mask, inkOf, onMark }) {
           onPointerDown=${down} onPointerMove=${move} onPointerUp=${up} onPointerCancel=${cancel}></canvas>
       </div>
     </div>`;
+}
+
+/** Scrolls a picture that is larger than its frame to where the keys are, with some of it around. */
+function reveal(canvas, [x, y]) {
+  const room = canvas.closest('.painter');
+  const near = (from, at, size) => Math.min(Math.max(from, at - 0.8 * size), at - 0.2 * size);
+  room.scrollTo(
+    near(room.scrollLeft, (x / canvas.width) * canvas.clientWidth, room.clientWidth),
+    near(room.scrollTop, (y / canvas.height) * canvas.clientHeight, room.clientHeight),
+  );
 }
 
 /** A finger scrolls by itself; a mouse takes the picture along. */

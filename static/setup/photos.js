@@ -13,7 +13,7 @@ export async function addPhotos(bench, box, files, onProblem) {
       const { blob, name } = file instanceof File ? await pictureOf(file) : { blob: file, name: null };
       const id = ++last;
       const look = await shown(blob);
-      bench.photos = [...bench.photos, { id, blob, name: name ?? `photo-${id}.png`, ...look, state: 'waiting' }];
+      bench.photos = [...bench.photos, { id, blob, name: name ?? `photo-${stamp()}-${id}.png`, ...look, state: 'waiting' }];
       bench.tell();
     } catch (error) {
       onProblem(asProblem(error));
@@ -21,6 +21,9 @@ export async function addPhotos(bench, box, files, onProblem) {
   }
   checkNext(bench, box);
 }
+
+/** The time of day in a name: a calibration knows photos by theirs, also those that were taken before a reload. */
+const stamp = () => new Date().toISOString().replace(/\D/g, '').slice(0, 14);
 
 export function removePhoto(bench, photo) {
   URL.revokeObjectURL(photo.url);

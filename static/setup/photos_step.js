@@ -1,6 +1,7 @@
 // Step 2: photos of the board, from this device's camera or from files. Each is judged at once, while the board is at hand.
 import { html, useState } from '../parts/preact.js';
 import { t } from '../texts.js';
+import { focusSoon } from '../parts/focus.js';
 import { Field } from '../parts/form.js';
 import { Announce, Notice, ProblemNotice } from '../parts/notice.js';
 import { CoverageMap } from './coverage.js';
@@ -19,6 +20,7 @@ export function PhotosStep({ box, bench, at }) {
     add([...event.target.files]);
     event.target.value = '';
   };
+  const remove = photo => (removePhoto(bench, photo), focusSoon('photos-so-far', 'setup-step'));
   const good = goodPhotos(photos);
   const size = usualSize(photos.filter(({ check }) => check?.found));
   const latest = [...photos].reverse().find(({ state }) => state === 'checked' || state === 'failed');
@@ -35,10 +37,10 @@ export function PhotosStep({ box, bench, at }) {
     <${Announce}>${latest ? words.heard(latest) : ''}<//>
     ${photos.length > 0 && html`
       <section class="stack">
-        <h3>${words.sofar(good.length, photos.length)}</h3>
+        <h3 id="photos-so-far" tabindex="-1">${words.sofar(good.length, photos.length)}</h3>
         <ul class="photos">
           ${[...photos].reverse().map(photo => html`
-            <${PhotoCard} key=${photo.id} photo=${photo} usual=${size} onRemove=${() => removePhoto(bench, photo)}
+            <${PhotoCard} key=${photo.id} photo=${photo} usual=${size} onRemove=${() => remove(photo)}
               onRetry=${() => retry(bench, box.id, photo)} />`)}
         </ul>
       </section>`}`;

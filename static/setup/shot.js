@@ -16,10 +16,13 @@ export function Shot({ calibrated, label, onShot, disabled }) {
   const [isTaking, setTaking] = useState(false);
   useEffect(() => void (video.current && (video.current.srcObject = camera.stream)), [camera.stream]);
   const take = async () => {
+    if (!video.current?.videoWidth) return; // The camera is on, and has given no picture yet.
     setTaking(true);
-    const blob = await frameOf(video.current);
-    setTaking(false);
-    onShot(blob);
+    try {
+      onShot(await frameOf(video.current));
+    } finally {
+      setTaking(false);
+    }
   };
   return html`
     <div class="stack tight shot">

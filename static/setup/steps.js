@@ -1,4 +1,5 @@
 // The steps of setting up a box, in order, and how each stands. `done`, `todo`, `again` (look again), `free` (if wanted).
+import { entryOf } from './marks.js';
 import { goodPhotos } from './photos.js';
 import { needsOf } from './needs.js';
 
@@ -15,9 +16,9 @@ export function statesOf(box, bench) {
     photos: photosState(photos, box),
     calibration: calibrationState(box),
     tools: toolsState(plan.tools, box.tools),
-    colours: coloursState(box.palettes[0]),
+    colours: coloursState(box.palettes[0], plan.tools),
     agent: box.tokens?.length ? 'done' : 'free',
-    test: testState(box.selfTests[0]),
+    test: testState(box),
   };
 }
 
@@ -45,12 +46,28 @@ function toolsState(planned, known) {
 /** Has it what a measurement needs? */
 export const isWhole = ({ tape, diameter }) => Boolean(tape?.trim() && diameter > 0);
 
-function coloursState(palette) {
+function coloursState(palette, planned) {
   if (!palette) return 'todo';
+  if (isOutdated(planned, palette)) return 'again';
   return (palette.verdicts ?? []).some(({ grade }) => grade === 'bad') ? 'again' : 'done';
 }
 
-function testState(test) {
-  if (!test) return 'todo';
-  return test.light === 'green' ? 'done' : 'again';
+/** Are the instruments described otherwise than they were when these colours were learned? They are saved with the colours. */
+export function isOutdated(planned, palette) {
+  if (!palette || planned.length === 0 || !planned.every(isWhole)) return false;
+  return alike(planned.map(entryOf)) !== alike(palette.tools.map(({ name, ...rest }) => ({ tool: name, ...rest })));
 }
+
+/** The same text for the same instruments, in whatever order. */
+const alike = tools =>
+  tools.map(of => JSON.stringify([of.tool, of.colour ?? null, of.side ?? null, of.diameter_mm, of.band_length_mm ?? null])).sort().join();
+
+function testState(box) {
+  const [test] = box.selfTests;
+  if (!test) return 'todo';
+  return test.light === 'green' && !isOfOlder(test, box) ? 'done' : 'again';
+}
+
+/** Was another camera or were other colours tested than those in use? */
+export const isOfOlder = (test, { calibration, palettes }) =>
+  test.calibration !== calibration?.id || test.palette !== palettes[0]?.id;

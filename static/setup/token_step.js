@@ -4,6 +4,7 @@ import { api } from '../api.js';
 import { dateTime } from '../format.js';
 import { may } from '../roles.js';
 import { t } from '../texts.js';
+import { focusSoon } from '../parts/focus.js';
 import { Form } from '../parts/form.js';
 import { Notice } from '../parts/notice.js';
 import { QrCode } from './qr.js';
@@ -15,6 +16,7 @@ export function TokenStep({ box, person, onChange }) {
   const create = async ({ name }) => {
     const { token } = await api.tokens.create({ name, role: 'agent', box: box.id });
     setMade(token);
+    focusSoon('token-made');
     onChange();
   };
   if (!may(person, 'people')) return html`<${Notice} quiet title=${words.notYou}>${words.notYouBody}<//>`;
@@ -34,6 +36,7 @@ function Made({ box, token }) {
   const run = `trocar agent --server ${location.origin} --box ${box.code} --token-file ${file}`;
   const record = `${run} --trainee ${words.trainee} --task ${words.task} /dev/video0`;
   return html`
+    <h3 id="token-made" tabindex="-1">${words.made}</h3>
     <${Notice} tone="warn" title=${words.once}>${words.onceBody}<//>
     <div class="token">
       <div class="stack">

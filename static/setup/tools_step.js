@@ -4,18 +4,28 @@ import { api } from '../api.js';
 import { asProblem } from '../data.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/form.js';
+import { focusSoon } from '../parts/focus.js';
 import { icons } from '../parts/icons.js';
 import { Empty, Notice, ProblemNotice } from '../parts/notice.js';
+import { isOutdated } from './steps.js';
 import { ToolPicture } from './tool_picture.js';
 import { tapeNames } from './tapes.js';
 
 const words = t.setup.tools;
 const MOST_TOOLS = 8;
+const ADD = 'add-tool';
 
 export function ToolsStep({ box, bench, at, onChange }) {
   const { tools } = bench.plan;
   const known = box.tools.length > 0 && tools.length === 0;
   const set = list => bench.setPlan({ tools: list });
+  const remove = index => (set(tools.filter((_, at) => at !== index)), focusSoon(ADD, 'setup-step'));
+  // Fields show what they began with: other ids make them begin anew.
+  const takeBack = () => {
+    const last = Math.max(...tools.map(({ id }) => id));
+    set(box.palettes[0].tools.map(planned).map(tool => ({ ...tool, id: last + tool.id })));
+    focusSoon(ADD, 'setup-step');
+  };
   const change = (index, more) => set(tools.map((tool, at) => (at === index ? { ...tool, ...more } : tool)));
   return html`
     <div class="setup-two">
@@ -27,10 +37,13 @@ export function ToolsStep({ box, bench, at, onChange }) {
     ${tools.length === 0 && !known && html`<${Empty} title=${words.none} body=${words.noneBody} />`}
     <ul class="stack">
       ${tools.map((tool, index) => html`<${Tool} key=${tool.id} tool=${tool} number=${index + 1}
-        onChange=${more => change(index, more)} onRemove=${() => set(tools.filter((_, at) => at !== index))} />`)}
+        onChange=${more => change(index, more)} onRemove=${() => remove(index)} />`)}
     </ul>
-    ${!known && tools.length < MOST_TOOLS && html`<div class="row"><button class="button" type="button"
+    ${!known && tools.length < MOST_TOOLS && html`<div class="row"><button id=${ADD} class="button" type="button"
       onClick=${() => set([...tools, { id: 1 + Math.max(0, ...tools.map(tool => tool.id)), tape: '', name: '', side: '' }])}><${icons.add} />${words.add}</button></div>`}
+    ${isOutdated(tools, box.palettes[0]) && html`<${Notice} tone="warn" quiet title=${t.setup.colours.outdated}>
+        ${t.setup.colours.outdatedBody}<//>
+      <div class="row"><button class="button" type="button" onClick=${takeBack}>${words.takeBack}</button></div>`}
     ${tools.length > 0 && html`<p class="small muted">${words.next} <a href=${at('colours')}>${t.setup.colours.title}</a></p>`}
     <${View} box=${box} onChange=${onChange} />
     <p class="small muted">${words.trocars}</p>`;

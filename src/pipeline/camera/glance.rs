@@ -53,7 +53,7 @@ pub enum Hint {
     Dark,
     /// Burnt out by the light or its reflection.
     Glare,
-    /// Nothing in the picture is sharp.
+    /// The board is not sharp, or nothing in the picture is.
     Soft,
     /// What was seen of the board ends at this side of the picture.
     CutOff(Edge),
@@ -94,10 +94,11 @@ fn hints(photo: &Plane<'_>, reason: &BoardReason, seen: &[Pixel]) -> Vec<Hint> {
     let levels = Levels::of(photo);
     let is_another_board = matches!(reason, BoardReason::OtherBoard { .. });
     let is_unseen = matches!(reason, BoardReason::NoBoard);
+    let is_blurred = matches!(reason, BoardReason::Blurred { .. });
     let told = [
         (Hint::Dark, levels.median < DARK),
         (Hint::Glare, levels.burnt > MOST_BURNT),
-        (Hint::Soft, is_unseen && levels.median >= DARK && levels.steepest < SOFT),
+        (Hint::Soft, is_blurred || (is_unseen && levels.median >= DARK && levels.steepest < SOFT)),
     ];
     let of_light = told.into_iter().filter(|(_, holds)| *holds && !is_another_board).map(|(hint, _)| hint);
     let is_part = matches!(reason, BoardReason::Incomplete { .. } | BoardReason::Irregular);

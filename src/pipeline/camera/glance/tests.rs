@@ -70,7 +70,10 @@ fn a_board_that_leaves_the_picture_says_at_which_side() {
 fn no_light_and_nothing_sharp_are_named_as_the_cause() {
     let black = Drawn { codes: [2, 3], ..Drawn::at(120, 100, 40) }.glance(0);
     assert_eq!((black.reason, black.hints), (Some(BoardReason::NoBoard), vec![Hint::Dark]));
-    let soft = Drawn::at(200, 150, 20).glance(12);
+    let blurred = Drawn::at(200, 150, 20).glance(12);
+    assert!(matches!(blurred.reason, Some(BoardReason::Blurred { .. })), "{:?}", blurred.reason);
+    assert_eq!(blurred.hints, [Hint::Soft]);
+    let soft = Drawn::at(200, 150, 20).glance(24);
     assert_eq!((soft.reason, soft.hints), (Some(BoardReason::NoBoard), vec![Hint::Soft]));
     let burnt = Drawn { codes: [255, 255], ..Drawn::at(120, 100, 40) }.glance(0);
     assert!(burnt.hints.contains(&Hint::Glare), "{:?}", burnt.hints);
