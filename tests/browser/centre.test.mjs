@@ -195,11 +195,7 @@ test('the pass stands in the group’s table, and the certificate prints on one 
   await page.emulateMedia({ media: 'screen' });
 });
 
-<<<<<<< HEAD
-test('imported paths are compared with nobody, and the task’s page says that nobody stands there', async () => {
-=======
 test('of an imported path alone nobody stands among people, and the page says so', async () => {
->>>>>>> w-pages
   await page.goto(`${url}/tasks/${made.task.id}`);
   const spread = page.locator('section', { hasText: 'Where people stand' });
   await spread.getByText('None of these people has a value of this yet').waitFor();
@@ -207,14 +203,10 @@ test('of an imported path alone nobody stands among people, and the page says so
   assert.deepEqual([told.groups[0].values, told.groups[0].keeping], [[], null]);
 });
 
-<<<<<<< HEAD
-test('a task with measured sessions shows a dot for each person, and the line moves', async t => {
-=======
 /** A share as the page writes it. */
 const percent = share => new Intl.NumberFormat('en', { style: 'percent', maximumFractionDigits: 1 }).format(share);
 
-test('a task with measured sessions has a dot for each person; moving the line says what the service says of it', async () => {
->>>>>>> w-pages
+test('a task with measured sessions has a dot for each person; moving the line says what the service says of it', async t => {
   const tasks = (await ask('tasks?limit=200')).items;
   for (const task of tasks) {
     const { groups } = await ask(`tasks/${task.id}/distribution?feature=duration&limit=30`);
@@ -262,8 +254,8 @@ test('a task with measured sessions has a dot for each person; moving the line s
 });
 
 test('the service’s page says what REST says, and who enrolled whom', async () => {
-  const rows = Array.from({ length: 30 }, (_, i) => ({ name: `Guest ${i} ${mark}` }));
-  await make('enrolments', { rows }); // More changes than a page of them holds.
+  const guests = Array.from({ length: 30 }, (_, i) => ({ name: `Guest ${i} ${mark}` }));
+  await make('enrolments', { rows: guests }); // More changes than a page of them holds.
   await page.goto(`${url}/service`);
   const { version, storage } = await ask('service');
   await page.locator('.facts', { hasText: version }).first().waitFor();
