@@ -47,14 +47,15 @@ async function call(method, path, { query, json, form, table, signal } = {}) {
   if (json !== undefined) headers['content-type'] = 'application/json';
   if (table !== undefined) headers['content-type'] = 'text/csv';
   const body = json !== undefined ? JSON.stringify(json) : (table ?? form);
-  let answer;
+  let answer, text;
   try {
     answer = await fetch(address(path, query), { method, headers, body, signal, credentials: 'same-origin' });
+    text = await answer.text(); // cut within its body it is as far away as one that never came
   } catch (error) {
     throw error.name === 'AbortError' ? error : Problem.offline();
   }
-  if (answer.ok) return answer.status === 204 ? null : parse(await answer.text());
-  const problem = Problem.fromText(answer.status, await answer.text());
+  if (answer.ok) return parse(text);
+  const problem = Problem.fromText(answer.status, text);
   if (answer.status === 401 && path[0] !== 'sign-in') signedOut.forEach(tell => tell());
   throw problem;
 }
