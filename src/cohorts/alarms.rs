@@ -4,7 +4,7 @@
 //! asks again with every session that is done. So what was found is known for a minute, by who asked; one looks at a time. Names
 //! are read anew each time, through the scope: who was erased, or is seen no more, is not in the answer.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -19,7 +19,7 @@ use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::ids::{SessionId, TaskId, TraineeId};
-use crate::store::Trained;
+use crate::store::{StoreError, Trained};
 
 /// Sessions that are judged at most, of those who trained last.
 const MOST_SESSIONS: usize = 30_000;
@@ -95,14 +95,18 @@ impl Cohorts {
         trainees.dedup();
         let seen = self.store.trainees().named(scope, &trainees).await?;
         let names: HashMap<TraineeId, String> = seen.into_iter().map(|who| (who.id, who.name.to_string())).collect();
-        let mut tasks: HashMap<TaskId, Option<String>> = HashMap::new();
+        let ids: BTreeSet<TaskId> = found.alarms.iter().map(|raised| raised.of.task).collect();
+        let mut tasks: HashMap<TaskId, String> = HashMap::with_capacity(ids.len());
+        for id in ids {
+            match self.store.tasks().get(scope, &Key::from(&id)).await {
+                Ok(task) => drop(tasks.insert(id, task.name.to_string())),
+                Err(StoreError::NotFound { .. }) => {} // deleted meanwhile
+                Err(error) => return Err(error.into()),
+            }
+        }
         let mut items = Vec::with_capacity(found.alarms.len());
         for Raised { kind, of, session, since } in &found.alarms {
-            if !tasks.contains_key(&of.task) {
-                let task = self.store.tasks().get(scope, &Key::from(&of.task)).await;
-                tasks.insert(of.task, task.ok().map(|task| task.name.to_string()));
-            }
-            let (Some(trainee), Some(Some(task))) = (names.get(&of.trainee), tasks.get(&of.task)) else { continue };
+            let (Some(trainee), Some(task)) = (names.get(&of.trainee), tasks.get(&of.task)) else { continue };
             items.push(Alarm {
                 kind: *kind,
                 trainee: of.trainee,

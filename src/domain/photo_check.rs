@@ -71,7 +71,7 @@ pub struct PhotoCoverage {
 
 impl PhotoCheck {
     /// Corners that are shown at most: more than any board has.
-    pub const MOST_CORNERS: usize = (Board::MOST as usize + 2).pow(2);
+    pub const MOST_CORNERS: usize = (Board::MOST + 2).pow(2);
 
     /// Of a photo of this size.
     pub fn new((width, height): (u32, u32), glance: &glance::Glance) -> Self {

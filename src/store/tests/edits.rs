@@ -153,7 +153,8 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
     let cohort = centre.store.cohorts().create(&service, new).await.unwrap();
     let key = FeatureKey { feature: "duration".to_owned(), tool: None, space: FeatureSpace::Space3d };
     let values = async || {
-        let rows = centre.store.cohorts().values(cohort.id, centre.task.id, 1, &[key.clone()]).await.unwrap();
+        let rows =
+            centre.store.cohorts().values(cohort.id, centre.task.id, 1, std::slice::from_ref(&key)).await.unwrap();
         rows.iter().map(|row| row.value).collect::<Vec<f64>>()
     };
     let level = serde_json::from_value(json!({"level": "novice"})).unwrap();
@@ -181,7 +182,7 @@ async fn trainees_see_edits_and_make_none_and_nobody_sees_a_strangers() {
     let teacher = centre.person("ines", Role::Instructor, None).await;
     let edit = add(&centre, session, TRIM).await.unwrap();
     let edits = centre.store.edits();
-    assert_eq!(edits.of_session(&own, session).await.unwrap().items, [edit.clone()]);
+    assert_eq!(edits.of_session(&own, session).await.unwrap().items, std::slice::from_ref(&edit));
     let refused = edits.undo(&own, session, edit.id).await;
     assert!(matches!(refused, Err(StoreError::Forbidden { .. })));
     for scope in [other, teacher.scope()] {

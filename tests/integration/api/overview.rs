@@ -7,6 +7,7 @@ use super::centre::Centre;
 use crate::planted::{DAY_MS, Planter, duration};
 use crate::support::{problem, read};
 use trocar::pipeline::PIPELINE_VERSION;
+use trocar::time::{Clock, System};
 
 const ENROLMENTS: &str = "/api/v1/enrolments";
 
@@ -27,7 +28,7 @@ async fn group(centre: &Centre, name: &str) -> String {
 }
 
 fn now_ms() -> i64 {
-    std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_millis() as i64
+    System.now_ms()
 }
 
 #[tokio::test(flavor = "multi_thread")]
