@@ -14,7 +14,7 @@ import { FrameStrip } from './frame_strip.js';
 import { isMarked, tapesOf } from './marks.js';
 import { PaintBench } from './paint_bench.js';
 import { formOf, usePreview } from './preview.js';
-import { isOutdated, isWhole } from './steps.js';
+import { isOutdated, isWhole, planned } from './steps.js';
 import { inkOf } from './tapes.js';
 
 const words = t.setup.colours;
@@ -33,6 +33,12 @@ export function ColoursStep({ box, bench, at, onChange }) {
     return mask && { ...mask, colours: preview.colours };
   };
   const isDescribed = bench.plan.tools.length > 0 && bench.plan.tools.every(isWhole);
+  if (bench.plan.tools.length === 0 && box.tools.length > 0)
+    return html`
+      <${Notice} tone="good" quiet title=${t.setup.tools.known(box.tools.map(({ name }) => name))}>${words.knownBody}<//>
+      <div class="row"><button class="button" type="button"
+        onClick=${() => bench.setPlan({ tools: box.tools.map(planned) })}>${words.anew}</button></div>
+      ${box.palettes[0] && html`<${Learned} palette=${box.palettes[0]} />`}`;
   if (!isDescribed)
     return html`<${Empty} title=${words.needTools} body=${words.needToolsBody}>
       <a class="button main" href=${at('tools')}>${t.setup.tools.title}</a><//>

@@ -27,6 +27,16 @@ export const nextOf = states => STEPS.find(step => states[step] === 'todo' || st
 
 export const isPoor = rms => Number.isFinite(rms) && rms > MOST_RMS_PX;
 
+/** A tool of the box as this page keeps it. */
+export const planned = ({ name, colour, side, diameter_mm, band_length_mm }, index) => ({
+  id: index + 1,
+  tape: colour ?? name,
+  name: colour ? name : '',
+  side: side ?? '',
+  diameter: diameter_mm,
+  band: band_length_mm ?? undefined,
+});
+
 function photosState(photos, box) {
   if (photos.length === 0) return box.calibration ? 'done' : 'todo';
   if (needsOf(goodPhotos(photos)).isEnough) return 'done';

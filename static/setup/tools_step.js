@@ -7,7 +7,7 @@ import { Field } from '../parts/form.js';
 import { focusSoon } from '../parts/focus.js';
 import { icons } from '../parts/icons.js';
 import { Empty, Notice, ProblemNotice } from '../parts/notice.js';
-import { isOutdated } from './steps.js';
+import { isOutdated, planned } from './steps.js';
 import { ToolPicture } from './tool_picture.js';
 import { tapeNames } from './tapes.js';
 
@@ -48,16 +48,6 @@ export function ToolsStep({ box, bench, at, onChange }) {
     <${View} box=${box} onChange=${onChange} />
     <p class="small muted">${words.trocars}</p>`;
 }
-
-/** A tool of the box as this page keeps it. */
-const planned = ({ name, colour, side, diameter_mm, band_length_mm }, index) => ({
-  id: index + 1,
-  tape: colour ?? name,
-  name: colour ? name : '',
-  side: side ?? '',
-  diameter: diameter_mm,
-  band: band_length_mm ?? undefined,
-});
 
 const Known = ({ tools, onTake }) => html`
   <${Notice} tone="good" quiet title=${words.known(tools.map(({ name }) => name))}>${words.knownBody}<//>

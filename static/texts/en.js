@@ -1194,6 +1194,8 @@ export default {
       title: 'Tape colours',
       lead: 'Show what is tape and what is not, on frames of this box in its usual light. At once you see what the tracker makes of it.',
       needTools: 'First describe the instruments',
+      knownBody: 'The colours in use were learned for them. Paint anew where the light or a tape has changed.',
+      anew: 'Paint anew',
       needToolsBody: 'Each tape that is to be marked belongs to an instrument with a diameter.',
       add: 'Add frames of the box',
       from: 'Where frames come from',
