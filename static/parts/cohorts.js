@@ -28,7 +28,7 @@ export function Cohorts({ groups }) {
   return html`
     <section class="card">
       <header><div><h2>${words.title}</h2><p class="small muted">${words.lead}</p></div>
-        <${AddButton} label=${words.add} onClick=${() => setOpen({})} /></header>
+        ${data && html`<${AddButton} label=${words.add} onClick=${() => setOpen({})} />`}</header>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${!data && !problem && html`<${Loading} />`}
       ${data?.cohorts.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody} />`}

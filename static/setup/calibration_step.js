@@ -84,7 +84,7 @@ function Residuals({ photos, taken }) {
   const most = Math.max(...photos.map(({ rms_px }) => rms_px ?? 0), 0.001);
   const urls = new Map(taken.map(({ name, url }) => [name, url]));
   return html`
-    <div class="scroll">
+    <div class="scroll" role="region" aria-label=${words.perPhoto} tabindex="0">
       <table class="table dense residuals">
         <caption class="small muted">${words.perPhoto}</caption>
         <thead><tr><th scope="col">${t.box.photo}</th><th scope="col" class="number">${t.box.residual}</th>

@@ -9,7 +9,7 @@ export function Confusion({ rows }) {
   const tapes = rows[0]?.lights[0].tools.map(({ tool }) => tool) ?? [];
   if (tapes.length === 0) return null;
   return html`
-    <div class="scroll">
+    <div class="scroll" role="region" aria-label=${words.confusion} tabindex="0">
       <table class="table dense">
         <caption class="small muted">${words.confusion}</caption>
         <thead><tr><th scope="col">${t.box.label}</th><th scope="col" class="number">${words.strokes}</th>

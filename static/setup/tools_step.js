@@ -71,7 +71,7 @@ function Tool({ tool, number, onChange, onRemove }) {
           <${Field} label=${t.box.hand} hint=${words.sideHint} type="select" value=${tool.side}
             options=${[['', words.anySide], ...Object.entries(t.box.sides)]} onInput=${text('side')} />
         </div>
-        <button class="button bare" type="button" aria-label=${words.removeNamed(called)} onClick=${onRemove}>${t.form.remove}</button>
+        <button class="button bare" type="button" aria-label=${words.removeNamed(called)} onClick=${onRemove}>${t.setup.photos.remove}</button>
       </fieldset>
     </li>`;
 }
