@@ -6,7 +6,7 @@
 //! board is nearer is told by the lengths of its opposite sides, once the lens's bending is taken out by the one number that
 //! makes a homography of the corners fit best: a camera is not known yet. It is rough, and meant for "tilt it the other way".
 //!
-//! Says nothing of accuracy: only all photos together do ([`super::calibrate`]).
+//! Says nothing of accuracy: only all photos together do ([`super::calibrate()`]).
 
 use nalgebra::{Point2, Vector2};
 
