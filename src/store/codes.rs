@@ -25,7 +25,7 @@ pub(super) async fn choose(
         return Ok(base);
     }
     // Numbers are given in turn, so that a taken one has all below it taken, but for what was renamed since: the first free one lies
-    // between the last taken and the first free power of two. Five hundred people of one name cost nine looks each, not five hundred.
+    // between the last taken and the first free power of two. The five hundredth of one name costs some twenty looks, not five hundred.
     let mut free = 2;
     while !is_free(&base.numbered(free)).await? {
         free = free

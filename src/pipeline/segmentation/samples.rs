@@ -66,7 +66,7 @@ impl ColourSamples {
         let size = |of: &Rectangle| end(of).0.saturating_sub(of.x) * end(of).1.saturating_sub(of.y);
         let pixels: usize = rectangles.iter().map(size).sum();
         let too_many = pixels.div_ceil(MOST_PER_RECTANGLE).max(1);
-        // One rectangle is taken on a grid. Of a stroke, whose rectangles may be a row high, every so manieth pixel is taken: a grid
+        // One rectangle is taken on a grid. Of a stroke, whose rectangles may be a row high, every n-th pixel is taken: a grid
         // begun anew in each would take one of each at least, however many there are.
         let (step, every) = match rectangles.len() {
             1 => ((too_many as f64).sqrt().ceil() as usize, 1),
