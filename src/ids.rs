@@ -73,6 +73,8 @@ ids! {
     StandardId;
     /// A reference group.
     CohortId;
+    /// A course plan.
+    CourseId;
     /// One version of a task's model of skill.
     ModelId;
     /// One recording of one trainee doing one task in one box.

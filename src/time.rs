@@ -5,12 +5,16 @@
 use std::fmt;
 use std::future::Future;
 use std::pin::Pin;
-use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::str::FromStr;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, LazyLock};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use jiff::Timestamp;
+use jiff::civil::Date;
 use jiff::fmt::rfc2822::DateTimePrinter;
 use jiff::tz::TimeZone;
+use jiff::{Span, Timestamp};
+use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
 
 /// A clock that the whole process shares.
@@ -24,6 +28,10 @@ pub trait Clock: fmt::Debug + Send + Sync {
     /// Now, epoch milliseconds.
     fn now_ms(&self) -> i64;
 
+    /// Milliseconds that have passed since some moment of this process, whatever the clock was set to meanwhile: for how long
+    /// ago something was.
+    fn passed_ms(&self) -> i64;
+
     /// Waits until this much time has passed on this clock.
     fn sleep(&self, duration: Duration) -> Sleep;
 }
@@ -36,7 +44,12 @@ impl Clock for System {
     #[expect(clippy::disallowed_methods, reason = "the one place that asks the machine")]
     fn now_ms(&self) -> i64 {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+        millis(since)
+    }
+
+    fn passed_ms(&self) -> i64 {
+        static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
+        millis(BEGAN.elapsed())
     }
 
     fn sleep(&self, duration: Duration) -> Sleep {
@@ -47,31 +60,42 @@ impl Clock for System {
 /// A clock that stands still until it is told to move: for tests.
 #[derive(Debug)]
 pub struct Manual {
-    now_ms: watch::Sender<i64>,
+    passed_ms: watch::Sender<i64>,
+    /// What it shows beyond that.
+    set_ms: AtomicI64,
 }
 
 impl Manual {
     /// A clock that shows this time.
     pub fn at(now_ms: i64) -> Arc<Self> {
-        Arc::new(Self { now_ms: watch::Sender::new(now_ms) })
+        Arc::new(Self { passed_ms: watch::Sender::new(0), set_ms: AtomicI64::new(now_ms) })
     }
 
     /// Moves the hands forward and wakes whoever was waiting for it.
     pub fn advance(&self, duration: Duration) {
-        self.now_ms.send_modify(|now_ms| *now_ms += millis(duration));
+        self.passed_ms.send_modify(|passed_ms| *passed_ms += millis(duration));
+    }
+
+    /// Sets the hands forward, as an administrator does, though no time passes.
+    pub fn set_forward(&self, duration: Duration) {
+        self.set_ms.fetch_add(millis(duration), Ordering::AcqRel);
     }
 }
 
 impl Clock for Manual {
     fn now_ms(&self) -> i64 {
-        *self.now_ms.borrow()
+        self.set_ms.load(Ordering::Acquire) + self.passed_ms()
+    }
+
+    fn passed_ms(&self) -> i64 {
+        *self.passed_ms.borrow()
     }
 
     fn sleep(&self, duration: Duration) -> Sleep {
-        let mut hands = self.now_ms.subscribe();
-        let until_ms = self.now_ms() + millis(duration);
+        let mut hands = self.passed_ms.subscribe();
+        let until_ms = self.passed_ms() + millis(duration);
         Box::pin(async move {
-            if hands.wait_for(|now_ms| *now_ms >= until_ms).await.is_err() {
+            if hands.wait_for(|passed_ms| *passed_ms >= until_ms).await.is_err() {
                 std::future::pending::<()>().await; // the clock is gone: that time never comes
             }
         })
@@ -103,6 +127,67 @@ pub fn day_began_ms(time_ms: i64) -> i64 {
     let here = Timestamp::from_millisecond(time_ms).map(|time| time.to_zoned(TimeZone::system()));
     let began = here.and_then(|here| here.start_of_day()).map(|began| began.timestamp().as_millisecond());
     began.unwrap_or(time_ms - DAY_MS) // at the ends of time alone
+}
+
+/// A day of the calendar where the machine stands, such as `2026-11-21`: for what is due on a day, and not at a moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(try_from = "String", into = "String")]
+#[schema(value_type = String, format = "date")]
+pub struct Day(Date);
+
+/// Text that is not a day.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("not a day: expected one such as 2026-11-21")]
+pub struct NotADay;
+
+impl Day {
+    /// The day of this time.
+    pub fn of(time_ms: i64) -> Self {
+        let nearest = if time_ms < 0 { Date::MIN } else { Date::MAX };
+        Self(Timestamp::from_millisecond(time_ms).map_or(nearest, |time| time.to_zoned(TimeZone::system()).date()))
+    }
+
+    /// So many days later.
+    pub fn after_days(self, days: u32) -> Self {
+        let later = Span::new().try_days(days).map(|days| self.0.saturating_add(days));
+        Self(later.unwrap_or(Date::MAX))
+    }
+
+    /// When it begins, epoch milliseconds.
+    pub fn begins_ms(self) -> i64 {
+        let began = self.0.to_zoned(TimeZone::system()).map(|began| began.timestamp().as_millisecond());
+        began.unwrap_or(i64::MAX) // at the end of time alone
+    }
+}
+
+impl FromStr for Day {
+    type Err = NotADay;
+
+    /// Only the one form that a day is shown in, so that days as text are in their order.
+    fn from_str(text: &str) -> Result<Self, NotADay> {
+        let day = text.parse().map(Self).map_err(|_| NotADay)?;
+        if day.to_string() == text && text.len() == 10 { Ok(day) } else { Err(NotADay) }
+    }
+}
+
+impl TryFrom<String> for Day {
+    type Error = NotADay;
+
+    fn try_from(text: String) -> Result<Self, NotADay> {
+        text.parse()
+    }
+}
+
+impl From<Day> for String {
+    fn from(day: Day) -> String {
+        day.to_string()
+    }
+}
+
+impl fmt::Display for Day {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
 }
 
 /// RFC 3339 text with any offset, as epoch milliseconds.
@@ -138,6 +223,23 @@ mod tests {
     }
 
     #[test]
+    fn a_day_is_the_one_in_which_it_begins_and_the_one_before_it_ends_there() {
+        let day: Day = "2026-02-27".parse().unwrap();
+        assert_eq!(Day::of(day.begins_ms()), day);
+        assert_eq!(Day::of(day.begins_ms() - 1).after_days(1), day);
+        assert_eq!(day.after_days(2).to_string(), "2026-03-01");
+        assert!(day < day.after_days(1) && day.after_days(u32::MAX) > day);
+    }
+
+    #[test]
+    fn a_day_has_one_spelling() {
+        for text in ["2026-02-29", "2026-2-27", "2026-02-27T10:00", "20260227", "-002026-02-27", "today", ""] {
+            assert_eq!(text.parse::<Day>(), Err(NotADay), "{text}");
+        }
+        assert_eq!(serde_json::to_string(&"2026-02-27".parse::<Day>().unwrap()).unwrap(), "\"2026-02-27\"");
+    }
+
+    #[test]
     fn no_time_is_too_far_to_be_written() {
         assert!(!to_rfc3339(i64::MIN).is_empty() && !to_rfc3339(i64::MAX).is_empty());
     }
@@ -151,5 +253,14 @@ mod tests {
         clock.advance(Duration::from_millis(1));
         sleep.await;
         assert_eq!(clock.now_ms(), 1_010);
+    }
+
+    #[tokio::test]
+    async fn hands_that_are_set_forward_let_no_time_pass() {
+        let clock = Manual::at(1_000);
+        let mut sleep = clock.sleep(Duration::from_millis(10));
+        clock.set_forward(Duration::from_secs(1));
+        assert!(futures_util::poll!(&mut sleep).is_pending());
+        assert_eq!((clock.now_ms(), clock.passed_ms()), (2_000, 0));
     }
 }

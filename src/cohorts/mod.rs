@@ -9,6 +9,7 @@
 //! | `distribution.rs` | how a feature is spread over people, and whom a limit would be wrong about |
 //! | `alarms.rs` | who needs somebody: relapses, refreshers that are due |
 //! | `overview.rs` | a group's table |
+//! | `courses.rs` | how far people have come in a course |
 //! | `progress.rs` | a trainee's sessions of a task over time |
 //! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
 //! | `series.rs` | one feature of them: points, place, curve |
@@ -22,6 +23,7 @@
 
 mod alarms;
 pub mod answer;
+mod courses;
 mod distribution;
 mod known;
 mod overview;
@@ -43,6 +45,7 @@ use crate::time::SharedClock;
 
 use alarms::KnownAlarms;
 pub use alarms::{Alarm, AlarmKind, Alarms};
+pub use courses::{CourseRow, GroupCourse, OwnCourse, StepPassed, StepProgress, StepState};
 pub use distribution::{AskedSpread, Distribution, Spread};
 use known::Known;
 pub use overview::{GroupTable, GroupTableRow, TableFound};

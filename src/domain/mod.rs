@@ -18,6 +18,7 @@
 //! | [`edit`] | what people change about a scored session |
 //! | [`standard`] | what a task asks for: targets, pass rule, charts |
 //! | [`cohort`] | who is in a reference group |
+//! | [`course`] | what a course asks for: steps, each with a task |
 //! | [`calibration`] | a version of a box's camera |
 //! | [`photo_check`] | what one photo of a checkerboard is good for |
 //! | [`palette`] | a version of a box's colour samples |
@@ -38,6 +39,7 @@ pub mod boxes;
 pub mod calibration;
 pub mod cohort;
 pub mod comment;
+pub mod course;
 pub mod edit;
 pub mod enrolment;
 pub mod evidence;

@@ -24,7 +24,7 @@ enum Reach {
 }
 
 /// Who is asking, for the audit trail.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Actor {
     /// A person, by cookie or by a token of theirs.
     Person(PersonId),

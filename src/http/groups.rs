@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::{Administrator, Staff};
+use super::courses::FollowedCourse;
 use super::error::Answer;
 use super::read::{At, Json, Params};
 use super::show::{Created, Page, Time};
@@ -25,13 +26,15 @@ pub struct Group {
     name: Name,
     #[serde(flatten)]
     members: Members,
+    /// The course plan that it follows; `null`: none.
+    course: Option<FollowedCourse>,
     created_at: Time,
 }
 
 impl From<store::Group> for Group {
     fn from(group: store::Group) -> Self {
-        let store::Group { id, name, created_at_ms, members } = group;
-        Self { id, name, members, created_at: Time(created_at_ms) }
+        let store::Group { id, name, created_at_ms, members, follows } = group;
+        Self { id, name, members, course: follows.map(FollowedCourse::from), created_at: Time(created_at_ms) }
     }
 }
 

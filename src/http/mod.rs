@@ -9,7 +9,8 @@
 //! | a noun each | what a client can do with it, each function one route |
 //! | [`export`] | tables of features, of any length |
 //! | [`server`] [`pace`] [`settings`] | connections and bodies that can neither be silent nor too many nor too long |
-//! | [`protect`] [`observe`] | headers, a log line and numbers for every answer |
+//! | [`places`] | how many may watch at a time |
+//! | [`protect`] [`compress`] [`observe`] | headers, fewer bytes, a log line and numbers for every answer |
 //! | [`dashboard`] [`docs`] [`openapi`] | the pages, and the interface's description |
 //!
 //! A handler names in its arguments who may ask ([`auth::signed_in`]) and hands their scope on: the store finds only
@@ -19,6 +20,8 @@ pub mod attention;
 pub mod auth;
 pub mod boxes;
 pub mod cohorts;
+pub mod compress;
+pub mod courses;
 pub mod dashboard;
 pub mod docs;
 pub mod error;
@@ -35,6 +38,7 @@ pub mod observe;
 pub mod openapi;
 pub mod pace;
 pub mod people;
+pub mod places;
 pub mod protect;
 mod push;
 pub mod range;

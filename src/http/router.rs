@@ -9,12 +9,13 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::auth::{origin, sign_in};
+use super::compress::compress;
 use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{attention, service};
 use super::{
-    boxes, cohorts, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect, push,
-    rescorings, sessions, tasks, tokens,
+    boxes, cohorts, courses, dashboard, docs, events, features, feed, groups, health, jobs, observe, people, protect,
+    push, rescorings, sessions, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -31,6 +32,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(groups::get, groups::delete))
         .routes(routes!(groups::set_members))
         .routes(routes!(groups::progress))
+        .routes(routes!(courses::of_group, courses::follow, courses::unfollow))
         .routes(routes!(tokens::list, tokens::create))
         .routes(routes!(tokens::delete))
         .routes(routes!(boxes::list, boxes::create))
@@ -47,6 +49,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(trainees::list, trainees::create))
         .routes(routes!(trainees::get, trainees::change, trainees::erase))
         .routes(routes!(trainees::progress))
+        .routes(routes!(courses::of_trainee))
         .routes(routes!(trainees::enrol))
         .routes(routes!(trainees::xapi))
         .routes(routes!(tasks::list, tasks::create))
@@ -69,6 +72,8 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(cohorts::list, cohorts::create))
         .routes(routes!(cohorts::get, cohorts::replace, cohorts::delete))
         .routes(routes!(cohorts::members))
+        .routes(routes!(courses::list, courses::create))
+        .routes(routes!(courses::get, courses::replace, courses::delete))
         .routes(routes!(sessions::list, sessions::send))
         .routes(routes!(sessions::import))
         .routes(routes!(sessions::get, sessions::erase))
@@ -131,6 +136,7 @@ pub fn routes(app: App) -> Router {
         .layer(axum::Extension(openapi::Document::new(&document)))
         .layer(from_fn_with_state(Pace::from(&app.settings), keep_pace))
         .layer(from_fn(origin::check_origin))
+        .layer(compress())
         .layer(CatchPanicLayer::custom(error::panicked))
         .layer(from_fn(protect::protect))
         .layer(from_fn(observe::observe))

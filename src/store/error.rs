@@ -136,6 +136,15 @@ pub(super) fn missing(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreEr
     }
 }
 
+/// For the note that somebody was here, which may wait for space or a quieter moment: reading and erasing must not.
+pub(super) fn noted(done: StoreResult<()>) -> StoreResult<()> {
+    if let Err(error @ (StoreError::DiskFull | StoreError::Busy)) = done {
+        tracing::warn!(%error, "noting that somebody was here");
+        return Ok(());
+    }
+    done
+}
+
 /// A row that must be there: `.fetch_optional(…).await?.ok_or(not_found("task"))`.
 pub(super) fn not_found(what: &'static str) -> StoreError {
     StoreError::NotFound { what }

@@ -3,11 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::audit::note;
+use super::courses::Followed;
 use super::error::{StoreResult, in_use, missing, not_found, taken};
 use super::visibility::{AskedBy, require_administrator, require_staff};
 use super::{Scope, Store};
 use crate::domain::text::Name;
-use crate::ids::{GroupId, PersonId, TraineeId};
+use crate::ids::{CourseId, GroupId, PersonId, TraineeId};
+use crate::time::Day;
 
 /// The training groups.
 pub struct Groups<'s>(pub(super) &'s Store);
@@ -23,6 +25,8 @@ pub struct Group {
     pub created_at_ms: i64,
     /// Who is in it.
     pub members: Members,
+    /// The course plan that it follows, if it follows one.
+    pub follows: Option<Followed>,
 }
 
 /// Who is in a group.
@@ -40,6 +44,24 @@ struct Row {
     id: GroupId,
     name: Name,
     created_at_ms: i64,
+    course_id: Option<CourseId>,
+    course_name: Option<Name>,
+    begins: Option<Day>,
+}
+
+/// Groups with what a [`Row`] says of them; conditions follow.
+macro_rules! select_groups {
+    ($conditions:literal) => {
+        concat!(
+            "SELECT training_group.id, training_group.name, training_group.created_at_ms,
+                    group_course.course_id, course.name AS course_name, group_course.begins
+             FROM training_group
+             LEFT JOIN group_course ON group_course.group_id = training_group.id
+             LEFT JOIN course ON course.id = group_course.course_id
+             WHERE ",
+            $conditions
+        )
+    };
 }
 
 impl Groups<'_> {
@@ -47,7 +69,8 @@ impl Groups<'_> {
     pub async fn create(&self, scope: &Scope, name: Name) -> StoreResult<Group> {
         require_administrator(scope, "making groups")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
-        let group = Group { id: GroupId::at(now_ms), name, created_at_ms: now_ms, members: Members::default() };
+        let (id, members) = (GroupId::at(now_ms), Members::default());
+        let group = Group { id, name, created_at_ms: now_ms, members, follows: None };
         self.0
             .write(async move |tx| {
                 let sql = "INSERT INTO training_group (id, name, created_at_ms) VALUES ($1, $2, $3)";
@@ -62,12 +85,11 @@ impl Groups<'_> {
     /// All groups that the scope sees, by name: an administrator all, an instructor their own.
     pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Group>> {
         require_staff(scope, "the list of groups")?;
-        let rows = sqlx::query_as::<_, Row>(
-            "SELECT id, name, created_at_ms FROM training_group
-             WHERE $1 = 'administrator'
-                OR EXISTS (SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)
-             ORDER BY name",
-        );
+        let rows = sqlx::query_as::<_, Row>(select_groups!(
+            "$1 = 'administrator' OR EXISTS
+                (SELECT 1 FROM group_instructor WHERE group_instructor.group_id = training_group.id AND person_id = $2)
+             ORDER BY training_group.name"
+        ));
         let mut groups = Vec::new();
         for row in rows.asked_by(scope).fetch_all(self.0.readers()).await? {
             groups.push(self.with_members(row).await?);
@@ -77,11 +99,10 @@ impl Groups<'_> {
 
     /// One group that the scope sees.
     pub async fn get(&self, scope: &Scope, id: GroupId) -> StoreResult<Group> {
-        let row = sqlx::query_as::<_, Row>(
-            "SELECT id, name, created_at_ms FROM training_group
-             WHERE id = $3 AND ($1 = 'administrator' OR ($1 = 'instructor' AND EXISTS (
-                SELECT 1 FROM group_instructor WHERE group_id = training_group.id AND person_id = $2)))",
-        );
+        let row = sqlx::query_as::<_, Row>(select_groups!(
+            "training_group.id = $3 AND ($1 = 'administrator' OR ($1 = 'instructor' AND EXISTS
+                (SELECT 1 FROM group_instructor WHERE group_instructor.group_id = training_group.id AND person_id = $2)))"
+        ));
         let row = row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?;
         self.with_members(row.ok_or(not_found("group"))?).await
     }
@@ -127,13 +148,16 @@ impl Groups<'_> {
             .await
     }
 
-    async fn with_members(&self, Row { id, name, created_at_ms }: Row) -> StoreResult<Group> {
+    async fn with_members(&self, row: Row) -> StoreResult<Group> {
+        let Row { id, name, created_at_ms, course_id, course_name, begins } = row;
         let instructors = sqlx::query_scalar("SELECT person_id FROM group_instructor WHERE group_id = $1");
         let trainees = sqlx::query_scalar("SELECT trainee_id FROM group_trainee WHERE group_id = $1");
         let members = Members {
             instructors: instructors.bind(id).fetch_all(self.0.readers()).await?,
             trainees: trainees.bind(id).fetch_all(self.0.readers()).await?,
         };
-        Ok(Group { id, name, created_at_ms, members })
+        let followed = course_id.zip(course_name).zip(begins);
+        let follows = followed.map(|((course, name), begins)| Followed { course, name, begins });
+        Ok(Group { id, name, created_at_ms, members, follows })
     }
 }

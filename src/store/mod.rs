@@ -12,8 +12,9 @@
 //! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
-//! | [`Store::standards`] | `add` `in_use` `list` |
+//! | [`Store::standards`] | `add` `in_use` `in_use_of` `get` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` `values_seen` |
+//! | [`Store::courses`] | `create` `list` `get` `of` `replace` `delete` `follow` `unfollow` `of_trainee` |
 //! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
 //! | [`Store::boxes`] | `create` `list` `get` `change` `delete` |
 //! | [`Store::calibrations`] | `add` `latest` `get` `list` |
@@ -39,6 +40,7 @@ mod cohorts;
 mod columns;
 mod comments;
 mod cookies;
+mod courses;
 mod edits;
 mod enrolment;
 mod error;
@@ -77,6 +79,7 @@ pub use calibrations::{Calibration, Calibrations};
 pub use cohorts::{Cohort, CohortValue, Cohorts};
 pub use comments::{Comment, Comments, SeenComments};
 pub use cookies::{Cookie, Cookies};
+pub use courses::{Course, CourseStep, Courses, Enrolled, Followed};
 pub use edits::{Edit, Edits, SessionEdits};
 pub use enrolment::Enrolment;
 pub use error::{StoreError, StoreResult};
@@ -220,7 +223,7 @@ impl Store {
         self.inner.writer.run(work).await
     }
 
-    /// Like [`Store::write`], for work that makes room: when the disk is full the ballast is freed and the work done
+    /// Like [`Store::write`], for work that makes room, and to let in who does it: when the disk is full the ballast is freed and the work done
     /// again, since SQLite needs space even to delete.
     async fn erase<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
@@ -273,6 +276,8 @@ rooms! {
     standards: Standards;
     /// Who is compared with whom.
     cohorts: Cohorts;
+    /// What courses ask for, and which groups follow one.
+    courses: Courses;
     /// What tells their levels apart.
     skill_models: SkillModels;
     /// Where they do it.

@@ -86,7 +86,7 @@ impl Tasks<'_> {
             .await
     }
 
-    /// Deletes a task that no session is of.
+    /// Deletes a task that no session is of and no course plan names.
     pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "deleting tasks")?;
@@ -94,7 +94,7 @@ impl Tasks<'_> {
         self.0
             .write(async move |tx| {
                 let delete = sqlx::query("DELETE FROM task WHERE id = $1").bind(id);
-                delete.execute(&mut *tx).await.map_err(in_use("task", "sessions"))?;
+                delete.execute(&mut *tx).await.map_err(in_use("task", "sessions or course plans"))?;
                 note(tx, &scope, now_ms, ("delete", "task"), id).await
             })
             .await

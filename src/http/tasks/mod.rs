@@ -79,7 +79,7 @@ pub async fn change(
     Ok(Json(task.into()))
 }
 
-/// Delete a task of which no session was recorded
+/// Delete a task of which no session was recorded and which no course plan names
 #[utoipa::path(delete, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {

@@ -1,6 +1,7 @@
 //! Claims about the store, each on a database of its own.
 
 mod cohorts;
+mod courses;
 mod edits;
 mod flow;
 mod full_disk;

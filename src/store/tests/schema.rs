@@ -9,7 +9,7 @@ use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -20,6 +20,7 @@ const FILES: [&str; 10] = [
     include_str!("../../../migrations/0014_rescoring.sql"),
     include_str!("../../../migrations/0015_session_edits.sql"),
     include_str!("../../../migrations/0016_lately.sql"),
+    include_str!("../../../migrations/0017_courses.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -107,6 +108,11 @@ async fn nonsense_is_refused_whoever_writes_it() {
          FROM task",
         "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', 'short', '{}', '{}', NULL, 1, NULL
          FROM task",
+        "INSERT INTO course VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', '', 1)",
+        "INSERT INTO course_step SELECT 'nowhere', 0, id, NULL, NULL FROM task",
+        "INSERT INTO course_step SELECT 'nowhere', 0, id, -1, NULL FROM task",
+        "INSERT INTO course_step SELECT 'nowhere', 0, id, NULL, 0 FROM task",
+        "INSERT INTO group_course VALUES ('nowhere', 'nowhere', 'tomorrow')",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
         "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",

@@ -2,6 +2,7 @@
 
 mod advice;
 pub mod centre;
+mod courses;
 mod documents;
 mod edits;
 mod exchange;

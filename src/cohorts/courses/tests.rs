@@ -1,0 +1,126 @@
+//! Steps of a course on a small centre's own database.
+
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::super::tests::with_standard;
+use super::{CourseRow, StepProgress, StepState};
+use crate::cohorts::Cohorts;
+use crate::domain::edit::Change;
+use crate::domain::scope::Scope;
+use crate::domain::session::NewSession;
+use crate::domain::text::Key;
+use crate::ids::TraineeId;
+use crate::store::testing::{Centre, NOW_MS, duration};
+use crate::time::{Clock, Day};
+
+const DAY_MS: i64 = 86_400_000;
+
+/// A group of Ana alone, which follows a course of these steps; the course began so many days ago.
+async fn following(centre: &Centre, days_ago: i64, steps: Value) -> TraineeId {
+    let ana = centre.trainee("Ana").await;
+    centre.group("Autumn", &[], &[&ana]).await;
+    let service = Scope::service();
+    let new = serde_json::from_value(json!({"name": "Basics", "steps": steps})).unwrap();
+    let course = centre.store.courses().create(&service, new).await.unwrap();
+    let group = centre.store.groups().list(&service).await.unwrap()[0].id;
+    let begins = Day::of(NOW_MS - days_ago * DAY_MS);
+    centre.store.courses().follow(&service, group, course.id, begins).await.unwrap();
+    ana.id
+}
+
+async fn row(centre: &Centre, cohorts: &Cohorts) -> CourseRow {
+    let group = centre.store.groups().list(&Scope::service()).await.unwrap()[0].id;
+    let table = cohorts.group_course(&Scope::service(), group).await.unwrap();
+    let own = cohorts.own_courses(&Scope::service(), &Key::from("ana")).await.unwrap();
+    assert_eq!([&table.rows[0]], [&own[0].row], "a trainee is told what the table tells of them");
+    own[0].row.clone()
+}
+
+fn states(row: &CourseRow) -> Vec<StepState> {
+    row.steps.iter().map(|step| step.state).collect()
+}
+
+#[tokio::test]
+async fn a_step_is_passed_when_the_task_is_and_tells_what_is_missing_until_then() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 2, "then_more": 1})).await;
+    let ana = following(&centre, 30, json!([{"task": "peg-transfer"}])).await;
+    let told = async || row(&centre, &cohorts).await.steps.remove(0);
+    let StepProgress { state, sessions, missing, passed, .. } = told().await;
+    assert_eq!((state, sessions, missing, passed), (StepState::NotBegun, 0, Some(3), None));
+    centre.practised(ana, NOW_MS, vec![duration(60.0, 1.0)]).await;
+    centre.practised(ana, NOW_MS + DAY_MS, vec![duration(40.0, 1.0)]).await;
+    let StepProgress { state, sessions, missing, .. } = told().await;
+    assert_eq!((state, sessions, missing), (StepState::InWork, 2, Some(2)), "one of two in a row, and one more");
+    centre.practised(ana, NOW_MS + 2 * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    let last = centre.practised(ana, NOW_MS + 3 * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    let StepProgress { state, missing, passed, .. } = told().await;
+    assert_eq!((state, missing, passed.unwrap().session), (StepState::Passed, None, last.id));
+}
+
+#[tokio::test]
+async fn a_step_is_overdue_from_the_end_of_its_last_day_on_and_not_once_it_is_passed() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 1})).await;
+    let ana = following(
+        &centre,
+        6,
+        json!([{"task": "peg-transfer", "within_days": 7}, {"task": "peg-transfer", "sessions": 9}]),
+    )
+    .await;
+    let ends_ms = Day::of(NOW_MS - 6 * DAY_MS).after_days(8).begins_ms(); // the seventh day after the first is the last
+    let overdue = async || row(&centre, &cohorts).await.steps.iter().map(|step| step.overdue).collect::<Vec<_>>();
+    let until = |end_ms: i64| centre.clock.advance(Duration::from_millis((end_ms - centre.clock.now_ms()) as u64));
+    until(ends_ms - 1);
+    assert_eq!(overdue().await, [false, false], "on its last day it is in time");
+    until(ends_ms);
+    assert_eq!(overdue().await, [true, false], "and what has no day is never late");
+    centre.practised(ana, ends_ms, vec![duration(40.0, 1.0)]).await;
+    assert_eq!(overdue().await, [false, false], "what is done late is done");
+}
+
+#[tokio::test]
+async fn what_is_able_counts_whenever_and_practice_from_the_first_day_on() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 1})).await;
+    let steps = json!([{"task": "peg-transfer"}, {"task": "peg-transfer", "sessions": 2}]);
+    let ana = following(&centre, 6, steps).await;
+    let first_ms = Day::of(NOW_MS - 6 * DAY_MS).begins_ms();
+    centre.practised(ana, first_ms - 1, vec![duration(40.0, 1.0)]).await;
+    let before = row(&centre, &cohorts).await;
+    assert_eq!(states(&before), [StepState::Passed, StepState::NotBegun]);
+    assert_eq!((before.next, before.steps[1].missing), (Some(2), Some(2)));
+    centre.practised(ana, first_ms, vec![duration(90.0, 1.0)]).await;
+    let one = row(&centre, &cohorts).await;
+    assert_eq!((one.steps[1].state, one.steps[1].sessions, one.steps[1].missing), (StepState::InWork, 1, Some(1)));
+    let second = centre.practised(ana, first_ms + DAY_MS, vec![duration(90.0, 1.0)]).await;
+    centre.practised(ana, first_ms + 2 * DAY_MS, vec![duration(90.0, 1.0)]).await;
+    let done = row(&centre, &cohorts).await;
+    let passed = done.steps[1].passed.clone().unwrap();
+    assert_eq!((done.next, done.steps[1].sessions, passed.session), (None, 3, second.id), "the second one made it");
+}
+
+#[tokio::test]
+async fn practice_counts_whatever_became_of_it_unless_somebody_set_it_aside() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 1})).await;
+    let ana = following(&centre, 1, json!([{"task": "peg-transfer", "sessions": 2}])).await;
+    let first = centre.practised(ana, NOW_MS, vec![duration(90.0, 1.0)]).await;
+    let new = NewSession { recorded_at_ms: Some(NOW_MS + 1), ..centre.new_session(ana, "waits in the queue") };
+    centre.store.sessions().create(&Scope::service(), new).await.unwrap();
+    assert_eq!(states(&row(&centre, &cohorts).await), [StepState::Passed]);
+    let why = "Somebody else trained under this name.".parse().unwrap();
+    centre.store.edits().add(&Scope::service(), first.id, (Change::SetAside, why), None).await.unwrap();
+    assert_eq!(states(&row(&centre, &cohorts).await), [StepState::InWork]);
+}
+
+#[tokio::test]
+async fn who_relapsed_has_the_step_before_them_again() {
+    let (centre, cohorts) = with_standard(Value::Null).await;
+    let ana = following(&centre, 1, json!([{"task": "peg-transfer"}])).await;
+    for day in 0..22 {
+        let seconds = if day < 17 { 40.0 } else { 60.0 };
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(seconds, 1.0)]).await;
+    }
+    let told = row(&centre, &cohorts).await;
+    assert_eq!((states(&told), told.next), (vec![StepState::InWork], Some(1)));
+    assert_eq!(told.steps[0].missing, None, "without a rule nobody can tell how many more");
+}

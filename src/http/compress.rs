@@ -1,0 +1,81 @@
+//! Smaller answers for slow links: pages and JSON travel as gzip where the client takes it.
+
+use axum::body::HttpBody;
+use axum::http::{Response, header};
+use tower_http::CompressionLevel;
+use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::Predicate;
+
+/// An answer of fewer bytes fits in a packet or two as it is.
+const LEAST_BYTES: u64 = 1024;
+
+/// What is larger is a download for a program; squeezing it would take time from the cores that track.
+const MOST_BYTES: u64 = 2 << 20;
+
+/// Middleware: squeezes text of a known, moderate size. Pictures and video are squeezed already, and events must not wait in a buffer.
+pub fn compress() -> CompressionLayer<impl Predicate> {
+    CompressionLayer::new().quality(CompressionLevel::Fastest).compress_when(ModerateText)
+}
+
+#[derive(Clone, Copy)]
+struct ModerateText;
+
+impl Predicate for ModerateText {
+    fn should_compress<B: HttpBody>(&self, response: &Response<B>) -> bool {
+        let kind = response.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+        let bytes = response.body().size_hint().exact();
+        is_text(kind) && bytes.is_some_and(|bytes| (LEAST_BYTES..=MOST_BYTES).contains(&bytes))
+    }
+}
+
+/// Text that is whole when it is sent; a stream of events is not.
+fn is_text(media_type: &str) -> bool {
+    let kind = media_type.split(';').next().unwrap_or_default().trim();
+    (kind.starts_with("text/") && kind != "text/event-stream")
+        || ["application/json", "application/javascript", "image/svg+xml"].contains(&kind)
+        || (kind.starts_with("application/") && kind.ends_with("+json"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::body::Body;
+
+    fn is_squeezed(kind: &str, bytes: usize) -> bool {
+        let response =
+            Response::builder().header(header::CONTENT_TYPE, kind).body(Body::from(vec![b'a'; bytes])).unwrap();
+        ModerateText.should_compress(&response)
+    }
+
+    #[test]
+    fn only_text_of_moderate_size_is_squeezed() {
+        for kind in [
+            "text/html; charset=utf-8",
+            "text/javascript",
+            "text/csv",
+            "application/json",
+            "application/problem+json",
+            "image/svg+xml",
+        ] {
+            assert!(is_squeezed(kind, 4096), "{kind}");
+            assert!(!is_squeezed(kind, 100) && !is_squeezed(kind, 3 << 20), "{kind}");
+        }
+        for kind in [
+            "video/mp4",
+            "image/jpeg",
+            "text/event-stream",
+            "application/octet-stream",
+            "application/vnd.apache.parquet",
+            "",
+        ] {
+            assert!(!is_squeezed(kind, 4096), "{kind}");
+        }
+    }
+
+    #[test]
+    fn a_body_of_unknown_length_goes_as_it_comes() {
+        let stream = Body::from_stream(futures_util::stream::once(async { Ok::<_, std::io::Error>("text") }));
+        let response = Response::builder().header(header::CONTENT_TYPE, "text/csv").body(stream).unwrap();
+        assert!(!ModerateText.should_compress(&response));
+    }
+}

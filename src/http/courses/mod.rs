@@ -1,0 +1,144 @@
+//! Course plans, and how far people have come in a course. Everybody reads plans, staff change them; of people one reads those whom one
+//! sees.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `mod.rs` | plans: list, make, read, change, delete |
+//! | `group.rs` | the plan that a group follows, and its trainees against the steps |
+//! | `own.rs` | one trainee's courses |
+
+mod group;
+mod own;
+
+use axum::extract::State;
+use axum::http::StatusCode;
+pub use group::*;
+pub use own::*;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::auth::signed_in::{Member, Staff};
+use super::error::{Answer, Problem, unknown};
+use super::read::{At, Json, Params};
+use super::show::{Created, Named, Page, Paging, Time};
+use super::state::App;
+use crate::domain::course::NewCourse;
+use crate::domain::text::Name;
+use crate::ids::CourseId;
+use crate::store::{self, StoreError};
+use crate::time::Day;
+
+/// A course plan.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct CoursePlan {
+    id: CourseId,
+    name: Name,
+    /// Its steps, in their order.
+    steps: Vec<PlanStep>,
+    created_at: Time,
+}
+
+/// A step of a plan.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct PlanStep {
+    task: Named,
+    /// Due so many days after the course's beginning, 0: on its first day; `null`: at any time.
+    within_days: Option<u32>,
+    /// How many sessions are asked for, since the course began; `null`: that the task's standard is passed.
+    sessions: Option<u32>,
+}
+
+/// A step of a plan that somebody follows.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct DueStep {
+    #[serde(flatten)]
+    step: PlanStep,
+    /// The last day on which it is in time; `null`: at any time.
+    due: Option<Day>,
+}
+
+impl From<store::Course> for CoursePlan {
+    fn from(course: store::Course) -> Self {
+        let store::Course { id, name, steps, created_at_ms } = course;
+        let steps = steps.into_iter().map(PlanStep::from).collect();
+        Self { id, name, steps, created_at: Time(created_at_ms) }
+    }
+}
+
+impl From<store::CourseStep> for PlanStep {
+    fn from(step: store::CourseStep) -> Self {
+        let store::CourseStep { task_id, task_code, task_name, within_days, sessions } = step;
+        let task = Named { id: task_id.to_string(), name: task_name.to_string(), code: task_code.to_string() };
+        Self { task, within_days, sessions }
+    }
+}
+
+impl DueStep {
+    /// As it is due in a course that begins then.
+    fn new(step: store::CourseStep, begins: Day) -> Self {
+        Self { due: step.due(begins), step: step.into() }
+    }
+}
+
+/// List the course plans, by name
+#[utoipa::path(get, path = "/courses", tag = "courses", params(Paging),
+    responses((status = OK, body = Page<CoursePlan>)))]
+pub async fn list(
+    State(app): State<App>,
+    by: Member,
+    Params(paging): Params<Paging>,
+) -> Answer<Json<Page<CoursePlan>>> {
+    let page = paging.request(app.settings.page_items)?;
+    let courses = app.store.courses().list(&by.scope, &page).await?;
+    Ok(Json(Page::of(courses, CoursePlan::from)))
+}
+
+/// Make a course plan
+///
+/// A step without `sessions` asks that its task's standard is passed, so the task must have one.
+#[utoipa::path(post, path = "/courses", tag = "courses", request_body = NewCourse,
+    responses((status = CREATED, body = CoursePlan)))]
+pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewCourse>) -> Answer<Created<CoursePlan>> {
+    let course = app.store.courses().create(&by.scope, new.checked()?).await.map_err(mistaken)?;
+    Ok(Created { location: format!("/api/v1/courses/{}", course.id), made: course.into() })
+}
+
+/// Read one course plan
+#[utoipa::path(get, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
+    responses((status = OK, body = CoursePlan)))]
+pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<CoursePlan>> {
+    let course = app.store.courses().get(&by.scope, at.id()?).await?;
+    Ok(Json(course.into()))
+}
+
+/// Say anew what a course plan is called and asks for
+///
+/// The groups that follow it follow what it says now.
+#[utoipa::path(put, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
+    request_body = NewCourse, responses((status = OK, body = CoursePlan)))]
+pub async fn replace(
+    State(app): State<App>,
+    by: Staff,
+    at: At,
+    Json(new): Json<NewCourse>,
+) -> Answer<Json<CoursePlan>> {
+    let id = app.store.courses().get(&by.scope, at.id()?).await?.id;
+    let replaced = app.store.courses().replace(&by.scope, id, new.checked()?).await;
+    Ok(Json(replaced.map_err(mistaken)?.into()))
+}
+
+/// Delete a course plan that no group follows
+#[utoipa::path(delete, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
+    responses((status = NO_CONTENT)))]
+pub async fn delete(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCode> {
+    app.store.courses().delete(&by.scope, at.id()?).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// A task that is not there is the request's mistake, not its address's.
+fn mistaken(error: StoreError) -> Problem {
+    match error {
+        StoreError::NotFound { what } => unknown(what, what),
+        other => other.into(),
+    }
+}

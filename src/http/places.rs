@@ -1,0 +1,84 @@
+//! Places for conversations that last as long as somebody watches: so many for all, and fewer for each who asks, so that
+//! nobody alone takes them all.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::domain::scope::{Actor, Scope};
+
+/// Most places of one person: all boxes of a large centre on one page.
+const MOST_OF_ONE: usize = 32;
+
+/// Places; clones are the same ones.
+#[derive(Clone, Debug)]
+pub struct Places {
+    most: usize,
+    taken: Arc<Mutex<HashMap<Actor, usize>>>,
+}
+
+/// A place, given back when dropped.
+#[derive(Debug)]
+pub struct Place {
+    of: Actor,
+    places: Places,
+}
+
+impl Places {
+    /// So many.
+    pub fn new(most: usize) -> Self {
+        Self { most, taken: Arc::default() }
+    }
+
+    /// One of them, unless all are taken or this person has their share.
+    pub fn take(&self, scope: &Scope) -> Option<Place> {
+        let of = scope.actor();
+        let mut taken = self.lock();
+        let is_full = taken.values().sum::<usize>() >= self.most;
+        if is_full || taken.get(&of).is_some_and(|mine| *mine >= MOST_OF_ONE) {
+            return None;
+        }
+        *taken.entry(of).or_default() += 1;
+        Some(Place { of, places: self.clone() })
+    }
+
+    /// How many are taken.
+    pub fn taken(&self) -> usize {
+        self.lock().values().sum()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, HashMap<Actor, usize>> {
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner) // counts are whole at every moment
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut taken = self.places.lock();
+        if let Some(mine) = taken.get_mut(&self.of) {
+            *mine -= 1;
+            if *mine == 0 {
+                taken.remove(&self.of);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ids::PersonId;
+
+    #[test]
+    fn nobody_alone_takes_all_places_and_what_is_given_back_is_free() {
+        let (ada, bob) = (Scope::instructor(PersonId::at(1)), Scope::instructor(PersonId::at(2)));
+        let places = Places::new(MOST_OF_ONE + 1);
+        let mut hers: Vec<Place> = std::iter::from_fn(|| places.take(&ada)).collect();
+        assert_eq!(hers.len(), MOST_OF_ONE);
+        let his = places.take(&bob).unwrap();
+        assert!(places.take(&bob).is_none(), "all are taken");
+        hers.pop();
+        assert!(places.take(&bob).is_some());
+        drop((hers, his));
+        assert_eq!(places.taken(), 0);
+    }
+}

@@ -1,0 +1,277 @@
+//! Course plans, and which groups follow one. Staff change plans, people see all of them; whose plan a group's is, its instructors
+//! say. Nothing here is about a person.
+
+use std::collections::HashMap;
+
+use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
+
+use super::audit::note;
+use super::error::{StoreError, StoreResult, in_use, missing, not_found, taken};
+use super::page::{Page, PageRequest};
+use super::visibility::{AskedBy, require_staff};
+use super::{Scope, Store};
+use crate::domain::course::{NewCourse, NewStep};
+use crate::domain::text::{Code, Name};
+use crate::ids::{CourseId, GroupId, TaskId, TraineeId};
+use crate::time::Day;
+
+/// The course plans.
+pub struct Courses<'s>(pub(super) &'s Store);
+
+/// A course plan.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Course {
+    /// Its id.
+    pub id: CourseId,
+    /// What people call it.
+    pub name: Name,
+    /// Its steps, in their order.
+    pub steps: Vec<CourseStep>,
+    /// When it was made, epoch ms.
+    pub created_at_ms: i64,
+}
+
+/// A step of a course plan.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct CourseStep {
+    /// What to train.
+    pub task_id: TaskId,
+    /// Its code.
+    pub task_code: Code,
+    /// What it is called.
+    pub task_name: Name,
+    /// Due so many days after the beginning, if it is due.
+    pub within_days: Option<u32>,
+    /// How many sessions are asked for; `None`: that the task's standard is passed.
+    pub sessions: Option<u32>,
+}
+
+impl CourseStep {
+    /// The last day on which it is in time in a course that begins then, if it is due.
+    pub fn due(&self, begins: Day) -> Option<Day> {
+        self.within_days.map(|days| begins.after_days(days))
+    }
+}
+
+/// The plan that a group follows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Followed {
+    /// Which plan.
+    pub course: CourseId,
+    /// What it is called.
+    pub name: Name,
+    /// The course's first day.
+    pub begins: Day,
+}
+
+/// A course that a trainee is in, by one of their groups.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct Enrolled {
+    /// By which group.
+    pub group_id: GroupId,
+    /// What that is called.
+    pub group_name: Name,
+    /// Which plan it follows.
+    pub course_id: CourseId,
+    /// The course's first day.
+    pub begins: Day,
+}
+
+#[derive(sqlx::FromRow)]
+struct Row {
+    id: CourseId,
+    name: Name,
+    created_at_ms: i64,
+}
+
+#[derive(sqlx::FromRow)]
+struct StepRow {
+    course_id: CourseId,
+    #[sqlx(flatten)]
+    step: CourseStep,
+}
+
+impl Courses<'_> {
+    /// Makes a plan.
+    pub async fn create(&self, scope: &Scope, new: NewCourse) -> StoreResult<Course> {
+        require_staff(scope, "making course plans")?;
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CourseId::at(self.0.now_ms()));
+        self.0
+            .write(async move |tx| {
+                let insert = sqlx::query("INSERT INTO course (id, name, created_at_ms) VALUES ($1, $2, $3)");
+                let insert = insert.bind(id).bind(&new.name).bind(now_ms).execute(&mut *tx);
+                insert.await.map_err(taken("course's name"))?;
+                set_steps(tx, id, &new.steps).await?;
+                note(tx, &by, now_ms, ("create", "course"), id).await
+            })
+            .await?;
+        self.get(scope, id).await
+    }
+
+    /// All plans, by name.
+    pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<Course>> {
+        let rows = sqlx::query_as::<_, Row>(
+            "SELECT id, name, created_at_ms FROM course
+             WHERE $1 <> 'agent' AND ($3 IS NULL OR name > $3) ORDER BY name LIMIT $4",
+        );
+        let rows = rows.asked_by(scope).bind(page.after()).bind(page.rows()).fetch_all(self.0.readers()).await?;
+        let Page { items, next } = Page::cut(rows, page, |row| row.name.to_string());
+        Ok(Page { items: self.with_steps(items).await?, next })
+    }
+
+    /// One plan.
+    pub async fn get(&self, scope: &Scope, id: CourseId) -> StoreResult<Course> {
+        self.of(scope, &[id]).await?.pop().ok_or(not_found("course"))
+    }
+
+    /// These plans, by name.
+    pub async fn of(&self, scope: &Scope, ids: &[CourseId]) -> StoreResult<Vec<Course>> {
+        let rows = sqlx::query_as::<_, Row>(
+            "SELECT id, name, created_at_ms FROM course
+             WHERE id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent' ORDER BY name",
+        );
+        let rows = rows.asked_by(scope).bind(Json(ids)).fetch_all(self.0.readers()).await?;
+        self.with_steps(rows).await
+    }
+
+    /// Says anew what it is called and asks for. Whoever follows it follows what it says now.
+    pub async fn replace(&self, scope: &Scope, id: CourseId, new: NewCourse) -> StoreResult<Course> {
+        require_staff(scope, "changing course plans")?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let update = sqlx::query("UPDATE course SET name = $2 WHERE id = $1").bind(id).bind(&new.name);
+                let updated = update.execute(&mut *tx).await.map_err(taken("course's name"))?;
+                if updated.rows_affected() == 0 {
+                    return Err(not_found("course"));
+                }
+                sqlx::query("DELETE FROM course_step WHERE course_id = $1").bind(id).execute(&mut *tx).await?;
+                set_steps(tx, id, &new.steps).await?;
+                note(tx, &by, now_ms, ("change", "course"), id).await
+            })
+            .await?;
+        self.get(scope, id).await
+    }
+
+    /// Deletes a plan that no group follows.
+    pub async fn delete(&self, scope: &Scope, id: CourseId) -> StoreResult<()> {
+        require_staff(scope, "deleting course plans")?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let delete = sqlx::query("DELETE FROM course WHERE id = $1").bind(id).execute(&mut *tx);
+                if delete.await.map_err(in_use("course plan", "groups"))?.rows_affected() == 0 {
+                    return Err(not_found("course"));
+                }
+                note(tx, &by, now_ms, ("delete", "course"), id).await
+            })
+            .await
+    }
+
+    /// Lets a group that the scope sees follow a plan from a day on, in place of the one that it followed.
+    pub async fn follow(&self, scope: &Scope, group: GroupId, course: CourseId, begins: Day) -> StoreResult<()> {
+        self.require_group(scope, group, "setting a group's course").await?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let set = sqlx::query(
+                    "INSERT INTO group_course (group_id, course_id, begins) VALUES ($1, $2, $3)
+                     ON CONFLICT (group_id) DO UPDATE SET course_id = excluded.course_id, begins = excluded.begins",
+                );
+                let set = set.bind(group).bind(course).bind(begins).execute(&mut *tx);
+                set.await.map_err(missing("course"))?;
+                note(tx, &by, now_ms, ("set course", "group"), group).await
+            })
+            .await
+    }
+
+    /// Ends that a group follows a plan.
+    pub async fn unfollow(&self, scope: &Scope, group: GroupId) -> StoreResult<()> {
+        self.require_group(scope, group, "ending a group's course").await?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let delete = sqlx::query("DELETE FROM group_course WHERE group_id = $1").bind(group);
+                if delete.execute(&mut *tx).await?.rows_affected() == 0 {
+                    return Err(not_found("course"));
+                }
+                note(tx, &by, now_ms, ("end course", "group"), group).await
+            })
+            .await
+    }
+
+    /// The courses that a trainee is in, the latest first: by all their groups, for an instructor by those that they teach. Whether the scope
+    /// sees the trainee is asked before.
+    pub async fn of_trainee(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<Enrolled>> {
+        let rows = sqlx::query_as(
+            "SELECT group_course.group_id, training_group.name AS group_name, course_id, begins
+             FROM group_trainee
+             JOIN group_course ON group_course.group_id = group_trainee.group_id
+             JOIN training_group ON training_group.id = group_trainee.group_id
+             WHERE group_trainee.trainee_id = $3
+               AND ($1 = 'administrator' OR ($1 = 'trainee' AND $2 = $3)
+                    OR ($1 = 'instructor' AND EXISTS (SELECT 1 FROM group_instructor
+                        WHERE group_instructor.group_id = group_trainee.group_id AND person_id = $2)))
+             ORDER BY begins DESC, group_name",
+        );
+        Ok(rows.asked_by(scope).bind(trainee).fetch_all(self.0.readers()).await?)
+    }
+
+    async fn require_group(&self, scope: &Scope, group: GroupId, what: &'static str) -> StoreResult<()> {
+        require_staff(scope, what)?;
+        self.0.groups().get(scope, group).await.map(drop)
+    }
+
+    async fn with_steps(&self, rows: Vec<Row>) -> StoreResult<Vec<Course>> {
+        let ids: Vec<CourseId> = rows.iter().map(|row| row.id).collect();
+        let steps = sqlx::query_as::<_, StepRow>(
+            "SELECT course_id, task_id, task.code AS task_code, task.name AS task_name, within_days, sessions
+             FROM course_step JOIN task ON task.id = task_id
+             WHERE course_id IN (SELECT value FROM json_each($1)) ORDER BY course_id, position",
+        );
+        let mut of_each: HashMap<CourseId, Vec<CourseStep>> = HashMap::with_capacity(rows.len());
+        for StepRow { course_id, step } in steps.bind(Json(ids)).fetch_all(self.0.readers()).await? {
+            of_each.entry(course_id).or_default().push(step);
+        }
+        let with = |Row { id, name, created_at_ms }| Course {
+            id,
+            name,
+            steps: of_each.remove(&id).unwrap_or_default(),
+            created_at_ms,
+        };
+        Ok(rows.into_iter().map(with).collect())
+    }
+}
+
+/// Writes a plan's steps. Each can be done: a standard that is to be passed is there, and stays, since standards are never deleted.
+async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -> StoreResult<()> {
+    for (position, step) in (0_i64..).zip(steps) {
+        let number = position + 1;
+        let task = sqlx::query_as::<_, (TaskId, Name, bool)>(
+            "SELECT id, name, EXISTS (SELECT 1 FROM standard WHERE task_id = task.id) FROM task WHERE $1 IN (id, code)",
+        );
+        let task = task.bind(&step.task).fetch_optional(&mut *tx).await?;
+        let (task, name, has_standard) = task.ok_or(not_found("task"))?;
+        if step.sessions.is_none() && !has_standard {
+            return Err(StoreError::refused(format!(
+                "step {number}: “{name}” has no standard to pass yet: set one, or ask for a number of sessions"
+            )));
+        }
+        let insert = sqlx::query(
+            "INSERT INTO course_step (course_id, position, task_id, within_days, sessions) VALUES ($1, $2, $3, $4, $5)",
+        );
+        let insert = insert.bind(id).bind(position).bind(task).bind(step.within_days).bind(step.sessions);
+        insert.execute(&mut *tx).await.map_err(|error| twice(error, number, &name))?;
+    }
+    Ok(())
+}
+
+fn twice(error: sqlx::Error, number: i64, task: &Name) -> StoreError {
+    match error.as_database_error() {
+        Some(found) if found.is_unique_violation() => StoreError::refused(format!(
+            "step {number}: an earlier step asks the same of “{task}”: leave one of them out, or ask for more sessions"
+        )),
+        _ => error.into(),
+    }
+}
