@@ -38,6 +38,7 @@ type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 #[derive(Clone, Debug)]
 pub struct Server {
     address: String,
+    in_box: String,
     token_file: PathBuf,
 }
 
@@ -79,7 +80,12 @@ impl Server {
         }
         let path = uri.path().trim_end_matches('/');
         let address = format!("{scheme}://{host}{path}/api/v1/boxes/{in_box}/feed");
-        Ok(Self { address, token_file: token_file.to_owned() })
+        Ok(Self { address, in_box: in_box.to_owned(), token_file: token_file.to_owned() })
+    }
+
+    /// The box's code, or id.
+    pub fn in_box(&self) -> &str {
+        &self.in_box
     }
 
     /// Does everybody on the way read the token?
@@ -90,6 +96,13 @@ impl Server {
 
     /// Connects, sends a recording, and returns when the connection ends.
     pub async fn converse(&self, agent: &Agent, id: FeedId) -> Parting {
+        let recorded_in = agent.spool().get(id).and_then(|recording| recording.in_box.clone());
+        if let Some(other) = recorded_in.filter(|in_box| *in_box != self.in_box) {
+            let why = format!("it was recorded in the box {other}, and this is {}", self.in_box);
+            return Parting::Refused(format!(
+                "{why}: start the agent with `--box {other}` and that box's token to send it"
+            ));
+        }
         match timeout(CONNECT, self.connect()).await {
             Ok(Ok(socket)) => Talk { agent, id, progress: Mutex::default() }.run(socket).await,
             Ok(Err(parting)) => parting,

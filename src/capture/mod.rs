@@ -9,6 +9,7 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | [`controls`] | what a camera regulates by itself, switched off |
 //! | [`recorder`] | frames as they come, numbered, into the spool |
 //! | [`spool`] | recordings on the disk |
 //! | [`order`] | what goes out next |
@@ -17,6 +18,7 @@
 //! | [`status`] | how it stands, for people |
 
 pub mod connection;
+pub mod controls;
 pub mod order;
 pub mod recorder;
 pub mod sender;

@@ -75,10 +75,10 @@ impl Order {
         None
     }
 
-    /// Has everything been sent that the spool has?
+    /// Has everything been sent that the spool has? Of the last numbers it may have nothing: the server asks for those.
     pub fn is_done(&self, recording: &Recording) -> bool {
         let behind = recording.at_or_after(self.rest).is_some_and(|entry| entry.number < self.live);
-        self.asked.is_empty() && self.live >= recording.end && !behind
+        self.asked.is_empty() && recording.at_or_after(self.live).is_none() && !behind
     }
 
     /// The server has these.

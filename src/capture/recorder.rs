@@ -91,8 +91,8 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
         agent.has_changed();
     }
     syncing.end().await;
+    block_in_place(|| agent.spool().end());
     agent.sync().await;
-    agent.spool().end();
     agent.has_changed();
     number
 }

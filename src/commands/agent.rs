@@ -4,17 +4,18 @@
 //! has not been sent stays in the spool. The status is 0 only when the recording is whole.
 
 use std::io::{IsTerminal, Write, stderr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use tokio::time::interval;
+use tokio::time::{interval, sleep};
 use tracing_subscriber::EnvFilter;
 
 use super::{Failure, keep_to_ourselves};
 use crate::capture::connection::Server;
+use crate::capture::controls::{Camera, Lock, Locked, give_back};
 use crate::capture::recorder::{Rules, frames_of, record};
 use crate::capture::sender::{Outcome, send};
 use crate::capture::spool::Spool;
@@ -30,6 +31,8 @@ use crate::time::{Clock, System, to_rfc3339};
 const SPOOL_BYTES: u64 = 16 << 30;
 /// How often a line tells how it stands where nobody looks at it all the time.
 const LOG_EVERY_S: u64 = 10;
+/// How long a camera may look for its exposure and white balance before they are held.
+const SETTLES: Duration = Duration::from_secs(2);
 
 /// Arguments of `trocar agent`.
 #[derive(clap::Args)]
@@ -61,6 +64,9 @@ pub struct Args {
     /// Read a file as fast as the spool takes it, not at the times that its frames bear
     #[arg(long)]
     as_fast_as_possible: bool,
+    /// Leave a camera's exposure, gain and white balance to the camera
+    #[arg(long)]
+    automatic: bool,
     /// An option of FFmpeg's for the source, as video_size=1280x720; may be repeated
     #[arg(long = "option", value_name = "KEY=VALUE", value_parser = key_value)]
     options: Vec<(String, String)>,
@@ -87,6 +93,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let spool = Spool::open(&args.spool, args.spool_bytes)
         .with_context(|| format!("opening the spool {}", args.spool.display()))
         .map_err(Failure::Input)?;
+    // Before the camera is opened, so that it finds its values anew.
+    if let Err(error) = give_back(&note_in(&args.spool), Camera::open) {
+        tracing::warn!(%error, "what an earlier run switched off at its camera cannot be switched on again");
+    }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     let done = runtime.block_on(work(Agent::new(spool), server, args));
     runtime.shutdown_timeout(Duration::from_millis(500));
@@ -129,17 +139,21 @@ async fn record_and_send(
     let source = source.await.context("opening the source")?;
     let source = source.with_context(|| format!("the source {address}")).map_err(Failure::Input)?;
     let info = source.info().clone();
-    say_what_it_is(&info, address);
-    let id = agent.spool().begin(hello(args, &info)).context("beginning the recording in the spool")?;
+    say_what_it_is(&info);
+    let id =
+        agent.spool().begin(hello(args, &info), server.in_box()).context("beginning the recording in the spool")?;
     let is_paced = info.is_file && !args.as_fast_as_possible;
     let rules = Rules { is_paced, seconds: args.seconds, time_base: info.time_base };
-    // Ends with the signal, and when nobody will ever take the recording.
+    // Ends with the signal, when nobody will ever take the recording, and with the source.
     let recording = Shutdown::new();
     let (recorder, ending) = (agent.clone(), recording.clone());
+    let holding = (info.is_camera && !args.automatic)
+        .then(|| tokio::spawn(hold(address.to_owned(), note_in(&args.spool), recording.clone())));
     let frames = frames_of(source);
     let recorder = tokio::spawn(async move {
         let frames = record(&recorder, frames, rules, &ending).await;
         over.store(true, Ordering::Relaxed);
+        ending.begin();
         tracing::info!(frames, "the recording has ended");
     });
     let (stop, asked) = (recording.clone(), shutdown.begun());
@@ -152,6 +166,9 @@ async fn record_and_send(
         recording.begin(); // it never was, and will not be: somebody must hear of it now
     }
     recorder.await.context("recording")?;
+    if let Some(holding) = holding {
+        let _ = holding.await; // a panic is logged where it happened
+    }
     match outcome {
         Outcome::Whole(session) => {
             tracing::info!(%session, "the recording is whole");
@@ -195,7 +212,7 @@ fn hello(args: &Args, info: &SourceInfo) -> Hello {
     }
 }
 
-fn say_what_it_is(info: &SourceInfo, address: &str) {
+fn say_what_it_is(info: &SourceInfo) {
     let ((width, height), codec) = (info.size, info.codec.name());
     tracing::info!(width, height, codec, "capturing");
     if let Some(from) = &info.coded_from {
@@ -204,12 +221,51 @@ fn say_what_it_is(info: &SourceInfo, address: &str) {
             "frames are decoded and coded anew as JPEGs: a camera that gives H.264 or MJPEG saves that"
         );
     }
-    if info.is_camera {
-        tracing::warn!(
-            "automatic exposure and white balance change the tapes' colours: switch them off with \
-             `v4l2-ctl -d {address} --set-ctrl=auto_exposure=1,white_balance_automatic=0`, and see `v4l2-ctl -d {address} -L`"
-        );
+}
+
+/// Where it is noted what is switched off at a camera.
+fn note_in(spool: &Path) -> PathBuf {
+    spool.join("camera.json")
+}
+
+/// Once the camera has found its exposure and white balance, keeps them as they are until the recording ends.
+async fn hold(camera: String, note: PathBuf, recording: Shutdown) {
+    tokio::select! {
+        () = recording.begun() => return,
+        () = sleep(SETTLES) => {}
     }
+    let held = camera.clone();
+    let held = tokio::task::spawn_blocking(move || {
+        let path = Path::new(&held);
+        Camera::open(path).map(|controls| Lock::new(controls, path, &note))
+    });
+    let held = held.await;
+    let _lock = match held {
+        Ok(Ok((lock, told))) => {
+            told.iter().for_each(|(name, locked)| tell(&camera, name, locked));
+            lock
+        }
+        Ok(Err(error)) => return tracing::warn!(%error, "the camera's controls cannot be opened: {}", by_hand(&camera)),
+        Err(error) => return tracing::error!(%error, "the camera's controls"),
+    };
+    recording.begun().await;
+}
+
+fn tell(camera: &str, name: &str, locked: &Locked) {
+    match locked {
+        Locked::Off(value) => {
+            tracing::info!(value, "automatic {name} is off while this is recorded, at what it had found")
+        }
+        Locked::WasOff => tracing::info!("automatic {name} was off already"),
+        Locked::Absent => tracing::info!("the camera has no switch for automatic {name}"),
+        Locked::Refused(error) => tracing::warn!(%error, "automatic {name} cannot be held: {}", by_hand(camera)),
+    }
+}
+
+fn by_hand(camera: &str) -> String {
+    format!(
+        "it changes the tapes' colours while somebody trains; see `v4l2-ctl -d {camera} -L` for what can be set by hand"
+    )
 }
 
 /// Tells once a second on a terminal, else now and then in the log.

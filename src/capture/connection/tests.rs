@@ -49,6 +49,15 @@ async fn the_end_is_said_once_all_is_acknowledged() {
     assert_eq!(conversing.await.unwrap(), Parting::Whole(session));
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_of_one_box_is_not_sent_as_anothers() {
+    let (_folder, mut spool, id) = spool(1 << 20);
+    add(&mut spool, 0..1);
+    let nowhere = Server::new("http://127.0.0.1:1", "box-2", Path::new("no token")).unwrap();
+    let parting = nowhere.converse(&Agent::new(spool), id).await;
+    assert!(matches!(&parting, Parting::Refused(why) if why.contains("--box box-1")), "{parting:?}");
+}
+
 fn word_of(word: &FromServer) -> Message {
     Message::text(serde_json::to_string(word).unwrap())
 }

@@ -73,6 +73,20 @@ fn the_rest_waits_while_much_is_under_way_and_live_does_not() {
 }
 
 #[test]
+fn a_recording_of_which_the_server_has_all_or_the_spool_not_the_last_is_done() {
+    let (_folder, mut spool, id) = with(30);
+    spool.end();
+    spool.acknowledge(id, numbers(&[[0, 34]])).unwrap(); // by an agent that forgot its last frames in a power cut
+    let mut order = Order::new();
+    assert_eq!(all(&mut order, spool.get(id).unwrap(), false), Vec::<u64>::new());
+    assert!(order.is_done(spool.get(id).unwrap()));
+    spool.acknowledge(id, numbers(&[[0, 3], [34, 34]])).unwrap();
+    let mut order = Order::new();
+    assert_eq!(all(&mut order, spool.get(id).unwrap(), false), (4..30).collect::<Vec<_>>());
+    assert!(order.is_done(spool.get(id).unwrap()), "it is asked for the rest");
+}
+
+#[test]
 fn what_the_server_misses_is_sent_again_or_told_as_lost() {
     let (_folder, spool, id) = with(30);
     let recording = spool.get(id).unwrap();

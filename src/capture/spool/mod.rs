@@ -2,7 +2,9 @@
 //!
 //! ```text
 //! SPOOL/lock                       one agent at a time
+//! SPOOL/camera.json                what is switched off at the camera, while it is: see `controls`
 //! SPOOL/<recording>/hello.json     what is said of it first
+//! SPOOL/<recording>/box            in which box it was recorded
 //! SPOOL/<recording>/00000007.records   some MB of frames and gaps, with their checksums
 //! SPOOL/<recording>/closing        the server was told how many frames there are
 //! ```
@@ -88,16 +90,21 @@ impl Spool {
     }
 
     /// Begins the recording to which records are appended from now on.
-    pub fn begin(&mut self, hello: Hello) -> io::Result<FeedId> {
+    pub fn begin(&mut self, hello: Hello, in_box: &str) -> io::Result<FeedId> {
         let id = hello.recording;
-        self.recordings.insert(id, Recording::create(self.path(id), hello)?);
+        self.recordings.insert(id, Recording::create(self.path(id), hello, in_box)?);
         self.live = Some(id);
         Ok(id)
     }
 
-    /// No more records come.
+    /// No more records come. What had no room at last is told as a gap, if there is room for that now; else the server asks.
     pub fn end(&mut self) {
-        self.live = None;
+        let segment_bytes = self.segment_bytes();
+        if let Some(recording) = self.live.take().and_then(|id| self.recordings.get_mut(&id))
+            && let Err(error) = recording.write_unwritten(segment_bytes)
+        {
+            tracing::warn!(%error, "the last frames had no room, and not even the gap in their place has");
+        }
     }
 
     /// The recording to which records are appended.
@@ -130,7 +137,7 @@ impl Spool {
     /// this one is a gap.
     pub fn append(&mut self, record: &Record<'_>) -> io::Result<()> {
         let Some(id) = self.live else { return Ok(()) };
-        let segment_bytes = SEGMENT_BYTES.min(self.most_bytes / LEAST_SEGMENTS);
+        let segment_bytes = self.segment_bytes();
         loop {
             let is_full = self.bytes() + record.bytes() as u64 > self.most_bytes;
             let Some(recording) = self.recordings.get_mut(&id) else { return Ok(()) };
@@ -148,6 +155,10 @@ impl Spool {
                 done => return done,
             }
         }
+    }
+
+    fn segment_bytes(&self) -> u64 {
+        SEGMENT_BYTES.min(self.most_bytes / LEAST_SEGMENTS)
     }
 
     /// Gives up the oldest frames; those of the live recording last, whatever the clock said when it began.

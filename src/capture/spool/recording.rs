@@ -12,6 +12,7 @@ use crate::domain::feed::record::{Body, GapReason, Record};
 use crate::domain::feed::words::Hello;
 
 const HELLO: &str = "hello.json";
+const BOX: &str = "box";
 /// Is there once the server was told how many frames there are: only then is a recording that has ended whole.
 const CLOSING: &str = "closing";
 
@@ -20,6 +21,8 @@ const CLOSING: &str = "closing";
 pub struct Recording {
     /// What is said of it first.
     pub hello: Hello,
+    /// The box in which it was recorded, as the agent was told it; agents of earlier versions did not write it down.
+    pub in_box: Option<String>,
     /// What the server has.
     pub durable: Numbers,
     /// One more than its largest number so far.
@@ -37,17 +40,24 @@ pub struct Recording {
 
 impl Recording {
     /// A new one: its folder and hello are on the disk.
-    pub(super) fn create(folder: PathBuf, hello: Hello) -> io::Result<Self> {
+    pub(super) fn create(folder: PathBuf, hello: Hello, in_box: &str) -> io::Result<Self> {
         fs::create_dir(&folder)?;
-        write_hello(&folder, &hello)?;
+        let mut file = File::create(folder.join(BOX))?;
+        file.write_all(in_box.as_bytes())?;
+        file.sync_all()?;
+        write_hello(&folder, &hello)?; // last: it makes the folder a recording
         folder.parent().map_or(Ok(()), sync_folder)?;
-        Ok(Self::new(folder, hello))
+        Ok(Self::new(folder, hello, Some(in_box.to_owned())))
     }
 
     /// One of an earlier run; its last segment may have been cut.
     pub(super) fn open(folder: PathBuf) -> io::Result<Self> {
         let hello = serde_json::from_slice(&fs::read(folder.join(HELLO))?)?;
-        let mut recording = Self::new(folder.clone(), hello);
+        let in_box = match fs::read_to_string(folder.join(BOX)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            read => Some(read?),
+        };
+        let mut recording = Self::new(folder.clone(), hello, in_box);
         for (serial, path) in Segment::paths_in(&folder)? {
             let segment = Segment::open(path)?;
             recording.next_serial = serial + 1;
@@ -62,9 +72,10 @@ impl Recording {
         Ok(recording)
     }
 
-    fn new(folder: PathBuf, hello: Hello) -> Self {
+    fn new(folder: PathBuf, hello: Hello, in_box: Option<String>) -> Self {
         Self {
             hello,
+            in_box,
             durable: Numbers::default(),
             end: 0,
             folder,
@@ -128,12 +139,18 @@ impl Recording {
     }
 
     pub(super) fn append(&mut self, record: &Record<'_>, segment_bytes: u64) -> io::Result<()> {
+        self.write_unwritten(segment_bytes)?;
+        self.write(record, segment_bytes)
+    }
+
+    /// Tells of the numbers for which there was no room.
+    pub(super) fn write_unwritten(&mut self, segment_bytes: u64) -> io::Result<()> {
         if let Some([number, last]) = self.unwritten {
             let body = Body::Gap { last, reason: GapReason::SpoolFull };
             self.write(&Record { epoch: 0, number, body }, segment_bytes)?;
             self.unwritten = None;
         }
-        self.write(record, segment_bytes)
+        Ok(())
     }
 
     /// There was no room for this record: its numbers are a gap.
@@ -150,14 +167,23 @@ impl Recording {
         let file = match &self.active {
             Some(file) => file.clone(),
             None => {
-                let (segment, file) = Segment::create(&self.folder, self.next_serial)?;
-                self.next_serial += 1;
+                let serial = self.next_serial;
+                self.next_serial += 1; // first: the file may be there although making it failed
+                let (segment, file) = Segment::create(&self.folder, serial)?;
                 self.segments.push_back(segment);
                 self.active.insert(file).clone()
             }
         };
-        if let Some(segment) = self.segments.back_mut() {
-            segment.append(&file, record)?;
+        if let Some(segment) = self.segments.back_mut()
+            && let Err(error) = segment.append(&file, record)
+        {
+            if segment.entries.is_empty() {
+                // One without a record has no place among the numbers.
+                segment.remove()?;
+                self.segments.pop_back();
+                self.active = None;
+            }
+            return Err(error);
         }
         if !self.unsynced.iter().any(|unsynced| Arc::ptr_eq(unsynced, &file)) {
             self.unsynced.push(file);
@@ -181,6 +207,9 @@ impl Recording {
                 let why = damaged.err().map_or("its checksum does not match".to_owned(), |error| error.to_string());
                 tracing::error!(number = wanted.number, why, "a frame in the spool cannot be read, and is lost");
                 segment.entries.retain(|entry| *entry != wanted);
+                if self.segments.back().is_some_and(|segment| segment.entries.is_empty()) {
+                    self.active = None;
+                }
                 self.segments.retain(|segment| !segment.entries.is_empty());
                 None
             }

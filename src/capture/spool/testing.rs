@@ -27,7 +27,7 @@ pub fn hello(now_ms: i64) -> Hello {
 pub fn spool(most_bytes: u64) -> (TempDir, Spool, FeedId) {
     let folder = tempfile::tempdir().unwrap();
     let mut spool = Spool::open(folder.path(), most_bytes).unwrap();
-    let id = spool.begin(hello(1_795_000_000_000)).unwrap();
+    let id = spool.begin(hello(1_795_000_000_000), "box-1").unwrap();
     (folder, spool, id)
 }
 

@@ -1,11 +1,13 @@
 //! Laws of the spool: nothing that is in it is lost by a cut, and what a full one gives up is told.
 
 use std::fs;
+use std::io::Write;
 use std::path::PathBuf;
+use std::process::Command;
 
 use proptest::prelude::*;
 
-use super::testing::{add, hello, payload, spool};
+use super::testing::{add, add_sized, hello, payload, spool};
 use super::*;
 use crate::domain::feed::record::{Body, GapReason};
 
@@ -120,10 +122,56 @@ fn what_is_acknowledged_goes_in_whole_segments() {
 }
 
 #[test]
+fn a_last_frame_for_which_there_is_no_room_is_told_as_a_gap() {
+    let (_folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..3);
+    let body = Body::Frame { time: 0, is_key: true, payload: &[0; SMALL as usize] };
+    spool.append(&Record { epoch: 0, number: 3, body }).unwrap_err();
+    spool.end();
+    let full = |first, last| (first, last, GapReason::SpoolFull);
+    assert_eq!(held(&mut spool, id), (Numbers::default(), vec![full(0, 2), full(3, 3)]));
+}
+
+#[test]
+fn a_file_that_has_no_room_for_its_first_record_is_none() {
+    let disk = tempfile::tempdir().unwrap();
+    let in_the_disk = |program: &str, words: &[&str]| {
+        let output = Command::new(program).args(words).arg(disk.path()).output();
+        output.is_ok_and(|output| output.status.success())
+    };
+    if !in_the_disk("mount", &["-t", "tmpfs", "-o", "size=4m", "tmpfs"]) {
+        eprintln!("SKIPPED: mounting a small file system needs root");
+        return;
+    }
+    let mut spool = Spool::open(&disk.path().join("spool"), 8 * 500_000).unwrap();
+    let id = spool.begin(hello(1_000), "box-1").unwrap();
+    add_sized(&mut spool, 0..5, 100_000); // a segment
+    let mut filler = File::create(disk.path().join("filler")).unwrap();
+    while filler.write_all(&[0; 4096]).is_ok() {}
+    let body = Body::Frame { time: 0, is_key: true, payload: &[0; 1_000_000] };
+    let full = spool.append(&Record { epoch: 0, number: 5, body }).unwrap_err();
+    assert!(is_for_want_of_space(&full), "{full}");
+    assert_eq!(held(&mut spool, id).1, [(0, 4, GapReason::SpoolFull)]);
+    assert_eq!(files(&spool, id).len(), 1);
+    drop((spool, filler));
+    assert!(in_the_disk("umount", &["-l"]));
+}
+
+#[test]
+fn a_file_that_is_there_already_costs_one_record_and_not_all_that_follow() {
+    let (_folder, mut spool, id) = spool(SMALL);
+    fs::write(spool.path(id).join("00000000.records"), b"").unwrap(); // made, but not to the end
+    let body = Body::Frame { time: 0, is_key: true, payload: &payload(0) };
+    spool.append(&Record { epoch: 0, number: 0, body }).unwrap_err();
+    add(&mut spool, 1..4);
+    assert_eq!(held(&mut spool, id).0, numbers(&[[1, 3]]));
+}
+
+#[test]
 fn the_oldest_recording_goes_first() {
     let (_folder, mut spool, old) = spool(SMALL);
     add(&mut spool, 0..30);
-    let new = spool.begin(hello(1_000)).unwrap(); // by a clock that was set back
+    let new = spool.begin(hello(1_000), "box-1").unwrap(); // by a clock that was set back
     add(&mut spool, 0..60);
     assert_eq!(held(&mut spool, old), (numbers(&[[20, 29]]), vec![(0, 19, GapReason::SpoolFull)]));
     assert_eq!(held(&mut spool, new).0, numbers(&[[0, 59]]));
@@ -156,6 +204,11 @@ fn a_recording_that_the_server_ended_too_early_goes_on_as_another() {
     drop(spool);
     let mut spool = Spool::open(folder.path(), SMALL).unwrap();
     assert_eq!((spool.ids(), held(&mut spool, new).0), (vec![new], numbers(&[[0, 19]])));
+    assert_eq!(spool.get(new).unwrap().in_box.as_deref(), Some("box-1"));
+    drop(spool);
+    fs::remove_file(folder.path().join(new.to_string()).join("box")).unwrap(); // as earlier versions left it
+    let spool = Spool::open(folder.path(), SMALL).unwrap();
+    assert_eq!(spool.get(new).unwrap().in_box, None);
 }
 
 #[test]

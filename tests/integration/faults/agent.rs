@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
+use trocar::domain::feed::numbers::Numbers;
 use trocar::domain::feed::record::read_all;
 use trocar::media::{Limits, VideoFile};
 
@@ -84,6 +85,19 @@ impl Stand {
     fn arrived(&self) -> u64 {
         let logs = std::fs::read_dir(self.centre.data().join("feeds")).unwrap();
         logs.map(|log| log.unwrap().metadata().unwrap().len()).sum()
+    }
+
+    /// The numbers of which the service has a record.
+    fn on_the_server(&self) -> Numbers {
+        let mut numbers = Numbers::default();
+        for log in std::fs::read_dir(self.centre.data().join("feeds")).unwrap() {
+            let read = read_all(std::fs::File::open(log.unwrap().path()).unwrap(), |_, record| {
+                numbers.add(record.number, record.last()).unwrap();
+                std::io::Result::Ok(())
+            });
+            read.unwrap();
+        }
+        numbers
     }
 
     /// Bytes in the spool, as an agent that runs has them.
@@ -177,6 +191,15 @@ fn jpegs(clip: &Path, folder: &Path) -> PathBuf {
     path
 }
 
+/// The clip again and again, for so many seconds.
+fn looped(clip: &Path, seconds: u64) -> PathBuf {
+    let path = clip.with_file_name("looped.avi");
+    let mut ffmpeg = Command::new("ffmpeg");
+    ffmpeg.args(["-v", "error", "-stream_loop", "-1", "-i"]).arg(clip).args(["-c", "copy", "-t", &seconds.to_string()]);
+    assert!(ffmpeg.arg(&path).status().unwrap().success());
+    path
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_clip_as_camera_becomes_the_session_that_its_upload_would_be() {
     let stand = Stand::new().await;
@@ -204,6 +227,54 @@ async fn a_service_that_dies_and_stays_away_costs_nothing() {
     stand.restart_the_service().await;
     assert!(agent.ended().await.success());
     assert_eq!(stand.session().await, seen(&clip));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "takes ten minutes and more: make long-absence"]
+async fn a_service_that_was_away_for_long_soon_has_everything_and_live_frames_first() {
+    const GOES_ON: u64 = 120;
+    let away: u64 = std::env::var_os("TROCAR_AWAY_S").map_or(600, |seconds| seconds.to_str().unwrap().parse().unwrap());
+    let mut stand = Stand::new().await;
+    let clip = looped(&jpegs(&stand.centre.scene("clip.mp4"), stand.folder.path()), away + GOES_ON);
+    let agent = stand.records(&clip, &[]);
+    until("the recording's arrival", || stand.arrived() > 0).await;
+    stand.kill_the_service();
+    tokio::time::sleep(Duration::from_secs(away)).await;
+    let recorded = captured(&stand.spool());
+    let waiting = stand.spooled();
+    stand.restart_the_service().await;
+
+    let (back, mut live_at, mut lags) = (Instant::now(), None, Vec::new());
+    loop {
+        tokio::time::sleep(Duration::from_secs(1)).await; // the whole log is read each time
+        let (captured, arrived) = (captured(&stand.spool()), stand.on_the_server());
+        let newest = arrived.ranges().last().map_or(0, |range| range[1]);
+        if newest >= recorded {
+            live_at.get_or_insert_with(|| back.elapsed());
+            lags.push(captured.saturating_sub(newest + 1));
+        }
+        if (0..recorded).all(|number| arrived.contains(number)) {
+            break;
+        }
+        assert!(back.elapsed() < Duration::from_secs(GOES_ON), "{:?} is there of {recorded}", arrived.ranges());
+    }
+    lags.sort_unstable();
+    println!(
+        "away {away} s: {recorded} frames, {:.0} MB; live frames {:.1} s after it was back, all others after {:.1} s; while these \
+         came the newest frame on the server was {} behind in the middle, {} at most",
+        waiting as f64 / 1e6,
+        live_at.unwrap().as_secs_f64(),
+        back.elapsed().as_secs_f64(),
+        lags[lags.len() / 2],
+        lags[lags.len() - 1],
+    );
+    tokio::time::sleep(Duration::from_secs(GOES_ON).saturating_sub(back.elapsed())).await;
+    assert!(agent.ended().await.success());
+    // The clip's clock and the feed's are not the same: times agree to the microsecond.
+    let to_us = |seen: Seen| seen.into_iter().map(|(n, time_s, of)| (n, (time_s * 1e6).round() as u64, of)).collect();
+    let (session, clip): (Vec<_>, Vec<_>) = (to_us(stand.session().await), to_us(seen(&clip)));
+    let apart = session.iter().zip(&clip).position(|(one, other)| one != other);
+    assert_eq!((apart, session.len()), (None, clip.len()), "every frame, at its time, to the last bit");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -265,13 +336,17 @@ async fn what_the_server_refuses_is_said_and_stays_in_the_spool() {
 
 /// One more than the largest number in a spool, by the bytes themselves.
 fn captured(spool: &Path) -> u64 {
-    let mut end = 0;
-    for path in files_in(spool) {
-        let read = read_all(std::fs::File::open(path).unwrap(), |_, record| {
+    let end_of = |path: &PathBuf| {
+        let mut end = 0;
+        let file = std::fs::File::open(path).ok()?; // what the server has may go while it is listed
+        let read = read_all(file, |_, record| {
             end = end.max(record.last() + 1);
             std::io::Result::Ok(())
         });
         read.unwrap();
-    }
-    end
+        (end > 0).then_some(end)
+    };
+    let mut files = files_in(spool);
+    files.sort(); // by number: the last one with a record names the largest
+    files.iter().rev().find_map(end_of).unwrap_or(0)
 }

@@ -1,0 +1,311 @@
+//! What a camera regulates by itself, and how it is kept from doing so: Video4Linux controls.
+//!
+//! Automatic exposure and white balance change the tapes' colours while somebody trains. Each automatic is switched off at the
+//! value that it has found, so that the picture stays as it is; one that was off already was set by somebody, and stays.
+//!
+//! What is switched off is noted in a file first: an agent that is killed cannot switch it on again, the next one does
+//! ([`give_back`]).
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
+
+/// Something that a camera regulates by itself, as Linux numbers it (`linux/v4l2-controls.h`).
+struct Automatic {
+    name: &'static str,
+    switch: u32,
+    /// What the switch says when the camera leaves it alone.
+    off: i32,
+    /// What it regulates.
+    value: u32,
+}
+
+/// In the order in which they are switched off: the gain follows the exposure in many cameras.
+const AUTOMATICS: [Automatic; 3] = [
+    Automatic { name: "exposure", switch: 0x009a_0901, off: 1, value: 0x009a_0902 },
+    Automatic { name: "gain", switch: 0x0098_0912, off: 0, value: 0x0098_0913 },
+    Automatic { name: "white balance", switch: 0x0098_090c, off: 0, value: 0x0098_091a },
+];
+
+/// Controls of a camera by their numbers.
+pub trait Controls {
+    /// What the control says now, or none if the camera has no such control.
+    fn get(&self, id: u32) -> io::Result<Option<i32>>;
+    /// Sets it.
+    fn set(&mut self, id: u32, value: i32) -> io::Result<()>;
+}
+
+/// What became of an automatic.
+#[derive(Debug)]
+pub enum Locked {
+    /// It is off, at the value that it had found, if the camera tells that.
+    Off(Option<i32>),
+    /// It was off before.
+    WasOff,
+    /// The camera has no such switch.
+    Absent,
+    /// The camera refuses.
+    Refused(io::Error),
+}
+
+/// Switches that were on, with what they said, for whoever finds them off.
+#[derive(Debug, Serialize, Deserialize)]
+struct Note {
+    camera: PathBuf,
+    were: Vec<(u32, i32)>,
+}
+
+/// A camera whose automatics are off for as long as it is kept. Afterwards they are as they were.
+pub struct Lock<C: Controls> {
+    controls: C,
+    note: Note,
+    note_path: PathBuf,
+}
+
+impl<C: Controls> Lock<C> {
+    /// Switches the automatics of a camera off, noting in a file which, and tells what became of each.
+    pub fn new(controls: C, camera: &Path, note_path: &Path) -> (Self, Vec<(&'static str, Locked)>) {
+        let note = Note { camera: camera.to_owned(), were: Vec::new() };
+        let mut lock = Self { controls, note, note_path: note_path.to_owned() };
+        let told = AUTOMATICS.iter().map(|automatic| (automatic.name, lock.switch_off(automatic)));
+        let told = told.collect();
+        (lock, told)
+    }
+
+    fn switch_off(&mut self, automatic: &Automatic) -> Locked {
+        let was = match self.controls.get(automatic.switch) {
+            Ok(Some(was)) if was == automatic.off => return Locked::WasOff,
+            Ok(Some(was)) => was,
+            Ok(None) => return Locked::Absent,
+            Err(error) => return Locked::Refused(error),
+        };
+        // Read before: many cameras go back to the value that was last set by hand once the automatic is off.
+        let found = self.controls.get(automatic.value).ok().flatten();
+        self.note.were.push((automatic.switch, was));
+        match self.write_note().and_then(|()| self.hold(automatic, found)) {
+            Ok(()) => Locked::Off(found),
+            Err(error) => {
+                // At some other value the picture would be worse than with the automatic.
+                let _ = self.controls.set(automatic.switch, was); // one that refuses this too was told of
+                self.note.were.pop();
+                Locked::Refused(error)
+            }
+        }
+    }
+
+    fn hold(&mut self, automatic: &Automatic, found: Option<i32>) -> io::Result<()> {
+        self.controls.set(automatic.switch, automatic.off)?;
+        found.map_or(Ok(()), |found| self.controls.set(automatic.value, found))
+    }
+
+    /// In one step: it is there as it was, or as it is.
+    fn write_note(&self) -> io::Result<()> {
+        let new = self.note_path.with_extension("new");
+        fs::write(&new, serde_json::to_vec(&self.note)?)?;
+        fs::rename(new, &self.note_path)
+    }
+}
+
+/// Switches on what an earlier agent switched off and, because it was killed, left so.
+///
+/// # Errors
+/// The camera cannot be switched back, or is gone; the note is gone all the same.
+pub fn give_back<C: Controls>(note_path: &Path, open: impl FnOnce(&Path) -> io::Result<C>) -> io::Result<()> {
+    let note = match fs::read(note_path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        read => read?,
+    };
+    fs::remove_file(note_path)?;
+    let note: Note = serde_json::from_slice(&note)?;
+    switch_back(&mut open(&note.camera)?, &note)
+}
+
+/// In the opposite order. All are tried.
+fn switch_back(controls: &mut impl Controls, note: &Note) -> io::Result<()> {
+    let switched: Vec<io::Result<()>> =
+        note.were.iter().rev().map(|(switch, was)| controls.set(*switch, *was)).collect();
+    switched.into_iter().collect()
+}
+
+impl<C: Controls> Drop for Lock<C> {
+    fn drop(&mut self) {
+        let _ = switch_back(&mut self.controls, &self.note); // a camera that was unplugged forgets it anyway
+        let _ = fs::remove_file(&self.note_path); // where nothing was switched off there is none
+    }
+}
+
+/// A camera's device file.
+pub struct Camera(File);
+
+impl Camera {
+    /// Opens it beside whoever reads its frames.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        File::options().read(true).write(true).open(path).map(Self)
+    }
+}
+
+/// `struct v4l2_control`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Control {
+    id: u32,
+    value: i32,
+}
+
+const GET: Opcode = opcode::read_write::<Control>(b'V', 27);
+const SET: Opcode = opcode::read_write::<Control>(b'V', 28);
+
+impl Controls for Camera {
+    fn get(&self, id: u32) -> io::Result<Option<i32>> {
+        let mut control = Control { id, value: 0 };
+        // SAFETY: VIDIOC_G_CTRL reads and writes a `v4l2_control`, which `Control` is.
+        match unsafe { ioctl(&self.0, Updater::<GET, Control>::new(&mut control)) } {
+            Ok(()) => Ok(Some(control.value)),
+            Err(rustix::io::Errno::INVAL) => Ok(None), // no control has this number
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn set(&mut self, id: u32, value: i32) -> io::Result<()> {
+        let mut control = Control { id, value };
+        // SAFETY: VIDIOC_S_CTRL reads and writes a `v4l2_control`, which `Control` is.
+        Ok(unsafe { ioctl(&self.0, Updater::<SET, Control>::new(&mut control)) }?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::collections::BTreeMap;
+    use std::rc::Rc;
+
+    use tempfile::TempDir;
+
+    use super::*;
+
+    const EXPOSURE: u32 = 0x009a_0901;
+    const TIME: u32 = 0x009a_0902;
+    const WHITE: u32 = 0x0098_090c;
+    const TEMPERATURE: u32 = 0x0098_091a;
+
+    /// A camera that goes back to its factory's values when an automatic is switched off, as many do.
+    #[derive(Clone, Default)]
+    struct Webcam {
+        says: Rc<RefCell<BTreeMap<u32, i32>>>,
+        refuses: Option<u32>,
+    }
+
+    impl Webcam {
+        fn new(says: &[(u32, i32)]) -> Self {
+            Self { says: Rc::new(RefCell::new(says.iter().copied().collect())), refuses: None }
+        }
+
+        fn says(&self, id: u32) -> i32 {
+            self.says.borrow()[&id]
+        }
+    }
+
+    impl Controls for Webcam {
+        fn get(&self, id: u32) -> io::Result<Option<i32>> {
+            Ok(self.says.borrow().get(&id).copied())
+        }
+
+        fn set(&mut self, id: u32, value: i32) -> io::Result<()> {
+            if self.refuses == Some(id) {
+                return Err(io::ErrorKind::PermissionDenied.into());
+            }
+            let mut says = self.says.borrow_mut();
+            says.insert(id, value);
+            let forgotten = [(EXPOSURE, TIME, 156), (WHITE, TEMPERATURE, 4600)];
+            says.extend(forgotten.iter().filter(|of| of.0 == id).map(|of| (of.1, of.2)));
+            Ok(())
+        }
+    }
+
+    fn lock(camera: &Webcam, folder: &TempDir) -> (Lock<Webcam>, Vec<(&'static str, Locked)>) {
+        Lock::new(camera.clone(), Path::new("/dev/video0"), &folder.path().join("note"))
+    }
+
+    fn fate(told: &[(&str, Locked)], name: &str) -> String {
+        told.iter().filter(|of| of.0 == name).map(|of| format!("{:?}", of.1)).collect()
+    }
+
+    #[test]
+    fn automatics_are_off_at_what_they_had_found_and_as_before_afterwards() {
+        let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
+        let folder = tempfile::tempdir().unwrap();
+        let (lock, told) = lock(&camera, &folder);
+        assert_eq!([camera.says(EXPOSURE), camera.says(TIME)], [1, 312]);
+        assert_eq!([camera.says(WHITE), camera.says(TEMPERATURE)], [0, 3900]);
+        assert_eq!(fate(&told, "exposure"), "Off(Some(312))");
+        assert_eq!(fate(&told, "gain"), "Absent");
+        drop(lock);
+        assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 1]);
+    }
+
+    #[test]
+    fn what_somebody_set_by_hand_stays() {
+        let camera = Webcam::new(&[(EXPOSURE, 1), (TIME, 80), (WHITE, 0), (TEMPERATURE, 5000)]);
+        let folder = tempfile::tempdir().unwrap();
+        let (lock, told) = lock(&camera, &folder);
+        assert_eq!(fate(&told, "exposure"), "WasOff");
+        drop(lock);
+        assert_eq!([camera.says(EXPOSURE), camera.says(TIME), camera.says(TEMPERATURE)], [1, 80, 5000]);
+    }
+
+    #[test]
+    fn a_camera_that_refuses_is_told_of_and_the_others_are_off() {
+        let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
+        let refusing = Webcam { refuses: Some(EXPOSURE), ..camera.clone() };
+        let folder = tempfile::tempdir().unwrap();
+        let (_lock, told) = lock(&refusing, &folder);
+        assert!(fate(&told, "exposure").starts_with("Refused"));
+        assert_eq!(camera.says(WHITE), 0);
+    }
+
+    #[test]
+    fn an_automatic_whose_value_cannot_be_held_stays_on() {
+        let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
+        let refusing = Webcam { refuses: Some(TIME), ..camera.clone() };
+        let folder = tempfile::tempdir().unwrap();
+        let (_lock, told) = lock(&refusing, &folder);
+        assert!(fate(&told, "exposure").starts_with("Refused"));
+        assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 0]);
+    }
+
+    #[test]
+    fn what_a_killed_agent_switched_off_the_next_one_switches_on() {
+        let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
+        let folder = tempfile::tempdir().unwrap();
+        let (killed, _) = lock(&camera, &folder);
+        std::mem::forget(killed);
+        assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [1, 0]);
+        let note = folder.path().join("note");
+        let open = |path: &Path| {
+            assert_eq!(path, Path::new("/dev/video0"));
+            Ok(camera.clone())
+        };
+        give_back(&note, open).unwrap();
+        assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 1]);
+        give_back(&note, |_| -> io::Result<Webcam> { panic!("there is nothing to give back") }).unwrap();
+
+        let (orderly, _) = lock(&camera, &folder);
+        drop(orderly);
+        assert!(!note.exists());
+    }
+
+    #[test]
+    fn requests_have_the_numbers_of_the_kernel() {
+        assert_eq!([GET, SET].map(|opcode| opcode as u64), [0xc008_561b, 0xc008_561c]);
+    }
+
+    #[test]
+    fn a_file_that_is_no_camera_has_no_controls() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        assert!(Camera::open(file.path()).unwrap().get(EXPOSURE).is_err());
+    }
+}
