@@ -23,6 +23,7 @@ use crate::domain::feed::words::{FromSender, FromServer};
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::live::Connected;
+use crate::time::millis;
 
 /// Longest word, bytes.
 const MOST_WORD: usize = 8192;
@@ -31,6 +32,8 @@ const MOST_WORD: usize = 8192;
 const READ_BYTES: usize = 64 << 10;
 /// How long a sender may take to hear the last words.
 const LAST_WORDS: Duration = Duration::from_secs(5);
+/// How often a sender of frames counts as somebody who is there.
+const PRESENT_EVERY: Duration = Duration::from_secs(60);
 /// How long a hello may take to come.
 const HELLO: Duration = Duration::from_secs(10);
 
@@ -122,11 +125,16 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
         Connected::Open(feed) => feed,
         Connected::Ended(session) => return say(socket, &FromServer::Ended { session, durable: None }).await,
     };
-    say(socket, &feed.welcome().await?).await?;
+    let welcome = feed.welcome().await?;
+    say(socket, &welcome).await?;
+    if matches!(welcome, FromServer::Ended { .. }) {
+        return Ok(());
+    }
     let settings = app.feeds.settings();
     let mut ack_at = None;
     let mut signed_out = pin!(SignedIn::ended(app, headers));
     let mut silent_at = Instant::now() + settings.silent();
+    let mut present_ms = app.clock.now_ms();
     loop {
         let has_room = feed.has_room();
         let heard = tokio::select! {
@@ -152,6 +160,11 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
         match heard {
             Heard::Record(record) => {
                 feed.take(record).await?;
+                // A page that records asks for nothing else meanwhile, and must not end as if nobody sat in front of it.
+                if app.clock.now_ms() - present_ms >= millis(PRESENT_EVERY) {
+                    present_ms = app.clock.now_ms();
+                    let _ = SignedIn::by(app, headers).await; // whether it still counts is looked at beside this
+                }
                 if ack_at.is_none() && feed.is_unsynced() {
                     ack_at = Some(Instant::now() + settings.ack());
                 }

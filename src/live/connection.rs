@@ -36,8 +36,11 @@ impl Connection {
         Self { feeds, feed, epoch, now, is_unsynced: true }
     }
 
-    /// The first word: what is durable already.
+    /// The first word: what is durable already; or the last, if the recording was being ended when this connection began.
     pub async fn welcome(&mut self) -> Result<FromServer, Farewell> {
+        if let Some(session) = self.feed.state.lock().await.ended {
+            return Ok(FromServer::Ended { session, durable: None });
+        }
         let durable = self.make_durable().await?;
         Ok(FromServer::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
     }
@@ -154,7 +157,7 @@ impl Connection {
 
     /// Something was heard.
     pub fn heard(&self) {
-        self.feed.heard_ms.store(self.feeds.0.clock.now_ms(), Ordering::Release);
+        self.feed.heard_ms.store(self.feeds.0.clock.passed_ms(), Ordering::Release);
     }
 
     async fn make_durable(&mut self) -> Result<Vec<[u64; 2]>, Farewell> {
@@ -220,3 +223,6 @@ fn not_a_record(error: NotARecord) -> Farewell {
     let code = if matches!(error, NotARecord::Length(_)) { Code::TooMuch } else { Code::NotUnderstood };
     Farewell::new(code, error.to_string())
 }
+
+#[cfg(test)]
+mod tests;

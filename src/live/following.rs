@@ -103,6 +103,8 @@ struct Child {
     ended_with: Option<(usize, Vec<LiveFeature>)>,
     /// The recording is being ended: a child that begins now ends with what it is told first.
     is_ending: bool,
+    /// A sender came while the child was being let go: it gets another behind it.
+    is_wanted: bool,
     task: Option<JoinHandle<()>>,
 }
 
@@ -160,7 +162,7 @@ impl Follower {
     /// Begins to follow, unless somebody does already. What keeps it from following is asked anew at each connection.
     pub(super) fn begin(&self, feeds: &Feeds, feed: &Feed) {
         let mut child = self.child();
-        if child.task.as_ref().is_some_and(|task| !task.is_finished()) {
+        if child.is_begun() {
             return;
         }
         if matches!(*self.0.following.borrow(), Following::Refused(_)) {
@@ -170,16 +172,32 @@ impl Follower {
         self.0.following.send_replace(Following::NotYet);
         let (follower, feeds, row, time_base) = (self.clone(), feeds.clone(), feed.row.clone(), feed.time_base);
         child.task = Some(feeds.0.shutdown.clone().spawn(async move {
-            if let Err(not) = follower.follow(&feeds, row, time_base).await {
-                follower.0.following.send_replace(not);
+            loop {
+                let followed = follower.follow(&feeds, &row, time_base).await;
+                follower.let_go();
+                if !follower.goes_on(followed) {
+                    return;
+                }
             }
-            follower.let_go();
         }));
+    }
+
+    /// Shall there be another child? If not, the next sender begins anew, be it at this moment.
+    fn goes_on(&self, followed: Result<(), Following>) -> bool {
+        let mut child = self.child();
+        let is_wanted = std::mem::take(&mut child.is_wanted) && followed.is_ok();
+        if !is_wanted {
+            child.task = None;
+        }
+        if let Err(not) = followed {
+            self.0.following.send_replace(not);
+        }
+        is_wanted
     }
 
     /// Is there a child, or will there be one soon, for which records must be written at once?
     pub(super) fn is_following(&self) -> bool {
-        self.child().task.as_ref().is_some_and(|task| !task.is_finished())
+        self.child().is_running()
     }
 
     /// A frame lies at this place in the log.
@@ -226,6 +244,7 @@ impl Follower {
         {
             tracing::warn!("a child that follows a feed did not come to its end");
             task.abort(); // its stop is pulled as it goes
+            let _ = task.await;
         }
         let mut child = self.child();
         if let (Some(rows), Following::Tools(tools)) = (child.last.take(), &*self.0.following.borrow()) {
@@ -260,18 +279,29 @@ impl Follower {
         }
     }
 
+    /// Ends the child of a recording that nobody sends, so that its memory is others'; whoever comes again gets another.
+    pub(super) fn let_go_if(&self, is_idle: impl FnOnce() -> bool) {
+        let child = self.child(); // whoever comes meanwhile waits to begin
+        if is_idle() {
+            self.let_go_of(child);
+        }
+    }
+
     /// Ends the child once it has heard what it was told.
     pub(super) fn let_go(&self) {
-        let mut child = self.child();
+        self.let_go_of(self.child());
+    }
+
+    fn let_go_of(&self, mut child: MutexGuard<'_, Child>) {
         child.places = None;
         child.behind.clear();
         self.0.room.notify_waiters();
     }
 
     /// Runs children until one comes to its end, or tells why there is none.
-    async fn follow(&self, feeds: &Feeds, row: store::Feed, time_base: TimeBase) -> Result<(), Following> {
+    async fn follow(&self, feeds: &Feeds, row: &store::Feed, time_base: TimeBase) -> Result<(), Following> {
         for _ in 0..MOST_CRASHES {
-            match self.run_child(feeds, &row, time_base).await {
+            match self.run_child(feeds, row, time_base).await {
                 Ok(()) | Err(Failure::Stopped) => return Ok(()),
                 Err(Failure::Explained(problem)) if problem.slug == Problem::SIZE_CHANGES => {
                     return Err(Following::Refused(problem.detail));
@@ -352,10 +382,20 @@ impl Follower {
 }
 
 impl Child {
+    fn is_running(&self) -> bool {
+        self.task.as_ref().is_some_and(|task| !task.is_finished())
+    }
+
+    /// Need no other be begun for a sender? One that is being let go is followed by another.
+    fn is_begun(&mut self) -> bool {
+        self.is_wanted = self.is_running() && self.has_begun && self.places.is_none();
+        self.is_running()
+    }
+
     /// Begins with what came since the last key frame.
     fn begin(&mut self, places: PipeWriter) {
         (self.places, self.behind) = (Some(places), VecDeque::new());
-        self.has_begun = true;
+        (self.has_begun, self.is_wanted) = (true, false);
         self.is_whole &= self.came == self.recent.len();
         if !self.is_whole {
             self.last = None;

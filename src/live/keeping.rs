@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::{Feed, Feeds, LiveError};
 use crate::domain::scope::Scope;
 use crate::ids::FeedId;
-use crate::store::StoreError;
+use crate::store::{self, StoreError};
 use crate::time::millis;
 
 /// How long a child waits for a sender that has gone.
@@ -17,59 +17,76 @@ const IDLE: Duration = Duration::from_secs(300);
 const LOOK_EVERY: Duration = Duration::from_secs(20);
 
 impl Feeds {
-    /// Ends what was abandoned and clears up, again and again until the service ends.
+    /// Ends what was abandoned and clears up, again and again until the service ends: side by side, since what was erased goes
+    /// soon, and putting a recording together takes long.
     pub async fn keep(&self) {
+        tokio::join!(self.keep_ending(), self.keep_removing());
+    }
+
+    async fn keep_ending(&self) {
         let mut unheard = HashMap::new();
         while !self.0.shutdown.is_begun() {
-            if let Err(error) = self.look_after(&mut unheard).await {
+            if let Err(error) = self.look_after_all(&mut unheard).await {
                 tracing::warn!(%error, "looking after feeds");
             }
-            tokio::select! {
-                () = self.0.shutdown.begun() => {}
-                () = self.0.clock.sleep(LOOK_EVERY) => {}
-            }
+            self.rest().await;
         }
     }
 
-    /// Removes the logs of what was erased, and ends what was abandoned. `unheard` remembers since when a recording that no
-    /// connection has named in this life of the service has been waiting, epoch ms.
-    async fn look_after(&self, unheard: &mut HashMap<FeedId, i64>) -> Result<(), LiveError> {
-        self.remove_erased().await?;
+    async fn keep_removing(&self) {
+        while !self.0.shutdown.is_begun() {
+            if let Err(error) = self.remove_erased().await {
+                tracing::warn!(%error, "removing the logs of what was erased");
+            }
+            self.rest().await;
+        }
+    }
+
+    async fn rest(&self) {
+        tokio::select! {
+            () = self.0.shutdown.begun() => {}
+            () = self.0.clock.sleep(LOOK_EVERY) => {}
+        }
+    }
+
+    /// Ends what was abandoned. `unheard` remembers since when a recording that no connection has named in this life of the
+    /// service has been waiting. Times are those that have passed: a clock that is set forward ends nothing.
+    async fn look_after_all(&self, unheard: &mut HashMap<FeedId, i64>) -> Result<(), LiveError> {
         let unfinished = self.0.store.feeds().unfinished().await?;
-        let now_ms = self.0.clock.now_ms();
-        let abandoned_ms = now_ms - millis(self.0.settings.abandoned());
         unheard.retain(|id, _| unfinished.iter().any(|row| row.id == *id));
         for row in unfinished {
             if self.0.shutdown.is_begun() {
                 break;
             }
-            let id = row.id;
-            let since_ms = if row.is_push { now_ms + 1 } else { abandoned_ms }; // nobody can come again and push the rest
-            let known = self.0.open.all.lock().await.get(&id).cloned();
-            let feed = match known {
-                Some(feed) => {
-                    unheard.remove(&id); // its wait begins anew when it is forgotten
-                    feed
-                }
-                None if *unheard.entry(id).or_insert(now_ms) >= since_ms => continue,
-                None => match self.enter_unheard(id, since_ms).await? {
-                    Some(feed) => feed,
-                    None => continue,
-                },
-            };
-            if feed.is_abandoned(now_ms - millis(IDLE)) {
-                feed.follower.let_go(); // a child for whoever comes again; until then its memory is others'
-            }
-            if feed.is_abandoned(since_ms)
-                && let Err(error) = self.end_abandoned(&feed, since_ms).await
-            {
-                tracing::warn!(%error, feed = %id, "ending an abandoned recording");
+            // The others are not kept from their end by one that cannot be read.
+            if let Err(error) = self.look_after(&row, unheard).await {
+                tracing::warn!(%error, feed = %row.id, "ending an abandoned recording");
             }
         }
         Ok(())
     }
 
-    /// Opens the log of a recording that was not heard of since some time before then, epoch ms.
+    async fn look_after(&self, row: &store::Feed, unheard: &mut HashMap<FeedId, i64>) -> Result<(), LiveError> {
+        let (id, passed_ms) = (row.id, self.0.clock.passed_ms());
+        let abandoned_ms = passed_ms - millis(self.0.settings.abandoned());
+        let since_ms = if row.is_push { passed_ms + 1 } else { abandoned_ms }; // nobody can come again and push the rest
+        let known = self.0.open.all.lock().await.get(&id).cloned();
+        let feed = match known {
+            Some(feed) => {
+                unheard.remove(&id); // its wait begins anew when it is forgotten
+                feed
+            }
+            None if *unheard.entry(id).or_insert(passed_ms) >= since_ms => return Ok(()),
+            None => match self.enter_unheard(id, since_ms).await? {
+                Some(feed) => feed,
+                None => return Ok(()),
+            },
+        };
+        feed.follower.let_go_if(|| feed.is_abandoned(passed_ms - millis(IDLE)));
+        if feed.is_abandoned(since_ms) { self.end_abandoned(&feed, since_ms).await } else { Ok(()) }
+    }
+
+    /// Opens the log of a recording that was not heard of since some time before then.
     async fn enter_unheard(&self, id: FeedId, since_ms: i64) -> Result<Option<Arc<Feed>>, LiveError> {
         let _door = self.0.open.door(id).await;
         if let Some(feed) = self.0.open.all.lock().await.get(&id) {
@@ -88,21 +105,33 @@ impl Feeds {
 
     async fn remove_erased(&self) -> Result<(), LiveError> {
         for id in self.0.vault.feed_logs().await? {
-            // Asked again while nobody can enter it: a row may have come since.
-            let _door = self.0.open.door(id).await;
-            let is_needed = match self.0.store.feeds().get(&Scope::service(), id).await {
-                Ok(row) => row.ended_at_ms.is_none(),
-                Err(StoreError::NotFound { .. }) => false,
-                Err(error) => return Err(error.into()),
-            };
-            if !is_needed {
-                if let Some(erased) = self.0.open.all.lock().await.remove(&id) {
-                    erased.is_gone.store(true, Ordering::Release);
-                    erased.epoch.send_replace(u32::MAX); // whoever still sends it is told
-                }
-                self.0.vault.delete_feed(id).await?;
+            if let Err(error) = self.remove_if_erased(id).await {
+                tracing::warn!(%error, feed = %id, "removing the log of what was erased");
             }
         }
         Ok(())
+    }
+
+    async fn remove_if_erased(&self, id: FeedId) -> Result<(), LiveError> {
+        if self.is_needed(id).await? {
+            return Ok(()); // without waiting at its door, behind which its log may be read through
+        }
+        let _door = self.0.open.door(id).await;
+        if self.is_needed(id).await? {
+            return Ok(()); // its row has come since it was listed
+        }
+        if let Some(erased) = self.0.open.all.lock().await.remove(&id) {
+            erased.is_gone.store(true, Ordering::Release);
+            erased.epoch.send_replace(u32::MAX); // whoever still sends it is told
+        }
+        Ok(self.0.vault.delete_feed(id).await?)
+    }
+
+    async fn is_needed(&self, id: FeedId) -> Result<bool, LiveError> {
+        match self.0.store.feeds().get(&Scope::service(), id).await {
+            Ok(row) => Ok(row.ended_at_ms.is_none()),
+            Err(StoreError::NotFound { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
     }
 }

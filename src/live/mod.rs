@@ -10,7 +10,7 @@
 //! database gives out; what bears another is refused, wherever it was held up. What is acknowledged is in the log and
 //! synced; the log is read through when it is opened again.
 //!
-//! A recording that nobody ends is ended by [`Feeds::keep`], and what never came is noted as a gap.
+//! A recording that nobody ends is ended by [`Feeds::keep`] with what came.
 //!
 //! A stream that is pushed in one request ([`Feeds::push`]) is such a connection too, whose hello and records are made here.
 //! Nobody can go on with it, so that it is ended as soon as nobody sends it.
@@ -114,7 +114,7 @@ struct Feed {
     /// The epoch that may send.
     epoch: watch::Sender<u32>,
     connections: AtomicU32,
-    /// When anything was last heard of it, epoch ms.
+    /// When anything was last heard of it, by [`Clock::passed_ms`](crate::time::Clock::passed_ms).
     heard_ms: AtomicI64,
     state: Mutex<State>,
     /// Attempts to put it together that failed by no fault of its own.
@@ -241,7 +241,7 @@ impl Feeds {
             epoch: watch::Sender::new(row.epoch),
             time_base,
             connections: AtomicU32::new(0),
-            heard_ms: AtomicI64::new(self.0.clock.now_ms()),
+            heard_ms: AtomicI64::new(self.0.clock.passed_ms()),
             state: Mutex::new(State { log, numbers, is_unsynced: false, ended: None }),
             failures: AtomicU32::new(0),
             is_finishing: AtomicBool::new(false),

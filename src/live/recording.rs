@@ -6,7 +6,6 @@ use std::sync::atomic::Ordering;
 use super::{Code, Farewell, Feed, Feeds, LiveError, State, failed, is_end};
 use crate::analysis::protocol::{AssembleWork, Request, Work};
 use crate::analysis::{Attempt, Failure, attempt};
-use crate::domain::feed::record::{Body, GapReason, Record};
 use crate::domain::problem::Problem;
 use crate::domain::session::{LiveFeature, SessionStatus};
 use crate::ids::SessionId;
@@ -23,7 +22,7 @@ const TABLES_BYTES: u64 = 64 << 20;
 pub(super) enum Ending {
     /// Its sender, of this epoch, says that it has so many frames.
     Told { epoch: u32, frames: u64 },
-    /// Nobody sends it any more, and nothing was heard of it since then, epoch ms.
+    /// Nobody sends it any more, and nothing was heard of it since then, by the time that has passed.
     Abandoned { since_ms: i64 },
 }
 
@@ -53,24 +52,16 @@ impl Feeds {
             let why = "the recording could not be put together, again and again: ask whoever runs the service";
             return Err(Farewell::new(Code::DoesNotBelong, why));
         }
-        let prepared = match ending {
-            Ending::Told { epoch, frames } => all_has_come(feed, &state, epoch, frames),
-            Ending::Abandoned { since_ms } if !feed.is_abandoned(since_ms) => Ok(Some(Finished::GoesOn)),
-            Ending::Abandoned { .. } => note_what_never_came(feed, &mut state).await.map(|()| None),
+        let not_yet = match ending {
+            Ending::Told { epoch, frames } => all_has_come(feed, &state, epoch, frames)?,
+            Ending::Abandoned { since_ms } => (!feed.is_abandoned(since_ms)).then_some(Finished::GoesOn),
         };
-        let prepared = match prepared {
-            Ok(None) => state.log.sync().await.map(|()| None).map_err(failed),
-            other => other,
-        };
-        match prepared {
-            Ok(None) => {}
-            Ok(Some(not_yet)) => return Ok(not_yet),
-            Err(farewell) => {
-                if farewell.code == Code::Failed {
-                    self.close(feed).await;
-                }
-                return Err(farewell);
-            }
+        if let Some(not_yet) = not_yet {
+            return Ok(not_yet);
+        }
+        if let Err(error) = state.log.sync().await {
+            self.close(feed).await;
+            return Err(failed(error));
         }
         // Asked before anything ends: no attempt is counted, and it works again once there is space.
         self.0.vault.has_room(state.log.bytes()).await.map_err(failed)?;
@@ -177,21 +168,4 @@ fn all_has_come(feed: &Feed, state: &State, epoch: u32, frames: u64) -> Result<O
     }
     let missing = state.numbers.missing_below(frames);
     Ok(if missing.is_empty() { None } else { Some(Finished::Missing(missing)) })
-}
-
-/// Notes the holes that nobody will fill.
-async fn note_what_never_came(feed: &Feed, state: &mut State) -> Result<(), Farewell> {
-    let epoch = *feed.epoch.borrow();
-    let holes = state.numbers.missing_below(state.numbers.end());
-    let mut gaps = Vec::new();
-    for &[number, last] in &holes {
-        let body = Body::Gap { last, reason: GapReason::NeverCame };
-        Record { epoch, number, body }.write(&mut gaps);
-    }
-    state.log.append(gaps.into(), false).await.map_err(failed)?;
-    state.log.sync().await.map_err(failed)?;
-    for [first, last] in holes {
-        state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
-    }
-    Ok(())
 }

@@ -42,7 +42,7 @@ named! {
         SpoolFull = "spool-full",
         /// The sender lost power or was killed before they were in its spool.
         SenderStopped = "sender-stopped",
-        /// The sender never sent them, and never said why: written by the server at the recording's end.
+        /// They are not there, and nobody knows why.
         NeverCame = "never-came",
     }
 }
@@ -221,9 +221,9 @@ pub fn read_all<E: From<io::Error>>(
                     bytes
                 }
                 Err(NotARecord::Cut(_)) if !is_over => break,
-                // No head: the next record begins anywhere behind. Bytes that no head can begin with cost nothing.
-                Err(NotARecord::Cut(_) | NotARecord::Unknown(_) | NotARecord::Length(_)) => 1,
-                Err(_) => HEAD + payload_length(rest).unwrap_or(0), // it is: the checksum came after
+                // The next record begins anywhere behind: the length may be what is damaged, and whatever it spans may be whole
+                // records. Bytes that no head can begin with cost nothing.
+                Err(_) => 1,
             };
             rest = &rest[bytes..];
             place += bytes as u64;

@@ -71,3 +71,33 @@ async fn a_recording_that_has_to_be_ended_again_has_the_same_features() {
     key_frames(&follower, 1);
     assert_eq!(follower.end().await, None, "something came that no child was told of from the beginning");
 }
+
+/// A task that is not finished, in the place of the one that runs children.
+fn with_a_task(follower: &Follower) {
+    follower.child().task = Some(tokio::spawn(std::future::pending()));
+}
+
+#[tokio::test]
+async fn a_sender_that_comes_while_its_child_is_let_go_gets_another() {
+    let follower = Follower::new(true);
+    with_a_task(&follower);
+    assert!(follower.child().is_begun(), "the first child is about to begin");
+    assert!(!follower.goes_on(Ok(())), "and was enough");
+    begin(&follower); // and is let go
+    with_a_task(&follower);
+    assert!(follower.child().is_begun(), "it has not ended yet");
+    assert!(follower.goes_on(Ok(())));
+    assert!(!follower.goes_on(Ok(())), "one more is enough");
+    assert!(!follower.child().is_begun(), "whoever comes now begins anew");
+}
+
+#[tokio::test]
+async fn a_child_is_not_let_go_of_a_sender_that_came_before_it_was() {
+    let follower = Follower::new(true);
+    let (_theirs, ours) = pipe().unwrap();
+    follower.child().begin(ours);
+    follower.let_go_if(|| false);
+    assert!(follower.child().places.is_some());
+    follower.let_go_if(|| true);
+    assert!(follower.child().places.is_none());
+}

@@ -214,11 +214,19 @@ async fn a_box_sends_one_recording_at_a_time() {
     second.say(&hello(ANOTHER)).await;
     assert_eq!(second.closed().await, 4409);
     drop(first);
+    begin_when_free(&centre, ANOTHER).await;
+}
+
+/// A connection of the box's agent once it is found that the one before has gone, and its session.
+async fn begin_when_free(centre: &Centre, recording: &str) -> (sender::Sender, String) {
     for _ in 0..100 {
-        let mut second = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
-        second.say(&hello(ANOTHER)).await;
-        if matches!(second.hear().await, Heard::Word(word) if word["type"] == "welcome") {
-            return;
+        let mut sender = open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+        sender.say(&hello(recording)).await;
+        if let Heard::Word(word) = sender.hear().await
+            && word["type"] == "welcome"
+        {
+            sender.epoch = u32::try_from(word["epoch"].as_u64().unwrap()).unwrap();
+            return (sender, word["session"].as_str().unwrap().to_owned());
         }
     }
     panic!("the box is busy though nobody sends");
@@ -246,6 +254,24 @@ async fn a_token_that_is_withdrawn_sends_no_more() {
     let id = tokens["items"][0]["id"].as_str().unwrap();
     assert_eq!(centre.administrator.delete(&format!("/api/v1/tokens/{id}")).await.status(), StatusCode::NO_CONTENT);
     assert_eq!(sender.closed().await, 4401);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn whoever_sends_frames_is_there_and_whoever_sends_none_is_not() {
+    const PART: Duration = Duration::from_secs(20 * 60); // of the half an hour after which the idle are signed out
+    let clock = Manual::at(1_795_000_000_000);
+    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+    let (mut sender, _) = begin(&centre.service, &centre.trainee, RECORDING).await;
+    for minutes in 0..4 {
+        sender.frames(minutes..minutes + 1).await;
+        sender.acknowledged(json!([[0, minutes]])).await;
+        clock.advance(PART);
+    }
+    sender.frames(4..5).await;
+    sender.acknowledged(json!([[0, 4]])).await;
+    centre.trainee.read("/api/v1/me").await;
+    let idle = centre.other_trainee.get("/api/v1/me").await;
+    assert_eq!(idle.status(), StatusCode::UNAUTHORIZED);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -360,6 +386,13 @@ async fn a_recording_that_nobody_ends_ends_with_what_came() {
     let status = async |client: &Client| client.read(&session).await["status"].as_str().unwrap().to_owned();
     clock.advance(Duration::from_secs(1700));
     assert_eq!(status(&centre.administrator).await, "receiving", "an agent that lost its server may still come back");
+    clock.set_forward(Duration::from_secs(4000));
+    let administrator = centre.service.administrator().await;
+    for _ in 0..3 {
+        clock.advance(Duration::from_secs(30));
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        assert_eq!(status(&administrator).await, "receiving", "only the clock was set");
+    }
     soon("the end", async {
         loop {
             clock.advance(Duration::from_secs(1800));
@@ -374,6 +407,103 @@ async fn a_recording_that_nobody_ends_ends_with_what_came() {
     let id = session.rsplit('/').next().unwrap();
     let administrator = centre.service.administrator().await;
     assert_eq!(frames_of(&administrator, id).await, (0..10).chain(15..20).collect::<Vec<_>>());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_never_came_is_asked_for_again_where_ending_without_it_did_not_succeed() {
+    let clock = Manual::at(1_795_000_000_000);
+    let centre = Centre::open_in(Service::start_by(clock.clone()).await).await;
+    let (mut sender, _) = begin(&centre.service, &centre.agent, RECORDING).await;
+    sender.frames((0..10).chain(15..20)).await;
+    sender.acknowledged(json!([[0, 9], [15, 19]])).await;
+    drop(sender);
+    // Where space cannot be measured nothing is put together.
+    let (incoming, away) = ["incoming", "away"].map(|name| centre.service.data.path().join(name)).into();
+    std::fs::rename(&incoming, &away).unwrap();
+    for _ in 0..4 {
+        tokio::time::sleep(Duration::from_millis(250)).await;
+        clock.advance(Duration::from_secs(1800));
+    }
+    tokio::time::sleep(Duration::from_millis(250)).await;
+    std::fs::rename(&away, &incoming).unwrap();
+
+    let (mut sender, welcome) = begin(&centre.service, &centre.agent, RECORDING).await;
+    assert_eq!(welcome["durable"], json!([[0, 9], [15, 19]]));
+    sender.frames(10..15).await;
+    let session = sender.end(20).await;
+    assert_eq!(frames_of(&centre.service.administrator().await, &session).await, (0..20).collect::<Vec<_>>());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_was_erased_goes_while_another_recording_is_being_ended() {
+    const FIRST: usize = 200_000; // more than a pipe holds: written once somebody reads
+    let centre = Centre::open().await;
+    begin_when_free(&centre, RECORDING).await;
+    let (_, session) = begin_when_free(&centre, ANOTHER).await;
+    let data = centre.service.stop().await;
+    let feeds = data.path().join("feeds");
+    let (slow, erased) = (feeds.join(RECORDING), feeds.join(ANOTHER));
+    // A pipe in the log's place is read for as long as somebody may write to it.
+    std::fs::remove_file(&slow).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&slow).status().unwrap().success());
+    let mut pipe = std::fs::File::options().read(true).write(true).open(&slow).unwrap();
+
+    let clock = Manual::at(1_795_000_000_000);
+    let service = Service::start_in(data, clock.clone(), |settings| settings.live.abandoned_s = 100).await;
+    clock.advance(Duration::from_secs(200));
+    let write = move || pipe.write_all(&[0; FIRST]).map(|()| pipe);
+    let written = tokio::task::spawn_blocking(write);
+    let advance = async {
+        loop {
+            clock.advance(Duration::from_secs(30));
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    let mut pipe = tokio::select! {
+        pipe = soon("the log is read", written) => pipe.unwrap().unwrap(),
+        () = advance => unreachable!(),
+    };
+    let administrator = service.administrator().await;
+    assert_eq!(administrator.delete(&format!("/api/v1/sessions/{session}")).await.status(), StatusCode::NO_CONTENT);
+    soon("the erased log's end", async {
+        while erased.exists() {
+            clock.advance(Duration::from_secs(30));
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    })
+    .await;
+    // No record for longer than one is looked for: that was its end.
+    let rest = LONGEST_HOLE + 4 * HEAD - FIRST;
+    let written = tokio::task::spawn_blocking(move || pipe.write_all(&vec![0; rest]));
+    soon("the rest is read", written).await.unwrap().unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_recording_that_cannot_be_read_keeps_no_other_from_its_end() {
+    let centre = Centre::open().await;
+    for recording in [RECORDING, ANOTHER] {
+        let (mut sender, _) = begin_when_free(&centre, recording).await;
+        sender.frames(0..3).await;
+        sender.acknowledged(json!([[0, 2]])).await;
+    }
+    let data = centre.service.stop().await;
+    let log = data.path().join("feeds").join(RECORDING); // the one that is looked at first
+    std::fs::remove_file(&log).unwrap();
+    std::fs::create_dir(&log).unwrap();
+
+    let clock = Manual::at(1_795_000_000_000);
+    let service = Service::start_in(data, clock.clone(), |_| ()).await;
+    soon("the other's end", async {
+        loop {
+            clock.advance(Duration::from_secs(1800));
+            let queued = service.administrator().await.read("/api/v1/sessions?status=queued").await;
+            if queued["items"].as_array().unwrap().len() == 1 {
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    })
+    .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

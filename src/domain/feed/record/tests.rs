@@ -85,6 +85,12 @@ fn a_damaged_record_costs_itself_alone_and_a_cut_tail_is_none() {
         headless[2 * one + place] = value; // of the last, the payload seems to reach beyond the end
         assert_eq!(found(&headless), (vec![0, 1, 3, 4], 5 * one), "byte {place} of a head");
     }
+    let payload_of_one = one - HEAD;
+    for length in [1, payload_of_one - 1, payload_of_one + 9, payload_of_one + 2 * one, 3 * one] {
+        let mut lying = all.clone();
+        lying[one + 24..one + 28].copy_from_slice(&(length as u32).to_be_bytes());
+        assert_eq!(found(&lying), (vec![0, 2, 3, 4], 5 * one), "a head that speaks of {length} bytes");
+    }
     let hole = [&all[..one], &vec![0; 3 * MOST_BYTES], &all[one..]].concat();
     assert_eq!(found(&hole), (vec![0, 1, 2, 3, 4], hole.len()), "what lies behind a hole is kept");
     let endless = [&all[..one], &vec![0; LONGEST_HOLE + 2 * MOST_BYTES], &all[one..]].concat();

@@ -1,0 +1,57 @@
+use super::*;
+use crate::analysis::AnalysisSettings;
+use crate::domain::feed::PROTOCOL;
+use crate::domain::feed::words::Hello;
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::events::Events;
+use crate::ids::FeedId;
+use crate::live::{Connected, LiveSettings, OpenFeeds, Parts};
+use crate::queue::{Queue, QueueSettings};
+use crate::sandbox::Program;
+use crate::shutdown::Shutdown;
+use crate::store::testing::{Centre, NOW_MS};
+use crate::time::to_rfc3339;
+use crate::vault::Vault;
+
+/// A connection to the box of a centre.
+async fn connected(centre: &Centre) -> Connection {
+    let (store, events, clock) = (centre.store.clone(), Events::new(), centre.clock.clone());
+    let feeds = Feeds::new(Parts {
+        vault: Vault::open(centre.folder.path()).await.unwrap(),
+        queue: Queue::new(store.clone(), QueueSettings::default(), events.clone(), clock.clone()),
+        store,
+        events,
+        clock,
+        shutdown: Shutdown::new(),
+        settings: LiveSettings::default(),
+        analysis: AnalysisSettings::default(),
+        program: Program::at("/bin/false", &[]),
+        open: OpenFeeds::default(),
+    });
+    let hello = Hello {
+        protocol: PROTOCOL,
+        recording: FeedId::at(NOW_MS),
+        trainee: centre.trainee("Ana").await.id.to_string(),
+        task: centre.task.id.to_string(),
+        codec: FrameCodec::Jpeg,
+        width: 64,
+        height: 48,
+        time_base: TimeBase::try_from([1, 90_000]).unwrap(),
+        began_at: to_rfc3339(NOW_MS),
+        sender: String::new(),
+    };
+    match feeds.connect(&Scope::service(), &Key::from(&centre.the_box.id), hello).await.unwrap() {
+        Connected::Open(connection) => connection,
+        Connected::Ended(session) => panic!("{session} has ended"),
+    }
+}
+
+#[tokio::test]
+async fn whoever_comes_while_the_recording_is_being_ended_is_told_its_session() {
+    let centre = Centre::new().await;
+    let mut connection = connected(&centre).await;
+    let session = connection.feed.row.session_id;
+    connection.feed.state.lock().await.ended = Some(session);
+    assert_eq!(connection.welcome().await.unwrap(), FromServer::Ended { session, durable: None });
+}
