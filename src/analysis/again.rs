@@ -185,7 +185,8 @@ fn score_table(table: &[u8], edits: &EditsInForce) -> Result<Rows, AgainError> {
     let ImportedTable { trajectory, frames, duration_s } = ImportedTable::of(read_csv(table)?);
     let smoothed = trajectory.samples.iter().map(PathRow::from).collect();
     let (raw, filtered, frame_times_s) = (Vec::new(), Vec::new(), Vec::new());
-    let paths = Paths { tools: trajectory.tools, frame_times_s, raw, filtered, smoothed, tracking: None };
+    let paths =
+        Paths { tools: trajectory.tools, frame_times_s, raw, filtered, smoothed, tracking: None, cuts: Vec::new() };
     let assessed = assessed_rows(&paths, frames, edits)?;
     let facts = VideoFacts { width: None, height: None, frames, duration_s };
     Ok(Rows { assessed, paths: paths.to_bytes()?, tools: paths.tools, facts })

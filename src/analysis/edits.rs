@@ -15,7 +15,7 @@ use super::protocol::{PathRow, QualityShape, ReasonShape, SeenRow, ToolQualitySh
 use crate::domain::edit::{Change, EditsInForce, kept};
 use crate::domain::text::Invalid;
 use crate::pipeline::reason::Reason;
-use crate::pipeline::trajectory::Trajectory;
+use crate::pipeline::trajectory::{Cut, Trajectory};
 
 /// Shortest recording that may be left by trimming, s: less is no practice, and no feature could be measured.
 pub const LEAST_KEPT_S: f64 = 1.0;
@@ -69,6 +69,9 @@ pub fn edited(paths: &Paths, changes: &[Change], unmeasured: &[(u64, u32, Reason
         filtered: rows(&paths.filtered),
         smoothed: rows(&paths.smoothed),
         tracking: paths.tracking.clone(),
+        cuts: swaps.cuts(
+            paths.smoothed.iter().map(|row| (row.tool, row.time_s)).filter(|(_, time_s)| is_within(*time_s, span)),
+        ),
     };
     if let Some(tracking) = &mut left.tracking {
         let whole = tracking.quality.frames;
@@ -87,6 +90,7 @@ pub fn edited_path(paths: &Paths, kind: Kind, changes: &[Change]) -> Trajectory 
     let (span, swaps) = (kept(changes).unwrap_or(ALWAYS), Swaps::of(paths, changes));
     path.frame_times_s.retain(|time_s| is_within(*time_s, span));
     path.samples.retain(|row| is_within(row.time_s, span));
+    path.cuts = swaps.cuts(path.samples.iter().map(|row| (row.tool as u32, row.time_s)));
     path.samples.iter_mut().for_each(|row| row.tool = swaps.name_at(row.tool as u32, row.time_s) as usize);
     path.samples.sort_by_key(|row| (row.frame, row.tool));
     path
@@ -196,6 +200,17 @@ impl Swaps {
             t if t == *other => *one,
             t => t,
         })
+    }
+
+    /// Where a name's rows, given with the tool that they were tracked as and in the order of time, are another tool's than before.
+    fn cuts(&self, rows: impl Iterator<Item = (u32, f64)>) -> Vec<Cut> {
+        let mut tracked_as = BTreeMap::new();
+        let cut = |(tool, time_s): (u32, f64)| {
+            let name = self.name_at(tool, time_s);
+            let before = tracked_as.insert(name, tool);
+            before.is_some_and(|before| before != tool).then_some(Cut { tool: name as usize, time_s })
+        };
+        rows.filter_map(cut).collect()
     }
 }
 

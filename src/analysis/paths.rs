@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::protocol::{PathRow, QualityShape, decode, encode};
 pub use crate::pipeline::trajectory::Kind;
-use crate::pipeline::trajectory::{self, Sample, Trajectory};
+use crate::pipeline::trajectory::{self, Cut, Sample, Trajectory};
 
 /// Begins every blob of this form; the last byte is its version.
 const MAGIC: [u8; 8] = *b"trocarP\x02";
@@ -42,6 +42,9 @@ pub struct Paths {
     pub smoothed: Vec<PathRow>,
     /// How the tracker fared; `None` where another tracker made the path, and in blobs from before this was kept.
     pub tracking: Option<Tracked>,
+    /// Where edits exchange names; what is stored has none.
+    #[serde(skip)]
+    pub cuts: Vec<Cut>,
 }
 
 /// How a recording was tracked, as far as its score depends on it.
@@ -76,6 +79,7 @@ impl Paths {
             tools: self.tools.clone(),
             samples: self.rows(kind).iter().map(|&row| row.into()).collect(),
             frame_times_s: self.frame_times_s.clone(),
+            cuts: self.cuts.clone(),
         }
     }
 
@@ -128,6 +132,7 @@ mod tests {
                 filtered: smoothed.clone(),
                 smoothed,
                 tracking: None,
+                cuts: vec![],
             };
             let read = Paths::from_bytes(&paths.to_bytes().unwrap()).unwrap();
             prop_assert_eq!(&read, &paths);

@@ -83,6 +83,7 @@ impl Tracked {
             filtered: heard.filtered,
             smoothed: heard.smoothed,
             tracking: Some(paths::Tracked { quality: summary, frames_expected: heard.frames_expected }),
+            cuts: Vec::new(),
         };
         let left = edits::edited(&paths, &edits.changes, &edits::unmeasured(&heard.seen));
         let Assessed { features, evidence, quality } = assessed(&left, known)?;

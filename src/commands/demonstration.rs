@@ -1,4 +1,4 @@
-//! The demonstration centre: a simulated box, six trainees of three levels, two tasks, and recordings that go through
+//! The demonstration centre: a simulated box, six trainees of three levels, two tasks, a course, and recordings that go through
 //! the real intake, queue and workers while one looks.
 //!
 //! Nothing here is made up beforehand: the camera is calibrated from simulated photos, the colours are learned from
@@ -14,6 +14,7 @@ use super::simulate::{SceneOrder, write_scene};
 use crate::cohorts::Cohorts;
 use crate::domain::boxes::NewBox;
 use crate::domain::calibration::BoardSize;
+use crate::domain::course::NewCourse;
 use crate::domain::files::annotations::{AnnotationsFile, View as FileView};
 use crate::domain::job::{CalibrateInput, JobInput, JobState, NamedBlob, PaletteInput, SelfTestInput};
 use crate::domain::role::Role;
@@ -24,13 +25,13 @@ use crate::domain::text::Key;
 use crate::domain::trainee::{Handedness, Level, NewTrainee};
 use crate::events::Events;
 use crate::http::state::App;
-use crate::ids::BoxId;
+use crate::ids::{BoxId, GroupId};
 use crate::intake::{About, Intake, IntakeError};
 use crate::queue::Queue;
 use crate::shutdown::Shutdown;
 use crate::simulation::{Scenario, Setup, Skill};
 use crate::store::{Members, NewPerson, PageRequest, SessionFilter, Store, StoreError};
-use crate::time::{SharedClock, to_rfc3339};
+use crate::time::{Day, SharedClock, to_rfc3339};
 use crate::vault::{Kept, Vault};
 
 /// The demonstration instructor's login.
@@ -53,6 +54,12 @@ const TASKS: [(Scenario, &str, &str); 2] = [
 /// What the first task asks for: the published time, twice in a row and ten times more.
 const STANDARD: &str = r#"{"targets": [{"feature": "duration", "by": {"method": "fls", "preset": "peg_transfer"}}],
     "rule": {"in_a_row": 2, "then_more": 10, "at_most": 80}}"#;
+
+/// A course that began a day before the first recordings, so that each state of a step is to be seen: what asks for two sessions is
+/// done, the standard is overdue, and there is more to come.
+const COURSE: &str = r#"{"name": "Basic skills", "steps": [{"task": "wire", "sessions": 2, "within_days": 10},
+    {"task": "pegs", "within_days": 14}, {"task": "pegs", "sessions": 20, "within_days": 42}]}"#;
+const COURSE_BEGAN_MS: i64 = (ATTEMPTS as i64 * 7 + 1) * DAY_MS;
 
 const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
     ("Ada Novak", Level::Novice, Skill::NOVICE, Handedness::Right),
@@ -133,6 +140,7 @@ impl Builder {
             self.store.tasks().create(&service, NewTask { name: name.parse()?, code, description }).await?;
         }
         self.set_standard().await?;
+        self.follow_course(group.id).await?;
         let notes = "Drawn by `trocar simulate`; its true camera and paths are known.".parse()?;
         let simulated = NewBox {
             name: "Simulated box".parse()?,
@@ -153,6 +161,15 @@ impl Builder {
         let everybody = serde_json::from_str(r#"{"name": "Everybody"}"#)?;
         self.store.cohorts().create(&service, everybody).await?;
         Ok(())
+    }
+
+    /// A course plan, which the group follows.
+    async fn follow_course(&self, group: GroupId) -> anyhow::Result<()> {
+        let service = Scope::service();
+        let new: NewCourse = serde_json::from_str(COURSE)?;
+        let course = self.store.courses().create(&service, new.checked()?).await?;
+        let begins = Day::of(self.clock.now_ms() - COURSE_BEGAN_MS);
+        Ok(self.store.courses().follow(&service, group, course.id, begins).await?)
     }
 
     /// Sets the box up and sends every recording that is not there yet, until done or the service ends.

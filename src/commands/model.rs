@@ -22,7 +22,8 @@ pub struct Args {
     #[arg(long, value_name = "TASK")]
     task: Option<String>,
     /// Whose each session is: a CSV with the columns `file,person,level`. `file` as `trocar score` names it; `level` is novice,
-    /// intermediate or expert. At least eight people of each level; of each person the last three sessions count.
+    /// intermediate or expert. At least eight people of each level; of each person the last three sessions count,
+    /// in the order in which their features are given.
     #[arg(long, value_name = "LABELS.CSV")]
     labels: PathBuf,
     /// The model: read by `trocar score --model`.

@@ -26,6 +26,7 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::Password;
 use crate::events::Events;
 use crate::http::auth::throttle::Throttle;
+use crate::http::places::Places;
 use crate::http::state::{App, InForce, Parts};
 use crate::http::{router, server};
 use crate::intake::Intake;
@@ -212,7 +213,7 @@ pub async fn start(
     });
     let parts = Parts {
         throttle: Throttle::new(settings.http.attempts_per_min, clock.clone()),
-        streams: Arc::new(Semaphore::new(settings.http.max_event_streams)),
+        streams: Places::new(settings.http.max_event_streams),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
         in_force: in_force(&settings, clock.now_ms()),

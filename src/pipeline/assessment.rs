@@ -98,6 +98,7 @@ pub fn motions(trajectory: &Trajectory, settings: &FeatureSettings) -> Vec<Resul
 struct Session<'a> {
     settings: &'a FeatureSettings,
     samples: Vec<Vec<Sample>>,
+    cuts_s: Vec<Vec<f64>>,
     motions: Vec<Result<Motion, NotEnough>>,
     known: Vec<Known>,
 }
@@ -106,11 +107,13 @@ impl<'a> Session<'a> {
     fn new(trajectory: &Trajectory, tools: &[ToolQuality], settings: &'a FeatureSettings) -> Self {
         let of_tool = |tool| trajectory.of_tool(tool).copied().collect();
         let samples: Vec<Vec<Sample>> = (0..trajectory.tools.len()).map(of_tool).collect();
-        let motions: Vec<_> = samples.iter().map(|samples| motion(samples, settings)).collect();
+        let cuts_s: Vec<Vec<f64>> = (0..trajectory.tools.len()).map(|tool| trajectory.cuts_of(tool)).collect();
+        let motions: Vec<_> =
+            samples.iter().zip(&cuts_s).map(|(samples, cuts_s)| motion(samples, cuts_s, settings)).collect();
         let absent = why_absent(&samples, &motions, tools);
         let known =
             samples.iter().zip(absent).map(|(samples, absent)| Known { fulcrum: fulcrum::find(samples), absent });
-        Self { settings, known: known.collect(), samples, motions }
+        Self { settings, known: known.collect(), samples, cuts_s, motions }
     }
 
     fn of_task(&self, motions: &[Result<Motion, NotEnough>]) -> Vec<FeatureValue> {
@@ -146,7 +149,7 @@ impl<'a> Session<'a> {
     fn anew(&self, number: usize) -> Option<Vec<Result<Motion, NotEnough>>> {
         let of_tool = |(tool, samples): (usize, &Vec<Sample>)| {
             let samples = replicate(samples, &mut Dice::new(number as u64, &format!("errors of tool {tool}")))?;
-            Some(motion(&samples, self.settings))
+            Some(motion(&samples, &self.cuts_s[tool], self.settings))
         };
         self.samples.iter().enumerate().map(of_tool).collect()
     }
@@ -185,10 +188,10 @@ impl<'a> Session<'a> {
 }
 
 /// The motion of one tool, from its samples.
-fn motion(samples: &[Sample], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
+fn motion(samples: &[Sample], cuts_s: &[f64], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
     match settings.unusable() {
         Some(name) => Err(NotEnough::UnusableSetting(name)),
-        None => Motion::of_samples(samples, settings),
+        None => Motion::of_samples(samples, cuts_s, settings),
     }
 }
 

@@ -58,6 +58,17 @@ pub struct Trajectory {
     pub samples: Vec<Sample>,
     /// Presentation time of every decoded frame, s, where known (empty when read from a file of rows).
     pub frame_times_s: Vec<f64>,
+    /// Where somebody has said that a path goes on as another tool's.
+    pub cuts: Vec<Cut>,
+}
+
+/// Between two rows of a name that are not of one tool: nothing may be bridged there, for nothing moved from the one to the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cut {
+    /// Index into [`Trajectory::tools`].
+    pub tool: usize,
+    /// Time of the first row behind it, s.
+    pub time_s: f64,
 }
 
 impl Trajectory {
@@ -65,6 +76,16 @@ impl Trajectory {
     pub fn of_tool(&self, tool: usize) -> impl Iterator<Item = &Sample> {
         self.samples.iter().filter(move |s| s.tool == tool)
     }
+
+    /// Where the path of one tool is cut, s.
+    pub fn cuts_of(&self, tool: usize) -> Vec<f64> {
+        self.cuts.iter().filter(|cut| cut.tool == tool).map(|cut| cut.time_s).collect()
+    }
+}
+
+/// Does a cut lie behind the first of two times and not behind the second, s?
+pub fn is_cut(cuts_s: &[f64], [before_s, time_s]: [f64; 2]) -> bool {
+    cuts_s.iter().any(|cut_s| before_s < *cut_s && *cut_s <= time_s)
 }
 
 /// What can make each path of a tool again, for those who look at one of them at a time: an hour of samples takes 15 MiB.

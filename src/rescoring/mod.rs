@@ -75,7 +75,7 @@ pub async fn look(store: &Store, open: u32) -> StoreResult<usize> {
 async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
     match &item.new_result {
         Ok(_) => match compared(store, &item).await {
-            Ok(compared) => store.rescorings().settle(&item, Ok(compared)).await,
+            Ok(compared) => store.rescorings().settle(&item, compared).await,
             Err(StoreError::NotFound { .. }) => Ok(()), // erased with its session meanwhile, and the item with it
             // One damaged row must not hold up everybody's orders; a store that does not answer at all is asked again.
             Err(error) if error.is_unreadable() => {
@@ -91,12 +91,16 @@ async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
     }
 }
 
-async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Compared> {
+/// What the program's update changed; an edit that came in between changes more than that.
+async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Result<Compared, Problem>> {
     let (service, session) = (Scope::service(), item.session);
     let new = item.new_result.as_ref().copied().unwrap_or(item.old_result);
     let hand = store.sessions().get(&service, session).await?.trainee_handedness;
     let old = store.sessions().result_of(&service, session, item.old_result).await?;
     let new = store.sessions().result_of(&service, session, new).await?;
+    if old.edits != new.edits {
+        return Ok(Err(edited_meanwhile()));
+    }
     let changes = compare::changes(&old.features, &new.features);
     let standard = match item.standard {
         Some(id) => Some(store.standards().get(&service, id).await?),
@@ -106,7 +110,13 @@ async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Compared> {
         [&old, &new].map(|result| standard.definition.judge(&result.features, &result.versions.pipeline, hand))
     });
     let apart = changes.iter().filter(|change| change.change == Change::Apart).count();
-    Ok(Compared { new_result: new.id, judged, apart: apart as u64, changed: changes.len() as u64 })
+    Ok(Ok(Compared { new_result: new.id, judged, apart: apart as u64, changed: changes.len() as u64 }))
+}
+
+fn edited_meanwhile() -> Problem {
+    let detail = "the new score stands, but it is of what somebody trimmed or renamed while the order was worked off, so that a \
+                  difference would not be the program’s";
+    Problem::new("edited-meanwhile", "It was edited meanwhile", detail)
 }
 
 fn not_compared() -> Problem {

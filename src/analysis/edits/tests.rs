@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::analysis::paths::Tracked;
+use crate::pipeline::assessment::{AssessmentSettings, assess};
 
 const FRAMES: u64 = 250;
 const STEP_S: f64 = 0.04;
@@ -59,6 +60,7 @@ fn paths() -> (Paths, Unmeasured) {
         filtered: rows.clone(),
         smoothed: rows,
         tracking: Some(Tracked { quality, frames_expected: Some(500) }),
+        cuts: Vec::new(),
     };
     (paths, (120..150).map(|frame| (frame, 1, ReasonShape::TooSmall)).collect())
 }
@@ -111,6 +113,26 @@ fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
         edited(&paths, &[Change::Swap(pair(), [4.8, 9.96]), Change::Trim([1.0, 6.0])], &unmeasured)
             .trajectory(Kind::Smoothed)
     );
+}
+
+#[test]
+fn a_swap_of_two_tools_at_rest_moves_neither() {
+    let row =
+        |frame: u64, tool: u32| PathRow { tip_mm: [100.0 * f64::from(tool), 0.0, 150.0], ..self::row(frame, tool) };
+    let smoothed = (0..750).flat_map(|frame| [row(frame, 0), row(frame, 1)]).collect();
+    let (raw, filtered, frame_times_s) = (Vec::new(), Vec::new(), (0..750).map(|frame| frame as f64 * 0.04).collect());
+    let paths =
+        Paths { tools: pair().to_vec(), frame_times_s, raw, filtered, smoothed, tracking: None, cuts: Vec::new() };
+    let left = edited_path(&paths, Kind::Smoothed, &[Change::Swap(pair(), [10.0, 20.0])]);
+    let cuts: Vec<(usize, f64)> = left.cuts.iter().map(|cut| (cut.tool, (cut.time_s * 100.0).round())).collect();
+    assert_eq!(cuts, [(1, 1000.0), (0, 1000.0), (0, 2004.0), (1, 2004.0)]);
+    let assessment = assess(&left, &[], &AssessmentSettings::default());
+    for name in ["path_length", "peak_velocity", "movements", "absences"] {
+        let of = assessment.features.iter().filter(|value| value.feature.name == name);
+        let values: Vec<_> = of.map(|value| value.value).collect();
+        let still = values.iter().all(|value| value.is_ok_and(|value| value.abs() < 1e-6));
+        assert!(values.len() >= 2 && still, "{name}: {values:?}");
+    }
 }
 
 #[test]

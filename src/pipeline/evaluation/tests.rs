@@ -45,7 +45,12 @@ fn track(change: impl Fn(&mut Sample)) -> Trajectory {
     });
     let mut samples: Vec<Sample> = rows.collect();
     samples.iter_mut().for_each(change);
-    Trajectory { tools: vec!["orange".to_owned(), "cyan".to_owned()], samples, frame_times_s: Vec::new() }
+    Trajectory {
+        tools: vec!["orange".to_owned(), "cyan".to_owned()],
+        samples,
+        frame_times_s: Vec::new(),
+        cuts: Vec::new(),
+    }
 }
 
 fn measured(change: impl Fn(&mut Sample)) -> Accuracy {
@@ -252,7 +257,7 @@ fn a_tool_that_the_truth_does_not_have_is_a_false_track() {
 
 #[test]
 fn a_track_in_which_nothing_was_found_covers_nothing() {
-    let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new() };
+    let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new(), cuts: Vec::new() };
     let got = accuracy(&nothing, &truth()).unwrap();
     assert_eq!((got.all.levels[0].frames, got.all.levels[0].found, got.all.levels[0].errors), (380, 0, None));
 }

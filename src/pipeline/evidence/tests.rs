@@ -37,6 +37,7 @@ fn record(start_s: f64, length_s: f64, paths: &[&Path<'_>], sigma_mm: f64) -> Tr
         tools: (0..paths.len()).map(|tool| format!("tool {tool}")).collect(),
         samples: samples.map(|(frame, tool)| sample(frame, tool)).collect(),
         frame_times_s: (0..frames).map(time_s).collect(),
+        cuts: Vec::new(),
     }
 }
 

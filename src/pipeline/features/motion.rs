@@ -13,7 +13,7 @@ use super::fit::{MIN_SAMPLES, Series};
 use super::settings::FeatureSettings;
 use super::view::Absent;
 use super::{NotEnough, Space};
-use crate::pipeline::trajectory::{Sample, SampleState};
+use crate::pipeline::trajectory::{Sample, SampleState, is_cut};
 
 /// Largest coordinate, mm, and latest time, s, that is taken for a measurement: ten metres and a week.
 const LARGEST_MM: f64 = 1e4;
@@ -126,10 +126,10 @@ impl Interval {
 }
 
 impl Motion {
-    /// Follows one tool's samples, in time order. The interval is the whole time in which the tool was seen.
-    pub fn of_samples(samples: &[Sample], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
+    /// Follows one tool's samples, in time order; over none of the cuts, s. The interval is the whole time in which the tool was seen.
+    pub fn of_samples(samples: &[Sample], cuts_s: &[f64], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
         check(samples)?;
-        let runs = runs(samples, settings.max_gap_s);
+        let runs = runs(samples, cuts_s, settings.max_gap_s);
         let spans: Vec<Span> = runs.iter().filter_map(|run| follow(run, settings)).collect();
         let (Some(first), Some(last)) = (spans.first(), spans.last()) else { return Err(NotEnough::NeverSeen) };
         let interval = Interval { first: first.first, last: last.last() };
@@ -239,13 +239,15 @@ fn check(samples: &[Sample]) -> Result<(), NotEnough> {
     if ordered && samples.iter().all(usable) { Ok(()) } else { Err(NotEnough::UnusableSamples) }
 }
 
-/// Cuts the samples where nothing was observed for too long. A run starts and ends with an observation.
-fn runs(samples: &[Sample], max_gap_s: f64) -> Vec<&[Sample]> {
+/// Cuts the samples where nothing was observed for too long, and where they are another tool's from then on. A run starts and
+/// ends with an observation.
+fn runs<'s>(samples: &'s [Sample], cuts_s: &[f64], max_gap_s: f64) -> Vec<&'s [Sample]> {
+    let goes_on = |before_s: f64, time_s: f64| time_s - before_s <= max_gap_s && !is_cut(cuts_s, [before_s, time_s]);
     let observed = samples.iter().enumerate().filter(|(_, s)| s.state == SampleState::Observed);
     let mut ranges: Vec<(usize, usize)> = Vec::new();
     for (index, sample) in observed {
         match ranges.last_mut() {
-            Some((_, last)) if sample.time_s - samples[*last].time_s <= max_gap_s => *last = index,
+            Some((_, last)) if goes_on(samples[*last].time_s, sample.time_s) => *last = index,
             _ => ranges.push((index, index)),
         }
     }

@@ -210,7 +210,9 @@ impl Sums {
         let share = self.steps as f64 / steps as f64;
         let enough = check_enough(observed_s, share, self.length_mm, settings);
         let sum = |value: f64| enough.map(|()| value);
-        let in_view = |value: f64| if observed_s < settings.min_observed_s { sum(value) } else { Ok(value) };
+        let (looked_s, needed_s) = (steps as f64 * settings.step_s, settings.min_observed_s);
+        let too_short = (looked_s < needed_s).then_some(NotEnough::TooShort { observed_s: looked_s, needed_s });
+        let in_view = |value: f64| too_short.map_or(Ok(value), Err);
         let (seen, minutes, gone) = (self.steps as f64, observed_s / 60.0, steps - extent.steps());
         let mut moving = self.moving;
         moving.end_span(settings); // as if it ended now

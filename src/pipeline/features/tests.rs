@@ -44,7 +44,7 @@ fn record(times: &[f64], paths: &[&Path<'_>]) -> Trajectory {
         paths.iter().enumerate().map(move |(tool, path)| sample(frame as u64, *t, tool, path(*t)))
     });
     let tools = (0..paths.len()).map(|tool| format!("tool {tool}")).collect();
-    Trajectory { tools, samples: samples.collect(), frame_times_s: times.to_vec() }
+    Trajectory { tools, samples: samples.collect(), frame_times_s: times.to_vec(), cuts: Vec::new() }
 }
 
 fn score(trajectory: &Trajectory) -> Assessment {

@@ -79,7 +79,7 @@ pub const LONGEST_ABSENCE: Feature = Feature {
     name: "longest_absence",
     title: "Longest time not seen",
     unit: "s",
-    description: "The longest time during the task in which the tool was not seen, whatever the reason.",
+    description: "The longest time during the task, of more than 0.25 s, in which the tool was not seen, whatever the reason.",
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 86_400.0),
     windowed: false,
@@ -106,7 +106,7 @@ fn longest_absence(motion: &Motion, settings: &FeatureSettings) -> Result<f64, N
     Ok(absences(motion, settings)?.map(Interval::steps).max().unwrap_or(0) as f64 * motion.step_s)
 }
 
-/// Where the tool was not seen within the interval.
+/// Where the tool was not seen within the interval, for longer than a gap that is bridged.
 pub(in crate::pipeline) fn absences(
     motion: &Motion,
     settings: &FeatureSettings,
@@ -115,7 +115,7 @@ pub(in crate::pipeline) fn absences(
     let ends = [motion.interval.first].into_iter().chain(motion.spans.iter().map(|span| span.last()));
     let starts = motion.spans.iter().map(|span| span.first).chain([motion.interval.last]);
     let between = ends.zip(starts).map(|(first, last)| Interval { first, last });
-    Ok(between.filter(|interval| interval.steps() > 0))
+    Ok(between.filter(|interval| interval.steps() as f64 * motion.step_s > settings.max_gap_s))
 }
 
 fn check_long_enough(motion: &Motion, settings: &FeatureSettings) -> Result<(), NotEnough> {

@@ -30,7 +30,7 @@ fn path(seen: impl Fn(u64) -> bool) -> Trajectory {
         }
     };
     let samples = (0..FRAMES).filter(|frame| seen(*frame)).map(sample).collect();
-    Trajectory { tools: vec!["orange".into()], samples, frame_times_s: Vec::new() }
+    Trajectory { tools: vec!["orange".into()], samples, frame_times_s: Vec::new(), cuts: Vec::new() }
 }
 
 fn judged(path: &Trajectory) -> Verdict {

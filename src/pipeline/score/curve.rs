@@ -1,12 +1,13 @@
-//! The learning curve y(n) = A + B·exp(−(n − 1)/τ) of a trainee's sessions at one task, and how many more it may take
+//! The learning curve y(n) = A + B·exp(−(n − n₁)/τ) of a trainee's sessions at one task, and how many more it may take
 //! (PEERS 3.5).
 //!
-//! n is the session's number, A the level that practice leads to, B how far from it the first session was, τ the
-//! sessions in which that distance shrinks to 37 %. For a given τ the best A and B are those of a straight line, so
+//! n is the session's number, n₁ that of the first with a value, A the level that practice leads to, B how far from it that first
+//! one was, τ the sessions in which that distance shrinks to 37 %. For a given τ the best A and B are those of a straight line, so
 //! that only τ is searched for (variable projection, Golub & Pereyra 1973). There is a curve only if the values
 //! follow the session's number better than 95 of 100 random orders of them do, and if they bend: what is still
 //! straight has no level in sight. Intervals: the fit is repeated on 400 series with its residuals drawn anew (Efron
-//! & Tibshirani 1993, 9.4), seeded by the data. Sessions without a value are left out and keep their number.
+//! & Tibshirani 1993, 9.4), seeded by the data, and widened as Student's law is wider than the normal one, for the scatter is known
+//! from these few sessions alone. Sessions without a value are left out and keep their number.
 //!
 //! Cost: 13 ms of a processor for 500 sessions (`make progress-load`, sampled), most of it for the shapes that are tried.
 
@@ -15,6 +16,7 @@ mod forecast;
 pub use forecast::{FEWEST_FOR_FORECAST, Forecast};
 
 use super::chance::Chance;
+use super::distribution::{Z_95, student_quantile};
 use super::interval::{Interval, of_resamples};
 use super::no_answer::NoAnswer;
 use super::standard::sign;
@@ -77,7 +79,7 @@ pub enum Learning {
 pub struct Curve {
     /// The level that practice leads to, A, in the feature's unit.
     pub plateau: Fitted,
-    /// How far from it the first session was, B, in the feature's unit: positive where lower is better.
+    /// How far from it the first session with a value was, B, in the feature's unit: positive where lower is better.
     pub distance: Fitted,
     /// Sessions in which the distance shrinks to 37 %, τ.
     pub tau_sessions: Fitted,
@@ -85,7 +87,9 @@ pub struct Curve {
     pub scatter: f64,
     /// Sessions with a value.
     pub sessions: usize,
-    /// The last of their numbers.
+    /// The first of their numbers: nothing is said of what was before.
+    pub first: u32,
+    /// The last.
     pub last: u32,
     sign: f64,
     best: Parameters,
@@ -101,39 +105,45 @@ struct Parameters {
 }
 
 impl Parameters {
-    fn at(self, number: f64) -> f64 {
-        self.plateau + self.distance * shape(number, self.tau)
+    /// The curve's value so many sessions behind the first.
+    fn at(self, behind: f64) -> f64 {
+        self.plateau + self.distance * shape(behind, self.tau)
     }
 }
 
 impl Curve {
     /// The curve's value at a session of this number.
     pub fn at(&self, number: u32) -> f64 {
-        self.best.at(f64::from(number))
+        self.best.at(self.behind(number))
     }
 
     /// Where the curve itself lies there with 95 %; single sessions scatter about it.
     pub fn band(&self, number: u32) -> Interval {
-        of_resamples(self.resampled.iter().map(|parameters| parameters.at(f64::from(number))).collect())
+        of_resamples(self.resampled.iter().map(|parameters| parameters.at(self.behind(number))).collect())
+    }
+
+    fn behind(&self, number: u32) -> f64 {
+        f64::from(number) - f64::from(self.first)
     }
 }
 
 /// Fits a curve to sessions in rising order of their numbers.
 pub fn fit(sessions: &[Session], direction: Direction) -> Result<Learning, NoAnswer> {
     let sign = sign(direction)?;
-    let numbers: Vec<f64> = sessions.iter().map(|session| f64::from(session.number)).collect();
+    let first = sessions.first().map_or(1, |session| session.number);
+    let behind: Vec<f64> = sessions.iter().map(|session| f64::from(session.number) - f64::from(first)).collect();
     let values: Vec<f64> = sessions.iter().map(|session| session.value).collect();
     NoAnswer::finite(&values)?;
-    if numbers.first().is_some_and(|first| *first < 1.0) || numbers.windows(2).any(|pair| pair[0] >= pair[1]) {
+    if first < 1 || behind.windows(2).any(|pair| pair[0] >= pair[1]) {
         return Err(NoAnswer::NotInOrder);
     }
     if sessions.len() < FEWEST_SESSIONS {
         return Ok(Learning::TooFew { found: sessions.len(), needed: FEWEST_SESSIONS });
     }
-    Ok(learning(&Search::over(numbers), &values, sign))
+    Ok(learning(&Search::over(behind), first, &values, sign))
 }
 
-fn learning(search: &Search, values: &[f64], sign: f64) -> Learning {
+fn learning(search: &Search, first: u32, values: &[f64], sign: f64) -> Learning {
     let mut chance = Chance::of(values.iter().copied());
     let Some(best) = search.best(values, sign).filter(|_| search.is_beyond_chance(values, sign, &mut chance)) else {
         return Learning::NoCurve;
@@ -141,12 +151,12 @@ fn learning(search: &Search, values: &[f64], sign: f64) -> Learning {
     if best.tau >= 0.999 * search.longest_tau() {
         return Learning::StillStraight;
     }
-    let fitted: Vec<f64> = search.numbers.iter().map(|number| best.at(*number)).collect();
+    let fitted: Vec<f64> = search.behind.iter().map(|behind| best.at(*behind)).collect();
     let residuals: Vec<f64> = values.iter().zip(&fitted).map(|(value, fitted)| value - fitted).collect();
     let freedom = (values.len() - 3) as f64;
     let scatter = (residuals.iter().map(|residual| residual * residual).sum::<f64>() / freedom).sqrt();
     // A fit with three parameters takes up some of the scatter: what is left is drawn at its true size.
-    let inflation = (values.len() as f64 / freedom).sqrt();
+    let inflation = (values.len() as f64 / freedom).sqrt() * student_quantile(0.975, freedom) / Z_95;
     let mut again = || {
         let drawn = chance.resample(&residuals);
         let series: Vec<f64> = fitted.iter().zip(drawn).map(|(fitted, drawn)| fitted + inflation * drawn).collect();
@@ -166,24 +176,25 @@ fn learning(search: &Search, values: &[f64], sign: f64) -> Learning {
         tau_sessions: of(|parameters| parameters.tau),
         scatter,
         sessions: values.len(),
-        last: search.numbers.last().map_or(0, |last| *last as u32),
+        first,
+        last: search.behind.last().map_or(first, |last| first + *last as u32),
         sign,
         best,
         resampled,
     })
 }
 
-/// What is left of the distance at a session of this number.
-fn shape(number: f64, tau: f64) -> f64 {
-    (-(number - 1.0) / tau).exp()
+/// What is left of the distance so many sessions behind the first.
+fn shape(behind: f64, tau: f64) -> f64 {
+    (-behind / tau).exp()
 }
 
 /// The same of sessions in rising order, each from the one before it: a multiplication instead of an exponential.
-fn shapes(numbers: &[f64], tau: f64) -> impl Iterator<Item = f64> {
-    let (step, mut last, mut left) = ((-1.0 / tau).exp(), 1.0, 1.0);
-    numbers.iter().map(move |number| {
+fn shapes(behind: &[f64], tau: f64) -> impl Iterator<Item = f64> {
+    let (step, mut last, mut left) = ((-1.0 / tau).exp(), 0.0, 1.0);
+    behind.iter().map(move |number| {
         let gap = number - last;
-        left *= if gap == 1.0 { step } else { shape(gap + 1.0, tau) };
+        left *= if gap == 1.0 { step } else { shape(gap, tau) };
         last = *number;
         left
     })
@@ -211,8 +222,8 @@ struct Shape {
 }
 
 impl Shape {
-    fn of(numbers: &[f64], tau: f64) -> Self {
-        let raw: Vec<f64> = shapes(numbers, tau).collect();
+    fn of(behind: &[f64], tau: f64) -> Self {
+        let raw: Vec<f64> = shapes(behind, tau).collect();
         let mean = raw.iter().sum::<f64>() / raw.len() as f64;
         let centred: Vec<f64> = raw.iter().map(|value| value - mean).collect();
         let square = centred.iter().map(|value| value * value).sum();
@@ -234,20 +245,20 @@ impl Shape {
     }
 }
 
-/// The search for τ over sessions of these numbers.
+/// The search for τ over sessions that lie so far behind the first.
 struct Search {
-    numbers: Vec<f64>,
+    behind: Vec<f64>,
     shapes: Vec<Shape>,
 }
 
 impl Search {
-    fn over(numbers: Vec<f64>) -> Self {
-        let span = numbers[numbers.len() - 1] - numbers[0];
+    fn over(behind: Vec<f64>) -> Self {
+        let span = behind[behind.len() - 1];
         // Beyond one and a half times the span the sessions show less than half of the way, and a line fits as well.
         let ratio = (1.5 * span / SHORTEST_TAU).powf(1.0 / (TAUS - 1) as f64);
-        let shapes = (0..TAUS).map(|i| Shape::of(&numbers, SHORTEST_TAU * ratio.powi(i as i32)));
+        let shapes = (0..TAUS).map(|i| Shape::of(&behind, SHORTEST_TAU * ratio.powi(i as i32)));
         let shapes = shapes.filter(|shape| shape.square > 1e-200).collect();
-        Self { numbers, shapes }
+        Self { behind, shapes }
     }
 
     fn longest_tau(&self) -> f64 {
@@ -264,8 +275,8 @@ impl Search {
         let (place, _) = self.best_of_grid(values, sign)?;
         let tau = |place: usize| self.shapes[place.min(self.shapes.len() - 1)].tau.ln();
         let bracket = (tau(place.saturating_sub(1)), tau(place + 1));
-        let log_tau = top(bracket, |log_tau| Shape::of(&self.numbers, log_tau.exp()).gain(values, sign));
-        Some(Shape::of(&self.numbers, log_tau.exp()).parameters(values))
+        let log_tau = top(bracket, |log_tau| Shape::of(&self.behind, log_tau.exp()).gain(values, sign));
+        Some(Shape::of(&self.behind, log_tau.exp()).parameters(values))
     }
 
     /// Do the values follow the numbers better than 95 of 100 random orders of them?

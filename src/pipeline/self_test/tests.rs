@@ -69,6 +69,7 @@ impl Minute {
             tools: vec!["orange".into()],
             samples: times(STEP_S).filter_map(|time_s| self.sample(time_s)).collect(),
             frame_times_s: times(STEP_S).collect(),
+            cuts: Vec::new(),
         };
         let spec = ToolSpec {
             name: "orange".into(),
@@ -306,7 +307,7 @@ fn a_trocar_that_lies_elsewhere_asks_whether_the_camera_has_moved() {
 fn a_minute_without_a_board_measures_neither_accuracy_nor_calibration() {
     let mut findings = Minute::default().findings();
     let spec: Vec<ToolSpec> = Vec::new();
-    let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new() };
+    let nothing = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new(), cuts: Vec::new() };
     let (quality, ports) = (&Quality::default(), &Ports::default());
     let evidence = Evidence {
         camera: wide(),

@@ -172,7 +172,7 @@ impl Tracking {
         self.motions.iter().for_each(|motion| motion.add_to(&mut samples, kind));
         samples.sort_unstable_by_key(|s| (s.frame, s.tool));
         let tools = self.quality.tools.iter().map(|tool| tool.tool.clone()).collect();
-        Trajectory { tools, samples, frame_times_s: self.frame_times_s.clone() }
+        Trajectory { tools, samples, frame_times_s: self.frame_times_s.clone(), cuts: Vec::new() }
     }
 }
 

@@ -27,7 +27,12 @@ fn scene(name: &str) -> (Trajectory, Truth) {
         state: if i % 7 == 0 { SampleState::Predicted } else { SampleState::Observed },
     };
     let rows = (0..100).filter(|i| !(10..14).contains(i) && (*i < 45 || *i >= 60)).map(row);
-    let track = Trajectory { tools: vec![name.to_owned()], samples: rows.collect(), frame_times_s: Vec::new() };
+    let track = Trajectory {
+        tools: vec![name.to_owned()],
+        samples: rows.collect(),
+        frame_times_s: Vec::new(),
+        cuts: Vec::new(),
+    };
     (track, Truth { frames: (0..100).map(frame).collect() })
 }
 

@@ -114,7 +114,7 @@ pub fn read_import(bytes: &[u8], known: &[String], limits: &ImportLimits) -> Res
         return Err(ImportProblem::NoRows);
     }
     let samples = rows.into_iter().map(|(sample, _)| sample).collect();
-    Ok(ImportedTable::of(Trajectory { tools, samples, frame_times_s: Vec::new() }))
+    Ok(ImportedTable::of(Trajectory { tools, samples, frame_times_s: Vec::new(), cuts: Vec::new() }))
 }
 
 impl ImportedTable {

@@ -108,7 +108,7 @@ pub(super) type Lines = Vec<(Sample, u64)>;
 pub fn read_csv(input: impl Read) -> Result<Trajectory, TrajectoryProblem> {
     let (tools, rows) = read_lines(input, usize::MAX)?;
     let samples = rows.into_iter().map(|(sample, _)| sample).collect();
-    Ok(Trajectory { tools, samples, frame_times_s: Vec::new() })
+    Ok(Trajectory { tools, samples, frame_times_s: Vec::new(), cuts: Vec::new() })
 }
 
 /// The same with the lines, of a table of at most so many rows.

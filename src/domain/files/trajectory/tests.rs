@@ -39,7 +39,12 @@ fn sample(frame: u64, tool: usize) -> Sample {
 
 fn two_tools() -> Trajectory {
     let tools = vec!["orange".to_owned(), "cyan, left".to_owned()];
-    Trajectory { tools, samples: vec![sample(0, 0), sample(0, 1), sample(3, 0)], frame_times_s: Vec::new() }
+    Trajectory {
+        tools,
+        samples: vec![sample(0, 0), sample(0, 1), sample(3, 0)],
+        frame_times_s: Vec::new(),
+        cuts: Vec::new(),
+    }
 }
 
 #[test]
@@ -169,7 +174,7 @@ fn parquet_holds_the_same_table() {
 
 #[test]
 fn an_empty_trajectory_is_a_valid_parquet_file() {
-    let empty = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new() };
+    let empty = Trajectory { tools: Vec::new(), samples: Vec::new(), frame_times_s: Vec::new(), cuts: Vec::new() };
     let mut bytes = Vec::new();
     write_parquet(&empty, &mut bytes).unwrap();
     assert_eq!(&bytes[..4], b"PAR1");
@@ -205,7 +210,7 @@ proptest! {
         samples.sort_by_key(|s| s.frame);
         samples.dedup_by_key(|s| s.frame);
         let tools = if samples.is_empty() { Vec::new() } else { vec!["a \"b\", c".to_owned()] };
-        let trajectory = Trajectory { tools, samples, frame_times_s: Vec::new() };
+        let trajectory = Trajectory { tools, samples, frame_times_s: Vec::new(), cuts: Vec::new() };
         prop_assert_eq!(read(&csv_of(&trajectory)).unwrap(), trajectory);
     }
 

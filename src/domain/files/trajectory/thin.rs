@@ -4,7 +4,7 @@
 //! and greatest, so that no spike is lost, whatever curve is drawn. A tool's absence stays one where it is as long as half a
 //! stretch; shorter ones are finer than the picture.
 
-use crate::pipeline::trajectory::{Sample, Trajectory};
+use crate::pipeline::trajectory::{Sample, Trajectory, is_cut};
 
 /// Rows that a stretch leaves at most: its first, and two extremes of four numbers.
 const OF_A_STRETCH: usize = 9;
@@ -14,7 +14,7 @@ const OF_A_STRETCH: usize = 9;
 pub struct Thinned {
     /// The rows that are left.
     pub trajectory: Trajectory,
-    /// For each: was its tool absent between the row before and this one?
+    /// For each: was its tool absent between the row before and this one, or another one?
     pub after_gap: Vec<bool>,
     /// Were any rows left out?
     pub is_thinned: bool,
@@ -34,9 +34,14 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
     let mut left: Vec<(Sample, bool)> = Vec::new();
     for tool in 0..trajectory.tools.len() {
         let rows: Vec<&Sample> = trajectory.of_tool(tool).collect();
+        let cuts_s = trajectory.cuts_of(tool);
         let mut before: Option<&Sample> = None;
         let gap = |before: Option<&Sample>, row: &Sample| {
-            before.is_none_or(|b| row.frame - b.frame >= least_gap || row.time_s - b.time_s >= least_gap_s)
+            before.is_none_or(|b| {
+                row.frame - b.frame >= least_gap
+                    || row.time_s - b.time_s >= least_gap_s
+                    || is_cut(&cuts_s, [b.time_s, row.time_s])
+            })
         };
         let gaps: Vec<bool> = rows.iter().map(|row| gap(before.replace(row), row)).collect();
         let place = |row: &Sample| if is_thinned { ((row.time_s - begin_s) / stretch_s) as usize } else { 0 };
@@ -56,7 +61,8 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
     left.sort_by_key(|(row, _)| (row.frame, row.tool));
     let (samples, after_gap) = left.into_iter().unzip();
     let (tools, frame_times_s) = (trajectory.tools.clone(), trajectory.frame_times_s.clone());
-    Thinned { trajectory: Trajectory { tools, samples, frame_times_s }, after_gap, is_thinned }
+    let cuts = trajectory.cuts.clone();
+    Thinned { trajectory: Trajectory { tools, samples, frame_times_s, cuts }, after_gap, is_thinned }
 }
 
 /// The rows of a stretch that its curves cannot do without; its last one where the tool goes behind it.
@@ -104,7 +110,7 @@ mod tests {
 
     fn path(frames: u64, x: impl Fn(u64) -> Option<f64>) -> Trajectory {
         let samples = (0..frames).filter_map(|frame| Some(sample(frame, 0, x(frame)?))).collect();
-        Trajectory { tools: vec!["orange".to_owned()], samples, frame_times_s: Vec::new() }
+        Trajectory { tools: vec!["orange".to_owned()], samples, frame_times_s: Vec::new(), cuts: Vec::new() }
     }
 
     #[test]

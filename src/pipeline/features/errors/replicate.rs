@@ -31,7 +31,10 @@ const SIZE: f64 = 1.6;
 /// Spread of the size of a session's errors beside what it states: standard deviation of the logarithm.
 const SIZE_UNSURE: f64 = 0.3;
 
-/// A tool's samples, in time order, moved by errors of the size that they state; `None` where one states none.
+/// Nearest to a camera that a tip can be, mm.
+const LEAST_DEPTH_MM: f64 = 1.0;
+
+/// A tool's samples, in time order, moved by errors of the size that they state; `None` where one states none, or does not lie before a camera.
 pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
     let size = SIZE * (SIZE_UNSURE * dice.gauss()).exp();
     let mut errors = [(); 3].map(|()| Error::new(dice));
@@ -68,6 +71,9 @@ impl Sigma {
     fn of(sample: &Sample) -> Option<Self> {
         let (xy_mm, depth_mm) = (sample.sigma_xy_mm?, sample.sigma_z_mm?);
         let tip = sample.tip_mm;
+        if tip.z < LEAST_DEPTH_MM {
+            return None; // not a camera's path: nobody knows in which direction its errors lie
+        }
         let by_depth = depth_mm * depth_mm * (tip.x * tip.x + tip.y * tip.y) / (2.0 * tip.z * tip.z);
         let across_mm = (xy_mm * xy_mm - by_depth).max(0.0).sqrt();
         (across_mm.is_finite() && depth_mm.is_finite() && depth_mm >= 0.0).then_some(Self { across_mm, depth_mm })
@@ -134,6 +140,19 @@ mod tests {
 
     use super::*;
     use crate::pipeline::trajectory::SampleState;
+
+    #[test]
+    fn a_path_that_does_not_lie_before_a_camera_has_no_replicates() {
+        let mut dice = Dice::new(1, "errors");
+        let about_a_board = |z_mm: f64| {
+            let sample = at(0.0, 0.0);
+            Sample { tip_mm: Point3::new(50.0, 0.0, z_mm), sigma_xy_mm: Some(0.1), sigma_z_mm: Some(0.5), ..sample }
+        };
+        assert!(replicate(&[about_a_board(120.0)], &mut dice).is_some());
+        for z_mm in [0.0, -5.0, 0.5] {
+            assert_eq!(replicate(&[about_a_board(z_mm)], &mut dice), None, "{z_mm}");
+        }
+    }
 
     fn at(time_s: f64, speed_mm_s: f64) -> Sample {
         Sample {

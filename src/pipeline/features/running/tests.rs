@@ -48,7 +48,7 @@ proptest! {
         let mut running = Running::new(1, settings.clone());
         samples.iter().for_each(|sample| running.take(sample));
         running.end();
-        let motion = Motion::of_samples(&samples, &settings);
+        let motion = Motion::of_samples(&samples, &[], &settings);
         let whole = features::measure(&[motion], &settings, |feature| LIVE.contains(&feature));
         for live in running.values() {
             let batch = whole.iter().find(|v| v.feature == live.feature && v.space == live.space).unwrap();
@@ -91,4 +91,20 @@ fn too_little_is_said_to_be_so() {
     let values = running.values();
     assert_eq!(values.len(), 2 * LIVE.len());
     assert!(values.iter().all(|value| value.value.is_err()), "{values:?}");
+}
+
+#[test]
+fn how_much_was_not_seen_is_told_though_less_than_a_second_was_seen() {
+    let mut seen = [true; 60];
+    seen[16..40].fill(false);
+    let samples = path(&[0.02; 60], &seen);
+    let settings = FeatureSettings::default();
+    let mut running = Running::new(1, settings.clone());
+    samples.iter().for_each(|sample| running.take(sample));
+    running.end();
+    let motions = [Motion::of_samples(&samples, &[], &settings)];
+    let whole = features::measure(&motions, &settings, |feature| *feature == NOT_SEEN_SHARE);
+    let live = running.values().into_iter().find(|value| value.feature == &NOT_SEEN_SHARE).unwrap();
+    assert_eq!((live.value, whole.len()), (whole[0].value, 1));
+    assert!((live.value.unwrap() - 0.4).abs() < 0.05, "{:?}", live.value);
 }

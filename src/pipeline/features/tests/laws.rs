@@ -229,7 +229,7 @@ proptest! {
             Sample { state, ..sample(frame as u64, time_s, tool, Point3::from(tip)) }
         });
         let tools = vec!["a".to_owned(), "b".to_owned()];
-        let trajectory = Trajectory { tools, samples: samples.collect(), frame_times_s: Vec::new() };
+        let trajectory = Trajectory { tools, samples: samples.collect(), frame_times_s: Vec::new(), cuts: Vec::new() };
         let got = score(&trajectory);
         for v in got.features.iter().chain(got.windows.iter().flat_map(|w| &w.features)) {
             let (least, most) = v.feature.range;

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The raters who share most ratings, and their rows.
+/// The raters who share most people, and their rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SameRaters<P, R> {
     /// The raters, in rising order.
@@ -14,9 +14,10 @@ pub struct SameRaters<P, R> {
     pub left_out: usize,
 }
 
-/// Of the sets of raters that some row has, the one whose rows hold most ratings; of equals the larger set, then the first.
+/// Of the sets of raters that some row has, the one that rated most people, counted once for each rater; of equals the one with
+/// most rows, then the larger, then the first.
 /// Rows that others have rated besides count too. `None` where no row has two raters.
-pub fn same_raters<P: Clone, R: Ord + Clone>(rows: &[(P, BTreeMap<R, f64>)]) -> Option<SameRaters<P, R>> {
+pub fn same_raters<P: Ord + Clone, R: Ord + Clone>(rows: &[(P, BTreeMap<R, f64>)]) -> Option<SameRaters<P, R>> {
     let sets: BTreeSet<Vec<R>> = rows
         .iter()
         .filter(|(_, ratings)| ratings.len() >= 2)
@@ -29,10 +30,14 @@ pub fn same_raters<P: Clone, R: Ord + Clone>(rows: &[(P, BTreeMap<R, f64>)]) -> 
         };
         rows.iter().filter_map(row).collect::<Vec<_>>()
     };
-    let count =
-        |raters: &[R]| rows.iter().filter(|(_, ratings)| raters.iter().all(|r| ratings.contains_key(r))).count();
+    let count = |raters: &[R]| {
+        let rated =
+            rows.iter().filter(|(_, ratings)| raters.iter().all(|r| ratings.contains_key(r))).map(|(who, _)| who);
+        let people: BTreeSet<&P> = rated.clone().collect();
+        (people.len() * raters.len(), rated.count(), raters.len())
+    };
     // `max_by_key` takes the last of equals: in reverse, that is the first.
-    let best = sets.into_iter().rev().max_by_key(|raters| (count(raters) * raters.len(), raters.len()))?;
+    let best = sets.into_iter().rev().max_by_key(|raters| count(raters))?;
     let chosen = of_set(&best);
     let by_two = rows.iter().filter(|(_, ratings)| ratings.len() >= 2).count();
     Some(SameRaters { left_out: by_two - chosen.len(), rows: chosen, raters: best })
@@ -56,6 +61,15 @@ mod tests {
         [10.0, 5.0, 6.0, 9.0],
         [6.0, 2.0, 4.0, 7.0],
     ];
+
+    #[test]
+    fn raters_of_many_people_count_more_than_raters_who_met_a_few_again_and_again() {
+        let often = (0..20).map(|n| row(n % 3, &[("a", f64::from(n)), ("b", 1.0)]));
+        let wide = (10..20).map(|n| row(n, &[("c", f64::from(n)), ("d", 1.0)]));
+        let rows: Vec<_> = often.chain(wide).collect();
+        let chosen = same_raters(&rows).unwrap();
+        assert_eq!((chosen.raters, chosen.rows.len(), chosen.left_out), (vec!["c", "d"], 10, 20));
+    }
 
     #[test]
     fn the_published_example_comes_through_a_centre_where_others_rated_a_little() {

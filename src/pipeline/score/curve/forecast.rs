@@ -45,7 +45,9 @@ impl Curve {
         if self.sessions < FEWEST_FOR_FORECAST {
             return Ok(Forecast::TooFew { found: self.sessions, needed: FEWEST_FOR_FORECAST });
         }
-        let keeps_from = |parameters: &Parameters| keeps_from(*parameters, limit, self.sign).unwrap_or(f64::INFINITY);
+        let keeps_from = |parameters: &Parameters| {
+            keeps_after(*parameters, limit, self.sign).map_or(f64::INFINITY, |behind| f64::from(self.first) + behind)
+        };
         let interval = of_resamples(self.resampled.iter().map(keeps_from).collect());
         let earliest = number(interval.low);
         Ok(match number(keeps_from(&self.best)) {
@@ -60,17 +62,17 @@ impl Curve {
     }
 }
 
-/// The first number, from 1, from which a curve keeps the limit; `None` if it never does.
-fn keeps_from(curve: Parameters, limit: f64, sign: f64) -> Option<f64> {
+/// How many sessions behind the first a curve keeps the limit from; `None` if it never does.
+fn keeps_after(curve: Parameters, limit: f64, sign: f64) -> Option<f64> {
     let from_level = limit - curve.plateau;
     if sign * from_level >= 0.0 {
         return None;
     }
-    // What may be left of the distance; the whole of it is left at session 1.
+    // What may be left of the distance; the whole of it is left at the first session.
     let left = from_level / curve.distance;
     let after_first = (-curve.tau * left.ln()).max(0.0);
     // A crossing right at a session must not become the next one by rounding.
-    Some(1.0 + (after_first - 1e-9).ceil().max(0.0))
+    Some((after_first - 1e-9).ceil().max(0.0))
 }
 
 /// A session's number, if it is one that anybody could reach.

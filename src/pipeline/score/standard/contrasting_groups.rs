@@ -3,7 +3,7 @@
 use super::{Basis, Target, sign};
 use crate::pipeline::features::Direction;
 use crate::pipeline::score::chance::Chance;
-use crate::pipeline::score::distribution::normal_below;
+use crate::pipeline::score::distribution::{Z_95, normal_below, student_quantile};
 use crate::pipeline::score::interval::{Interval, moments, of_resamples, wilson};
 use crate::pipeline::score::no_answer::NoAnswer;
 use crate::pipeline::score::people::{FEWEST_PEOPLE, People};
@@ -40,7 +40,7 @@ pub fn contrasting_groups(novices: &People, experts: &People, direction: Directi
         false_pass: keeping(novices, limit, direction)?,
         false_fail: breaking(experts, limit, direction)?,
     };
-    let interval = interval(novices.values(), experts.values(), sign)?;
+    let interval = interval(novices.values(), experts.values(), sign, limit)?;
     Target::new(limit, Some(interval), direction, basis)
 }
 
@@ -65,12 +65,15 @@ fn rate(people: &People, limit: f64, direction: Direction, keeps: bool) -> Resul
     Ok(ErrorRate { expected, seen, interval: wilson(seen, people.count())? })
 }
 
-fn interval(novices: &[f64], experts: &[f64], sign: f64) -> Result<Interval, NoAnswer> {
+/// Groups drawn anew scatter less than people do who were never asked: by (n − 1)/n in the square, and as if the scatter were known.
+fn interval(novices: &[f64], experts: &[f64], sign: f64, limit: f64) -> Result<Interval, NoAnswer> {
+    let fewest = novices.len().min(experts.len()) as f64;
+    let wider = (fewest / (fewest - 1.0)).sqrt() * student_quantile(0.975, fewest - 1.0) / Z_95;
     let mut chance = Chance::of(novices.iter().chain(experts).copied());
     let mut again = || {
         let (novices, experts) = (chance.resample(novices), chance.resample(experts));
-        let limit = crossing(Normal::of(&novices, sign).ok()?, Normal::of(&experts, sign).ok()?).ok()?;
-        Some(sign * limit)
+        let drawn = sign * crossing(Normal::of(&novices, sign).ok()?, Normal::of(&experts, sign).ok()?).ok()?;
+        Some(limit + wider * (drawn - limit))
     };
     let limits: Vec<f64> = (0..RESAMPLES).filter_map(|_| again()).collect();
     if (limits.len() as f64) < (1.0 - LOST_RESAMPLES) * RESAMPLES as f64 {

@@ -14,6 +14,9 @@ pub const FEWEST_EXPERTS: usize = 6;
 /// How many standard deviations from the mean an expert is left out.
 const OUTLIER: f64 = 2.0;
 
+/// What is left of a normal law's deviation once what lies beyond two of them is cut off: √(1 − 4φ(2)/(2Φ(2) − 1)).
+const DEVIATION_LEFT: f64 = 0.8796;
+
 /// The mean of experts, those left out who lie more than two standard deviations from the mean of all (jamasurgery
 /// 508246; PEERS 3.5), with the mean's 95 % interval. Half of the experts break it: it is a goal to train to, not a
 /// minimum.
@@ -23,8 +26,10 @@ pub fn trimmed_experts(experts: &People, direction: Direction) -> Result<Target,
     let near = |value: &f64| (value - middle).abs() <= OUTLIER * deviation;
     let kept: Vec<f64> = experts.values().iter().copied().filter(near).collect();
     let trimmed = mean(&kept)?;
+    let widened = if kept.len() < experts.count() { 1.0 / DEVIATION_LEFT } else { 1.0 };
+    let interval = trimmed.interval.map(|end| trimmed.value + widened * (end - trimmed.value));
     let basis = Basis::TrimmedExperts { experts: experts.count(), dropped: experts.count() - kept.len() };
-    Target::new(trimmed.value, Some(trimmed.interval), direction, basis)
+    Target::new(trimmed.value, Some(interval), direction, basis)
 }
 
 /// As good as the best share of these people (0.25: the best quarter, as LAP Mentor's benchmarks), with the 95 %

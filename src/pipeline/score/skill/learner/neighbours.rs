@@ -18,9 +18,10 @@ impl Learner for Neighbours {
     }
 
     fn fit(&self, table: &Table) -> Option<Scorer> {
-        let weights = table.weight_of_levels();
-        let mean = weights.iter().sum::<f64>() / LEVELS as f64;
-        let counts = weights.map(|weight| mean / weight);
+        // Whose people have more sessions has more of them near by chance: each level's count together the same.
+        let mut sessions = [0.0; LEVELS];
+        table.levels.iter().for_each(|level| sessions[*level as usize] += 1.0);
+        let counts = sessions.map(|own| table.rows.len() as f64 / (LEVELS as f64 * own));
         let (rows, levels) = (table.rows.clone(), table.levels.clone());
         if rows.len() < self.k || counts.iter().any(|count| !count.is_finite()) {
             return None;
@@ -43,4 +44,30 @@ pub fn scores(k: usize, rows: &[Vec<f64>], levels: &[Level], counts: &PerLevel, 
         shares[level] += counts[level];
     }
     smoothed(shares)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Dice;
+
+    #[test]
+    fn a_level_whose_people_have_more_sessions_is_not_guessed_more_often() {
+        let mut dice = Dice::new(1, "neighbours");
+        let (mut rows, mut levels, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        for (level, sessions) in Level::ALL.into_iter().zip([3, 1, 1]) {
+            for _ in 0..12 * sessions {
+                rows.push(vec![dice.gauss(), dice.gauss()]);
+                levels.push(level);
+                weights.push(1.0 / f64::from(sessions));
+            }
+        }
+        let scorer = Neighbours { k: 15 }.fit(&Table { rows, levels, weights }).unwrap();
+        let guess = |_: usize| {
+            let scores = scorer.scores(&[dice.gauss(), dice.gauss()]);
+            (0..LEVELS).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).unwrap_or(0)
+        };
+        let novices = (0..600).map(guess).filter(|level| *level == 0).count();
+        assert!((60..420).contains(&novices), "{novices} of 600, where a third is noise");
+    }
 }
