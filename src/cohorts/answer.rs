@@ -215,12 +215,12 @@ named! {
     }
 }
 
-/// The curve A + B·exp(−(n − 1)/τ).
+/// The curve A + B·exp(−(n − n₁)/τ), n₁ being the number of the first session that it was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Curve {
     /// The level that practice leads to, A.
     pub plateau: Estimate,
-    /// How far from it the first session was, B.
+    /// How far from it that first session was, B.
     pub distance: Estimate,
     /// Sessions in which the distance shrinks to 37 %, τ.
     pub tau_sessions: Estimate,

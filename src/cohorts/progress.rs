@@ -1,8 +1,9 @@
 //! A trainee's sessions of a task over time.
 //!
 //! Sessions are numbered in the order in which they were recorded, whatever became of them: practice is practice. Those
-//! that are refused, failed, set aside by somebody or of another version of the program count for nothing else. The version that counts is the newest
-//! believed result's, so that a program's update does not end what was learnt before the old sessions are tracked again.
+//! that are refused, failed, set aside by somebody or of another version of the program count for nothing else. The version that counts is
+//! the newest believed result's: from the first session after a program's update on, what was learnt before it is told again once the
+//! old sessions are scored anew.
 
 use super::answer::{Course, SetAside, Step};
 use super::known::Known;
@@ -200,23 +201,25 @@ pub(super) fn judged<'p>(
         session,
     };
     let sessions: Vec<Numbered<'_>> = practice.sessions.iter().enumerate().map(number).collect();
-    let told = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &sessions, handedness));
-    let step = |(index, at): (usize, &Numbered<'_>)| Step {
+    let practised: Vec<Numbered<'_>> = sessions.iter().filter(|at| !at.session.is_set_aside).copied().collect();
+    let told = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &practised, handedness));
+    let mut trials = told.iter().flat_map(|told| told.trials.iter());
+    let step = |at: &Numbered<'_>| Step {
         number: at.number,
         id: at.session.id,
         recorded_at: to_rfc3339(at.session.recorded_at_ms),
         status: at.session.status,
         set_aside: set_aside(at.session),
-        trial: told.as_ref().and_then(|told| told.trials.get(index)).map(|trial| (*trial).into()),
+        trial: if at.session.is_set_aside { None } else { trials.next().map(|trial| (*trial).into()) },
     };
     let course = Course {
         pipeline: pipeline.clone(),
         earlier: practice.earlier,
-        sessions: sessions.iter().enumerate().map(step).collect(),
+        sessions: sessions.iter().map(step).collect(),
         features: Vec::new(),
         rule: told.as_ref().and_then(|told| told.rule.clone()),
-        reminders: told.as_ref().map_or_else(Vec::new, |told| told.reminders(&sessions, now_ms)),
-        passed: told.as_ref().and_then(|told| told.passed(&sessions)),
+        reminders: told.as_ref().map_or_else(Vec::new, |told| told.reminders(&practised, now_ms)),
+        passed: told.as_ref().and_then(|told| told.passed(&practised)),
         charts: told.map(|told| told.charts),
     };
     (sessions, course)

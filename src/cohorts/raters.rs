@@ -217,31 +217,35 @@ fn correlations_of(
         let of_session = totals.get(session)?;
         Some(of_session.values().sum::<f64>() / of_session.len() as f64)
     };
-    let row = |of: Vec<&SessionValue>| correlate(comparable(of), &whose, rating_of);
+    let row = |of: Vec<&SessionValue>| correlate(comparable(of, &whose), &whose, rating_of);
     told.items = by_feature.into_values().filter_map(row).collect();
     adjust(&mut told);
     told
 }
 
-/// The values that may be compared with each other, where that takes one camera, or one preferred hand: those of which there is
-/// most.
-fn comparable(mut values: Vec<&SessionValue>) -> Vec<&SessionValue> {
+/// The values that may be compared with each other, where that takes one camera, or one preferred hand: those of most people.
+fn comparable<'v>(
+    mut values: Vec<&'v SessionValue>,
+    whose: &BTreeMap<SessionId, (i64, TraineeId)>,
+) -> Vec<&'v SessionValue> {
+    let who = |value: &SessionValue| whose.get(&value.session).map(|(_, who)| *who);
     let Some(of) = values.first().map(|value| value.of.clone()) else { return values };
     if is_of_one_camera(&of) {
-        let most = most_frequent(values.iter().map(|value| value.calibration));
+        let most = of_most_people(values.iter().map(|value| (value.calibration, who(value))));
         values.retain(|value| Some(value.calibration) == most);
     }
     if of.tool.is_some() {
-        let most = most_frequent(values.iter().filter_map(|value| value.handedness.map(Handedness::name)));
+        let hands = values.iter().filter_map(|value| Some((value.handedness.map(Handedness::name)?, who(value))));
+        let most = of_most_people(hands);
         values.retain(|value| value.handedness.is_some() && value.handedness.map(Handedness::name) == most);
     }
     values
 }
 
-fn most_frequent<T: Ord>(of: impl Iterator<Item = T>) -> Option<T> {
-    let mut counts: BTreeMap<T, usize> = BTreeMap::new();
-    of.for_each(|value| *counts.entry(value).or_default() += 1);
-    counts.into_iter().max_by_key(|(_, count)| *count).map(|(value, _)| value)
+fn of_most_people<T: Ord>(of: impl Iterator<Item = (T, Option<TraineeId>)>) -> Option<T> {
+    let mut people: BTreeMap<T, BTreeSet<TraineeId>> = BTreeMap::new();
+    of.for_each(|(value, who)| people.entry(value).or_default().extend(who));
+    people.into_iter().max_by_key(|(_, people)| people.len()).map(|(value, _)| value)
 }
 
 fn correlate(

@@ -5,7 +5,7 @@ use super::answer::{
 };
 use super::known::Known;
 use super::people::Like;
-use crate::domain::feature::FeatureKey;
+use crate::domain::feature::{FeatureKey, is_of_one_camera};
 use crate::domain::standard::{Definition, Target, ToJudge};
 use crate::domain::trainee::Handedness;
 use crate::ids::TraineeId;
@@ -134,6 +134,7 @@ fn place(
     })
 }
 
+/// What the sessions say about learning; of what lies along a camera's axes those with the newest one's camera.
 fn learning(
     of: &FeatureKey,
     direction: Direction,
@@ -145,7 +146,11 @@ fn learning(
         let Measured { value, .. } = session.evidence(of, None)?.measured()?;
         Some(Session { number: session.number as u32, value })
     };
-    let counted: Vec<Session> = sessions.iter().filter(|session| session.counts).filter_map(value).collect();
+    let camera = |session: &Numbered<'_>| session.measured(of).map(|(outcome, _)| outcome.calibration);
+    let newest = sessions.iter().rev().find(|session| session.counts && value(session).is_some()).and_then(camera);
+    let is_comparable = |session: &&Numbered<'_>| !is_of_one_camera(of) || camera(session) == newest;
+    let counted = sessions.iter().filter(|session| session.counts).filter(is_comparable).filter_map(value);
+    let counted: Vec<Session> = counted.collect();
     let told = |state| Learning { state, curve: None, forecast: None, withheld: None };
     let withheld = |why: NoAnswer| Learning { withheld: Some(why.into()), ..told(LearningState::Withheld) };
     let first = counted.first().map_or(1, |session| session.number);

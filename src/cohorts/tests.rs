@@ -4,13 +4,16 @@ use serde_json::json;
 
 use super::answer::{Course, PassedBy, RuleStanding, SetAside, StandingName, TrialName};
 use super::{Asked, Cohorts};
+use crate::domain::edit::Change;
 use crate::domain::scope::Scope;
-use crate::domain::text::Key;
+use crate::domain::session::FeatureRow;
+use crate::domain::text::{Key, Remark};
 use crate::store::testing::{Centre, NOW_MS, duration};
 
 const DAY_MS: i64 = 86_400_000;
 
-async fn with_standard(rule: serde_json::Value) -> (Centre, Cohorts) {
+/// A centre whose task asks for at most 50 s, by this rule.
+pub(super) async fn with_standard(rule: serde_json::Value) -> (Centre, Cohorts) {
     let centre = Centre::ready().await;
     let cohorts = Cohorts::new(centre.store.clone(), centre.clock.clone());
     let target = json!({"feature": "duration", "by": {"method": "fixed", "limit": 50, "unit": "s"}});
@@ -90,4 +93,51 @@ async fn who_met_the_rule_is_told_by_which_passes() {
     }
     let passed = progress(&cohorts).await.passed.unwrap();
     assert_eq!((passed.by, passed.session, passed.sessions), (PassedBy::Rule, 6, vec![3, 4, 6]));
+}
+
+#[tokio::test]
+async fn what_somebody_set_aside_is_no_trial() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 2})).await;
+    let ana = centre.trainee("Ana").await.id;
+    centre.practised(ana, NOW_MS, vec![duration(40.0, 1.0)]).await;
+    let other = centre.practised(ana, NOW_MS + DAY_MS, vec![duration(90.0, 1.0)]).await;
+    centre.practised(ana, NOW_MS + 2 * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    assert_eq!(progress(&cohorts).await.rule.unwrap().met_at, None);
+    let why: Remark = "Somebody else trained under this name.".parse().unwrap();
+    centre.store.edits().add(&Scope::service(), other.id, (Change::SetAside, why), None).await.unwrap();
+    let now = progress(&cohorts).await;
+    assert_eq!(now.rule.unwrap().met_at, Some(3));
+    assert_eq!(now.passed.unwrap().sessions, [1, 3]);
+    let passed = (Some(TrialName::Passed), None);
+    let told: Vec<_> = now.sessions.iter().map(|step| (step.trial, step.set_aside)).collect();
+    assert_eq!(told, [passed, (None, Some(SetAside::ByHand)), passed]);
+}
+
+#[tokio::test]
+async fn a_curve_along_the_cameras_axes_is_of_one_camera() {
+    let centre = Centre::ready().await;
+    let cohorts = Cohorts::new(centre.store.clone(), centre.clock.clone());
+    let ana = centre.trainee("Ana").await.id;
+    let both = |n: i32| {
+        let seconds = 40.0 + 60.0 * f64::from(-n).exp();
+        vec![duration(seconds, 1.0), FeatureRow { name: "depth_travelled".to_owned(), ..duration(seconds, 1.0) }]
+    };
+    for n in 0..6 {
+        centre.practised(ana, NOW_MS + i64::from(n) * DAY_MS, both(n)).await;
+    }
+    centre.calibrate().await;
+    for n in 6..9 {
+        centre.practised(ana, NOW_MS + i64::from(n) * DAY_MS, both(n)).await;
+    }
+    let learning = async |feature: &str| {
+        let asked =
+            Asked { task: Some(Key::from("peg-transfer")), feature: Some(feature.to_owned()), ..Asked::default() };
+        let course = cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().course;
+        let series = course.features.into_iter().next().unwrap();
+        assert_eq!(series.points.len(), 9);
+        series.learning
+    };
+    assert_eq!(learning("duration").await.curve.unwrap().sessions, 9);
+    let depth = learning("depth_travelled").await;
+    assert_eq!((depth.curve, depth.withheld.unwrap().missing), (None, Some(3)), "three with the newest camera");
 }

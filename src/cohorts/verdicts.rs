@@ -31,7 +31,7 @@ pub struct Verdicts {
 }
 
 impl Verdicts {
-    /// Judges the sessions, in their order.
+    /// Judges the sessions, in their order; without those that somebody has set aside, which are no trials.
     pub fn of(
         definition: &Definition,
         monitor: &Monitor,
@@ -97,8 +97,8 @@ impl Verdicts {
 /// what comes after it is still to be seen.
 fn trials(definition: &Definition, sessions: &[Numbered<'_>], handedness: Option<Handedness>) -> Vec<Trial> {
     let pending = |session: &Numbered<'_>| {
-        let Practised { result, status, is_set_aside, .. } = session.session;
-        result.is_none() && *status != SessionStatus::Failed && !is_set_aside
+        let Practised { result, status, .. } = session.session;
+        result.is_none() && *status != SessionStatus::Failed
     };
     let ended = sessions.iter().rposition(|session| !pending(session)).map_or(0, |last| last + 1);
     let trial = |session: &Numbered<'_>| {

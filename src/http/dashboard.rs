@@ -1,4 +1,4 @@
-//! The pages: files under `static/`, embedded in the program, with an ETag each.
+//! The pages: files under `static/`, embedded in the program, with an ETag each (a weak one: they also travel squeezed).
 //!
 //! In debug builds they are read from the source tree at each request, so that a page's author sees a change at once.
 
@@ -47,7 +47,7 @@ fn is_view(path: &str) -> bool {
 }
 
 fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
-    let etag = format!("\"{}\"", URL_SAFE_NO_PAD.encode(&file.metadata.sha256_hash()[..16]));
+    let etag = format!("W/\"{}\"", URL_SAFE_NO_PAD.encode(&file.metadata.sha256_hash()[..16]));
     let known = headers.get(header::IF_NONE_MATCH).and_then(|v| v.to_str().ok()).is_some_and(|v| v.contains(&etag));
     let mut response = if known {
         StatusCode::NOT_MODIFIED.into_response()

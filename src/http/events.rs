@@ -12,11 +12,11 @@ use axum::response::IntoResponse;
 use axum::response::sse::{Event as Line, KeepAlive, Sse};
 use futures_util::{Stream, StreamExt, stream};
 use serde::Serialize;
-use tokio::sync::OwnedSemaphorePermit;
 use utoipa::ToSchema;
 
 use super::auth::signed_in::{Member, SignedIn};
 use super::error::{Answer, busy};
+use super::places::Place;
 use super::state::App;
 use crate::domain::job::{JobKind, JobState};
 use crate::domain::scope::Scope;
@@ -72,8 +72,8 @@ pub enum Told {
 #[utoipa::path(get, path = "/events", tag = "events",
     responses((status = OK, description = "`event: session|job|queue|missed`, `data:` as described", content_type = "text/event-stream", body = Told)))]
 pub async fn events(State(app): State<App>, by: Member, headers: HeaderMap) -> Answer<impl IntoResponse> {
-    let full = |_| busy("Too many event streams are open. Close a page that you no longer need, then try again.");
-    let place = app.streams.clone().try_acquire_owned().map_err(full)?;
+    let full = || busy("Too many event streams are open. Close a page that you no longer need, then try again.");
+    let place = app.streams.take(&by.scope).ok_or_else(full)?;
     let watch = Watch { listener: app.events.listen(), scope: by.scope, headers, app: app.clone(), _place: place };
     let lines = watch.lines().take_until(app.shutdown.begun());
     // Proxies that collect answers before they pass them on are asked not to.
@@ -87,7 +87,7 @@ struct Watch {
     scope: Scope,
     headers: HeaderMap,
     app: App,
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 impl Watch {

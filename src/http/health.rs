@@ -40,7 +40,6 @@ pub async fn metrics(State(app): State<App>) -> Answer<impl IntoResponse> {
     let counts = app.store.jobs().counts().await?;
     gauge!("trocar_jobs", "state" => "queued").set(counts.queued as f64);
     gauge!("trocar_jobs", "state" => "running").set(counts.running as f64);
-    let free = app.streams.available_permits();
-    gauge!("trocar_event_streams").set(app.settings.max_event_streams.saturating_sub(free) as f64);
+    gauge!("trocar_event_streams").set(app.streams.taken() as f64);
     Ok((StatusCode::OK, [(header::CONTENT_TYPE, "text/plain; version=0.0.4")], app.metrics.render()))
 }

@@ -107,7 +107,7 @@ async fn check(app: &App, by: &Administrator, new: &NewPerson) -> Answer<(Option
 pub struct Change {
     login: Option<Login>,
     name: Option<Name>,
-    /// `administrator` or `instructor`.
+    /// `administrator` or `instructor`. Another role than before signs every browser of the account out.
     role: Option<Role>,
     /// A new password signs every browser of the account out.
     #[schema(format = Password, min_length = 10, max_length = 256)]

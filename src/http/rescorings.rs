@@ -250,7 +250,8 @@ impl From<store::RescoringTrainee> for RescoredTrainee {
 
 impl RescoredSession {
     fn of(item: store::RescoringItem, old: store::SessionResult, new: Option<store::SessionResult>) -> Self {
-        let features = new.as_ref().map(|new| compare::changes(&old.features, &new.features)).unwrap_or_default();
+        let comparable = new.as_ref().filter(|_| item.problem.is_none()); // else a difference would not be the program's
+        let features = comparable.map(|new| compare::changes(&old.features, &new.features)).unwrap_or_default();
         let result = |result: store::SessionResult, judgement| RescoredResult {
             id: result.id,
             versions: result.versions,

@@ -7,6 +7,7 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use tokio::sync::Semaphore;
 
 use super::auth::throttle::Throttle;
+use super::places::Places;
 use super::settings::HttpSettings;
 use crate::analysis::Glances;
 use crate::cohorts::Cohorts;
@@ -53,8 +54,8 @@ pub struct Parts {
     pub feed_places: Arc<Semaphore>,
     /// Looks at pictures while people wait.
     pub glances: Glances,
-    /// Places for event streams.
-    pub streams: Arc<Semaphore>,
+    /// Places for event streams and watchers.
+    pub streams: Places,
     /// Numbers for the people who run the service.
     pub metrics: PrometheusHandle,
 }

@@ -88,7 +88,7 @@ macro_rules! select_cohorts {
     };
 }
 
-/// What people, at most `$7` of them, measured at task `$4`, in their last `$5` sessions of it, of the features `$6` (a JSON
+/// What people, at most `$7` of them, measured at task `$4`, in their last `$5` believed sessions of it, of the features `$6` (a JSON
 /// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row a
 /// person: rows cost more on their way out of SQLite than in it. What was not measured here is compared with nobody, and what
 /// somebody has set aside is no session.
@@ -104,6 +104,9 @@ macro_rules! values_of {
                  (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
                   AND NOT EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = recent.id
                                   AND session_edit.kind = 'set_aside' AND session_edit.undone_at_ms IS NULL)
+                  AND (SELECT counted.calibration_id IS NOT NULL AND counted.quality ->> '$.verdict' IS NOT 'refused'
+                       FROM result AS counted WHERE counted.session_id = recent.id
+                       ORDER BY counted.created_at_ms DESC, counted.id DESC LIMIT 1)
                   ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $5)
              CROSS JOIN result ON result.id =
                  (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id

@@ -21,9 +21,11 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, EditId, FeedId, GroupId, JobId, LeaseToken, ModelId, PaletteId,
-    PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, CourseId, EditId, FeedId, GroupId, JobId, LeaseToken, ModelId,
+    PaletteId, PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId,
+    TraineeId, UploadId,
 };
+use crate::time::Day;
 
 /// A type that is stored as text, by these two functions.
 macro_rules! as_text {
@@ -57,9 +59,9 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId LeaseToken SelfTestId
-    StandardId CohortId RatingId CommentId RescoringId ModelId EditId
+    StandardId CohortId CourseId RatingId CommentId RescoringId ModelId EditId
     Name Login Code FileName TrackerName Paragraphs Remark BlobHash
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form SessionJudgement RescoringSource RescoringItemState EditKind
+    Day Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec Light Form SessionJudgement RescoringSource RescoringItemState EditKind
 }
 
 as_text! {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::error::StoreResult;
+use super::error::{StoreResult, noted};
 use super::people::Person;
 use super::{Scope, Store};
 use crate::domain::secret::SecretHash;
@@ -35,14 +35,17 @@ impl Cookies<'_> {
     /// Signs a browser of this person in.
     pub async fn create(&self, secret: SecretHash, person: PersonId, lasts: Cookie) -> StoreResult<()> {
         let now_ms = self.0.now_ms();
+        let expires_at_ms = now_ms + millis(lasts.most).max(1);
+        // On a full disk somebody must get in who can erase.
         self.0
-            .write(async move |tx| {
-                let sql =
-                    "INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
-                           VALUES ($1, $2, $3, $3, $4)";
-                let expires_at_ms = now_ms + millis(lasts.most).max(1);
-                sqlx::query(sql).bind(secret).bind(person).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
-                Ok(())
+            .erase(|| {
+                async move |tx| {
+                    let sql =
+                        "INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
+                         VALUES ($1, $2, $3, $3, $4)";
+                    sqlx::query(sql).bind(secret).bind(person).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
+                    Ok(())
+                }
             })
             .await
     }
@@ -58,7 +61,7 @@ impl Cookies<'_> {
         let row = row.bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
         let Some(row) = row.fetch_optional(self.0.readers()).await? else { return Ok(None) };
         if now_ms - row.last_seen_at_ms > SEEN_TO_MS.min(millis(lasts.idle) / 2) {
-            self.seen(secret, now_ms).await?;
+            noted(self.seen(secret, now_ms).await)?;
         }
         Ok(Some(row.person))
     }

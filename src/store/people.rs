@@ -130,7 +130,8 @@ impl People<'_> {
         person.ok_or(not_found("person"))
     }
 
-    /// Changes an account. The last administrator stays one.
+    /// Changes an account. The last administrator stays one. Another role signs all browsers of the account out, and ends their
+    /// open conversations: those were begun with the rights of the old one.
     pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<Person> {
         require_administrator(scope, "changing accounts")?;
         if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
@@ -139,6 +140,9 @@ impl People<'_> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
+                let sql = "DELETE FROM cookie_session WHERE person_id = (
+                               SELECT id FROM person WHERE id = $1 AND trainee_id IS NULL AND role <> $2)";
+                sqlx::query(sql).bind(id).bind(change.role).execute(&mut *tx).await?;
                 let sql = "UPDATE person SET login = coalesce($2, login), name = coalesce($3, name),
                                   role = CASE WHEN trainee_id IS NULL THEN coalesce($4, role) ELSE role END
                            WHERE id = $1 RETURNING id, login, name, role, trainee_id, created_at_ms";

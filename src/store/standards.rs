@@ -70,6 +70,17 @@ impl Standards<'_> {
         Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
+    /// The versions in use of these tasks, as far as they have one.
+    pub async fn in_use_of(&self, scope: &Scope, tasks: &[TaskId]) -> StoreResult<Vec<Standard>> {
+        let rows = sqlx::query_as(
+            "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
+             FROM standard LEFT JOIN person ON person.id = standard.person_id
+             WHERE task_id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent'
+               AND version = (SELECT max(latest.version) FROM standard AS latest WHERE latest.task_id = standard.task_id)",
+        );
+        Ok(rows.asked_by(scope).bind(Json(tasks)).fetch_all(self.0.readers()).await?)
+    }
+
     /// One version.
     pub async fn get(&self, scope: &Scope, id: StandardId) -> StoreResult<Standard> {
         let row = sqlx::query_as(

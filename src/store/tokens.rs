@@ -3,7 +3,7 @@
 use sqlx::sqlite::SqliteConnection;
 
 use super::audit::note;
-use super::error::{StoreError, StoreResult, missing, not_found};
+use super::error::{StoreError, StoreResult, missing, not_found, noted};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::role::Role;
@@ -150,7 +150,7 @@ impl Tokens<'_> {
         );
         let Some(row) = row.bind(secret).bind(now_ms).fetch_optional(self.0.readers()).await? else { return Ok(None) };
         if row.token.last_used_at_ms.is_none_or(|used| now_ms - used > USED_TO_MS) {
-            self.used(row.token.id, now_ms).await?;
+            noted(self.used(row.token.id, now_ms).await)?;
         }
         Ok(scope(&row))
     }

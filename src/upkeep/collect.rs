@@ -24,6 +24,20 @@ pub async fn collect(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     }
 }
 
+/// Removes the blobs that were put and whose row never came: the person was erased meanwhile, or the disk was full. Returns
+/// how many went.
+pub(super) async fn remove_unnamed(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
+    let mut removed = 0;
+    for hash in vault.released() {
+        // Most have their row, and go with it; it is read first, since asking the writer costs a commit.
+        let is_free = async {
+            UpkeepResult::Ok(!store.blobs().has(hash).await? && store.blobs().forget_if_unreferenced(hash).await?)
+        };
+        removed += usize::from(vault.delete_if(hash, is_free).await? == Removal::Removed);
+    }
+    Ok(removed)
+}
+
 /// Removes one blob, unless something refers to it or somebody is just putting it.
 pub(super) async fn remove(store: &Store, vault: &Vault, hash: BlobHash) -> UpkeepResult<bool> {
     let is_free = async { UpkeepResult::Ok(store.blobs().forget_if_unreferenced(hash).await?) };

@@ -20,7 +20,7 @@ mod recover;
 
 pub use backup::back_up;
 pub use check::{Finding, check};
-use collect::{collect, forget_expired_uploads, remove_orphan_uploads};
+use collect::{collect, forget_expired_uploads, remove_orphan_uploads, remove_unnamed};
 pub use recover::{Recovered, recover};
 
 use crate::shutdown::Shutdown;
@@ -70,6 +70,7 @@ pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     remove_orphan_uploads(store, vault).await?;
     store.cookies().forget_expired().await?;
     collect(store, vault).await?;
+    remove_unnamed(store, vault).await?;
     store.forget_erased().await?;
     store.restore_ballast().await;
     Ok(())

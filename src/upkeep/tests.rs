@@ -192,6 +192,26 @@ async fn a_recording_that_two_sessions_share_goes_with_the_second() {
 }
 
 #[tokio::test]
+async fn a_recording_whose_person_was_erased_while_it_was_put_is_gone_with_the_next_round() {
+    let bench = Bench::new().await;
+    let (store, service) = (&bench.centre.store, Scope::service());
+    let (ana, ben) = (bench.centre.trainee("Ana").await.id, bench.centre.trainee("Ben").await.id);
+    let kept = bench.vault.put(b"of Ana").await.unwrap();
+    let erased = kept.blob();
+    store.trainees().erase(&service, &Key::from(&ana)).await.unwrap();
+    clear_up(store, &bench.vault).await.unwrap();
+    assert!(bench.path_of(erased.hash).exists(), "its row may still come");
+    let new = NewSession { video: erased, ..bench.centre.new_session(ana, "of Ana") };
+    store.sessions().create(&service, new).await.unwrap_err();
+    drop(kept);
+    let stays = bench.session(ben, "of Ben").await.video.unwrap();
+    clear_up(store, &bench.vault).await.unwrap();
+    assert!(!bench.path_of(erased.hash).exists());
+    assert!(bench.path_of(stays).exists());
+    assert_eq!(bench.vault.released(), []);
+}
+
+#[tokio::test]
 async fn a_picture_that_was_only_looked_at_goes_once_nobody_holds_it() {
     let bench = Bench::new().await;
     let store = &bench.centre.store;

@@ -120,15 +120,23 @@ impl Vault {
     ) -> Result<Removal, E> {
         let Some(removing) = self.inner.pins.remove(hash) else { return Ok(Removal::Needed) };
         if !is_free.await? {
+            removing.settle();
             return Ok(Removal::Needed);
         }
         let path = self.blob_path(hash);
         let removed = on_a_blocking_thread(move || {
-            let _until_gone = removing;
-            disk::remove(&path)
+            disk::remove(&path)?;
+            removing.settle(); // only now may it be put again
+            Ok(())
         });
         removed.await?;
         Ok(Removal::Removed)
+    }
+
+    /// Blobs that were put and whose [`Kept`] is gone, until [`Vault::delete_if`] has asked about them: whether their row ever
+    /// came is not known here.
+    pub fn released(&self) -> Vec<BlobHash> {
+        self.inner.pins.released()
     }
 
     /// The blobs whose hash begins with this byte, with their lengths; files that are no blobs are passed over.

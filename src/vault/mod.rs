@@ -10,13 +10,14 @@
 //!
 //! A blob comes into being in this order: bytes written and hashed → `fdatasync` → its name → `fsync` of its folder →
 //! (by the caller) the row that refers to it. It goes in the opposite order: row, then file. Between a blob's name and its
-//! row a [`Kept`] protects it from the collection of blobs that nothing refers to. A failed sync ends the process.
+//! row a [`Kept`] protects it from the collection of blobs that nothing refers to; one whose row never comes is collected
+//! soon after. A failed sync ends the process.
 //!
 //! | function | does |
 //! |---|---|
 //! | [`Vault::put`], [`Vault::incoming`] | a new blob from bytes, or piece by piece |
 //! | [`Vault::open_blob`], [`Vault::open_range`], [`Vault::read`] | read it: as a file, in part, whole and verified |
-//! | [`Vault::delete_if`], [`Vault::blobs`], [`Vault::is_intact`] | collect, list, verify |
+//! | [`Vault::delete_if`], [`Vault::released`], [`Vault::blobs`], [`Vault::is_intact`] | collect, list, verify |
 //! | [`Vault::create_upload`], [`Vault::open_upload`], [`UploadFile`] | receive a recording in pieces |
 //! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make a whole upload a blob; forget one |
 //! | [`Vault::open_feed`], [`FeedLog`], [`Vault::read_feed`], [`Vault::delete_feed`] | receive a recording frame by frame |

@@ -3,6 +3,9 @@
 //! A blob is written before the row that refers to it; in between it looks like one that nothing refers to. The same
 //! content may even be on its way out while it comes in again. So: who has put a blob holds a [`Kept`] until the row is
 //! committed, the collector passes over kept blobs, and who puts a blob that is being removed waits until it is gone.
+//!
+//! The row may never come, because what it belongs to was erased meanwhile or the disk was full. So what was let go of is
+//! remembered until the collector has looked for its row.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -47,6 +50,8 @@ struct Shared {
 struct State {
     kept: HashMap<BlobHash, usize>,
     dying: HashSet<BlobHash>,
+    /// Those that nobody keeps any more and for whose row nobody has looked since.
+    released: HashSet<BlobHash>,
 }
 
 /// One holder's pin on a blob.
@@ -82,6 +87,11 @@ impl Pins {
         free.then(|| Removing { hash, pins: self.clone() })
     }
 
+    /// Blobs that were let go of, until [`Removing::settle`].
+    pub fn released(&self) -> Vec<BlobHash> {
+        self.state().released.iter().copied().collect()
+    }
+
     fn try_keep(&self, hash: BlobHash) -> bool {
         let mut state = self.state();
         if state.dying.contains(&hash) {
@@ -97,6 +107,13 @@ impl Pins {
     }
 }
 
+impl Removing {
+    /// The blob has a row, or is gone: nobody need look for it again.
+    pub fn settle(self) {
+        self.pins.state().released.remove(&self.hash);
+    }
+}
+
 impl Drop for Pin {
     fn drop(&mut self) {
         let mut state = self.pins.state();
@@ -104,6 +121,7 @@ impl Drop for Pin {
             *holders -= 1;
             if *holders == 0 {
                 state.kept.remove(&self.hash);
+                state.released.insert(self.hash);
             }
         }
     }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use futures_util::future::join_all;
 use trocar::domain::blob::Blob;
 use trocar::domain::calibration::{CalibrationSource, NewCalibration};
+use trocar::domain::edit::Change;
 use trocar::domain::evidence::EvidenceRow;
 use trocar::domain::files::annotations::AnnotationsFile;
 use trocar::domain::files::camera::CameraFile;
@@ -125,6 +126,12 @@ impl Planter {
             .fail(&lease, Problem::new("path-alone", "It cannot be scored again", "because"))
             .await
             .unwrap();
+    }
+
+    /// Keeps some seconds of a session, as an instructor would.
+    pub async fn trim(&self, session: SessionId) {
+        let why = "Talked at first.".parse().unwrap();
+        self.store.edits().add(&Scope::service(), session, (Change::Trim([1.0, 2.0]), why), None).await.unwrap();
     }
 
     /// What kind of work is next.

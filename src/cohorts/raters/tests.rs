@@ -122,6 +122,21 @@ fn a_person_counts_once_and_what_goes_with_ratings_is_found_among_what_does_not(
 }
 
 #[test]
+fn the_hand_that_most_people_prefer_is_compared_however_often_others_were_rated() {
+    let ids = Ids::new(12);
+    let (given, mut values) = measured(&ids);
+    let number = |value: &SessionValue| ids.sessions.iter().position(|id| *id == value.session).unwrap();
+    // Five left-handers with two sessions each, seven others with one.
+    values.retain(|value| number(value) < 10 || number(value).is_multiple_of(2));
+    for value in &mut values {
+        value.handedness = Some(if number(value) < 10 { Handedness::Left } else { Handedness::Right });
+    }
+    let told = correlations_of(Form::Osats, &given, &totals(&given), values);
+    let path = told.items.iter().find(|row| row.of.feature == "path_length").unwrap();
+    assert_eq!((path.people, path.handedness), (7, Some(Handedness::Right)));
+}
+
+#[test]
 fn too_few_people_give_no_correlation_and_other_versions_count_for_nothing() {
     let ids = Ids::new(12);
     let (given, values) = measured(&ids);

@@ -41,7 +41,7 @@ impl SignedIn {
     }
 
     /// Whether these headers would still sign in. A stream that asks does not count as somebody being there: what nobody
-    /// sits in front of ends when idle. A store that cannot tell ends nothing.
+    /// sits in front of ends when idle; whoever sends frames asks [`SignedIn::by`] as well. A store that cannot tell ends nothing.
     pub async fn still(app: &App, headers: &HeaderMap) -> bool {
         match Presented::in_headers(headers) {
             Presented::Token(secret) => app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some()),

@@ -193,8 +193,8 @@ pub async fn live(
     })?;
     origin::refuse_foreign(&headers)?;
     let session = app.store.sessions().get(&by.scope, at.id()?).await?.id;
-    let full = |_| busy("Too many pages watch at once. Close one that you no longer need, then try again.");
-    let place = app.streams.clone().try_acquire_owned().map_err(full)?;
+    let full = || busy("Too many pages watch at once. Close one that you no longer need, then try again.");
+    let place = app.streams.take(&by.scope).ok_or_else(full)?;
     let watcher = Watcher { app, scope: by.scope, headers, session, pictures: watched.pictures };
     // A watcher says nothing.
     let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);

@@ -3,12 +3,18 @@
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
+use crate::domain::role::Role;
 use crate::domain::scope::Scope;
+use crate::domain::secret::{Password, Secret, SecretHash};
 use crate::domain::task::NewTask;
 use crate::domain::text::Key;
-use crate::store::{PageRequest, Store, StoreError, StoreSettings};
+use crate::ids::PersonId;
+use crate::store::{ActsAs, Cookie, NewPerson, NewToken, PageRequest, Store, StoreError, StoreSettings};
 use crate::time::Manual;
+
+const LASTS: Cookie = Cookie { idle: Duration::from_secs(30 * 60), most: Duration::from_secs(12 * 3600) };
 
 /// A small file system of its own, taken down at the end.
 struct SmallDisk(tempfile::TempDir);
@@ -51,6 +57,20 @@ fn task(number: usize) -> NewTask {
     NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description }
 }
 
+/// An administrator with a browser and a program.
+async fn let_in(store: &Store) -> (PersonId, SecretHash, SecretHash) {
+    let (service, role) = (Scope::service(), Role::Administrator);
+    let (login, password) = ("root".parse().unwrap(), Password::new("correct horse").unwrap().hash());
+    let person = NewPerson { login, name: "Root".parse().unwrap(), role, password, trainee: None };
+    let person = store.people().create(&service, person).await.unwrap().id;
+    let (cookie, secret) = (Secret::random().hash(), Secret::random().hash());
+    store.cookies().create(cookie, person, LASTS).await.unwrap();
+    let token =
+        NewToken { name: "t".parse().unwrap(), acts_as: ActsAs::Person(person, role), expires_at_ms: None, secret };
+    store.tokens().create(&service, token).await.unwrap();
+    (person, cookie, secret)
+}
+
 #[tokio::test]
 async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is_room() {
     let Some(disk) = SmallDisk::mount(16 << 20) else {
@@ -58,10 +78,11 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
         return;
     };
     let clock = Manual::at(1_000);
-    let store = Store::open(&disk.path().join("trocar.db"), &StoreSettings::default(), clock).await.unwrap();
+    let store = Store::open(&disk.path().join("trocar.db"), &StoreSettings::default(), clock.clone()).await.unwrap();
     let service = Scope::service();
     let new = serde_json::from_str(r#"{"name":"Ana"}"#).unwrap();
     let ana = store.trainees().create(&service, new).await.unwrap();
+    let (administrator, cookie, token) = let_in(&store).await;
     disk.fill();
     let mut acknowledged = 0;
     let refused = loop {
@@ -75,6 +96,10 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
 
     let page = PageRequest::new(200, None);
     assert_eq!(store.tasks().list(&service, &page).await.unwrap().items.len(), acknowledged);
+    clock.advance(Duration::from_secs(120)); // so that it would be noted who is here
+    assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().id, administrator);
+    assert!(store.tokens().scope_of(token).await.unwrap().is_some());
+    store.cookies().create(Secret::random().hash(), administrator, LASTS).await.unwrap();
     store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();
     assert!(store.trainees().get(&service, &Key::from(&ana.id)).await.is_err());
 

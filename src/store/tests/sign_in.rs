@@ -45,6 +45,27 @@ async fn a_new_password_signs_all_browsers_out() {
 }
 
 #[tokio::test]
+async fn another_role_signs_all_browsers_out_and_another_name_none() {
+    let centre = Centre::new().await;
+    let (people, service) = (centre.store.people(), Scope::service());
+    centre.person("root", Role::Administrator, None).await;
+    let (ada, ina) =
+        (centre.person("ada", Role::Administrator, None).await, centre.person("ina", Role::Instructor, None).await);
+    let (of_ada, of_ina) = (Secret::random().hash(), Secret::random().hash());
+    centre.store.cookies().create(of_ada, ada.id, LASTS).await.unwrap();
+    centre.store.cookies().create(of_ina, ina.id, LASTS).await.unwrap();
+    let counts = async |secret| centre.store.cookies().counts(secret, LASTS).await.unwrap();
+    let same = PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), login: None };
+    people.change(&service, ada.id, same).await.unwrap();
+    people.change(&service, ada.id, PersonChange::default()).await.unwrap();
+    assert!(counts(of_ada).await);
+    let less = PersonChange { role: Some(Role::Instructor), ..PersonChange::default() };
+    people.change(&service, ada.id, less).await.unwrap();
+    assert!(!counts(of_ada).await);
+    assert!(counts(of_ina).await, "somebody else's");
+}
+
+#[tokio::test]
 async fn a_token_never_has_more_rights_than_its_person_has_today() {
     let centre = Centre::new().await;
     let (tokens, service) = (centre.store.tokens(), Scope::service());

@@ -1,6 +1,7 @@
 //! The interface's description, the viewer, the pages, and what the people who run the service look at.
 
 use std::collections::BTreeSet;
+use std::io::Read;
 
 use reqwest::{StatusCode, header};
 use serde_json::Value;
@@ -98,6 +99,25 @@ async fn the_pages_come_from_the_program_and_are_not_sent_twice() {
     problem(stranger.get("/missing.js").await, 404, "not-found").await;
     problem(stranger.get("/api/v1/nothing").await, 404, "not-found").await;
     problem(stranger.post("/api/v1/me", Value::Null).await, 405, "method-not-allowed").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_read_often_travels_squeezed_where_the_client_takes_it() {
+    let service = Service::start().await;
+    let stranger = service.stranger();
+    for path in ["/", "/app.js", "/texts/en.js", "/api/v1/openapi.json"] {
+        let plain = stranger.get(path).await;
+        assert!(!plain.headers().contains_key(header::CONTENT_ENCODING), "{path}");
+        let plain = plain.bytes().await.unwrap();
+        let squeezed = stranger.clone().with("accept-encoding", "gzip, deflate, br").get(path).await;
+        assert_eq!(squeezed.headers()[header::CONTENT_ENCODING], "gzip", "{path}");
+        assert!(squeezed.headers()[header::VARY].to_str().unwrap().contains("accept-encoding"), "{path}");
+        let squeezed = squeezed.bytes().await.unwrap();
+        assert!(squeezed.len() < plain.len() * 2 / 3, "{path}: {} of {} bytes", squeezed.len(), plain.len());
+        let mut opened = Vec::new();
+        flate2::read::GzDecoder::new(&squeezed[..]).read_to_end(&mut opened).unwrap();
+        assert_eq!(opened, plain, "{path}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -128,6 +128,34 @@ async fn one_new_result_sets_the_old_ones_aside_until_they_are_scored_again() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn what_somebody_edited_meanwhile_is_no_difference_of_the_programs() {
+    let (centre, planter) = practised().await;
+    let id = centre.administrator.make(ORDERS, json!({})).await["id"].as_str().unwrap().to_owned();
+    until(&centre, &id, |order| order["sessions"]["working"] == 2).await;
+    let items = async || {
+        let report = centre.administrator.read(&format!("/api/v1/rescorings/{id}/sessions")).await;
+        report["items"].as_array().unwrap().clone()
+    };
+    let waiting = items().await.into_iter().find(|item| item["state"] == "waiting").unwrap();
+    let edited = waiting["session"].as_str().unwrap().to_owned();
+    planter.trim(edited.parse().unwrap()).await;
+    let work = async {
+        loop {
+            planter.rescore(PIPELINE_VERSION, |old| duration(old / 2.0, 1.0)).await; // until the order has ended
+        }
+    };
+    let ended = tokio::select! {
+        ended = until(&centre, &id, |order| order["ended_at"] != Value::Null) => ended,
+        () = work => unreachable!(),
+    };
+    assert_eq!((&ended["sessions"]["done"], &ended["sessions"]["failed"]), (&json!(3), &json!(1)), "{ended}");
+    assert_eq!(ended["changes"]["changed"], 3, "{ended}");
+    let told: Vec<_> = items().await.into_iter().filter(|item| item["session"] == *edited).collect();
+    assert!(told[0]["error"]["type"].as_str().unwrap().ends_with("edited-meanwhile"), "{}", told[0]);
+    assert_eq!(told[0]["features"], json!([]), "{}", told[0]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn new_sessions_go_before_what_is_scored_again() {
     let (centre, planter) = practised().await;
     let id = centre.administrator.make(ORDERS, json!({})).await["id"].as_str().unwrap().to_owned();
