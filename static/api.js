@@ -1,20 +1,21 @@
 // The only file that talks to REST. Everything a page shows comes through here, from the same routes other programs use.
+import { inOurWords } from './said.js';
 import { t } from './texts.js';
 
 const ROOT = '/api/v1';
 const signedOut = new Set();
 
-/** An RFC 9457 problem: `title` says what, `detail` says what to do. */
+/** An RFC 9457 problem: `title` says what, `detail` says what to do, `lang` in which language if not the page's. */
 export class Problem extends Error {
-  constructor({ type, title, status, detail, ...more }) {
+  constructor({ type, title, status, detail, lang, ...more }) {
     super(title);
-    Object.assign(this, { type: type ?? 'about:blank', title, status, detail: detail ?? '', more });
+    Object.assign(this, { type: type ?? 'about:blank', title, status, detail: detail ?? '', lang, more });
   }
 
   /** From an answer's text, which a proxy may have replaced by something that is not JSON. */
   static fromText(status, text) {
     try {
-      const body = JSON.parse(text);
+      const body = inOurWords(JSON.parse(text));
       if (body?.title) return new Problem({ status, ...body });
     } catch {
       // Falls through to the general words.
@@ -61,7 +62,7 @@ async function call(method, path, { query, json, form, table, signal } = {}) {
 }
 
 /** JSON, or null for an empty body (a 201 or 202 may have one). */
-const parse = text => (text ? JSON.parse(text) : null);
+const parse = text => (text ? inOurWords(JSON.parse(text)) : null);
 
 /** All items of a list up to `limit`, page by page: for choosers, which must not silently lack the 51st name. */
 async function everything(path, query = {}, limit = 1000) {
@@ -97,6 +98,10 @@ export const api = {
     /** `query`: task, feature, tool, space. */
     progress: (id, query, signal) => call('GET', ['groups', id, 'progress'], { query, signal }),
     setMembers: (id, json) => call('PUT', ['groups', id, 'members'], { json }),
+    /** Its trainees against the steps of the plan that it follows. */
+    course: (id, signal) => call('GET', ['groups', id, 'course'], { signal }),
+    follow: (id, json) => call('PUT', ['groups', id, 'course'], { json }),
+    unfollow: id => call('DELETE', ['groups', id, 'course']),
   },
   tokens: noun('tokens'),
   tasks: {
@@ -116,6 +121,10 @@ export const api = {
     ...noun('cohorts'),
     members: id => everything(['cohorts', id, 'members']),
     replace: (id, json) => call('PUT', ['cohorts', id], { json }),
+  },
+  courses: {
+    ...noun('courses'),
+    replace: (id, json) => call('PUT', ['courses', id], { json }),
   },
   rescorings: {
     ...noun('rescorings'),
@@ -139,6 +148,8 @@ export const api = {
     ...noun('trainees'),
     /** `query`: task, feature, tool, space, cohort. */
     progress: (id, query, signal) => call('GET', ['trainees', id, 'progress'], { query, signal }),
+    /** The courses of their groups, the latest first. */
+    courses: (id, signal) => call('GET', ['trainees', id, 'course'], { signal }).then(page => page.items),
   },
   boxes: {
     ...noun('boxes'),

@@ -3,11 +3,12 @@ import { html, render, useEffect, useErrorBoundary, useRef, useState } from './p
 import { api, onSignedOut } from './api.js';
 import { asProblem } from './data.js';
 import { startLive, stopLive } from './live.js';
-import { go, href, useRoute } from './router.js';
+import { currentRoute, go, href, useRoute } from './router.js';
 import { may } from './roles.js';
 import { t } from './texts.js';
 import { Empty, Loading, ProblemNotice } from './parts/notice.js';
-import { forget } from './record/recorder.js';
+import { Brand } from './parts/icons.js';
+import { now as recording } from './record/current.js';
 import { Shell } from './parts/shell.js';
 import { SignIn } from './pages/sign_in.js';
 
@@ -83,6 +84,18 @@ const PAGES = [
     load: () => import('./pages/enrol.js'),
     needs: 'edit_trainees',
   },
+  {
+    name: 'groups',
+    at: path => path[0] === 'courses' && path.length === 1,
+    load: () => import('./pages/courses.js'),
+    needs: 'edit_courses',
+  },
+  {
+    name: 'groups',
+    at: path => path[0] === 'courses' && path.length === 2,
+    load: () => import('./pages/course.js'),
+    needs: 'edit_courses',
+  },
   { name: 'people', at: path => path[0] === 'service', load: () => import('./pages/service.js'), needs: 'people' },
   {
     name: 'boxes',
@@ -105,6 +118,15 @@ const PAGES = [
   { name: 'people', at: path => path[0] === 'people', load: () => import('./pages/people.js'), needs: 'people' },
   { name: 'account', at: path => path[0] === 'account', load: () => import('./pages/account.js') },
 ];
+
+/** The styles that the first paint does without, which would wait for them: here before a page is shown that may need them. */
+const styled = Promise.all([...document.querySelectorAll('link[media="not all"]')].map(async link => {
+  if (!link.sheet) await new Promise(done => Object.assign(link, { onload: done, onerror: done }));
+  link.media = 'all';
+}));
+
+/** The page that an address names. */
+const pageAt = path => PAGES.find(page => page.at(path));
 
 function App() {
   const [person, setPerson] = useState(undefined); // undefined: not known yet; null: nobody
@@ -134,10 +156,10 @@ function App() {
     const again = () => (setProblem(null), ask());
     return html`<main class="gate"><${ProblemNotice} problem=${problem} onRetry=${again} /></main>`;
   }
-  if (person === undefined) return html`<${Loading} />`;
+  if (person === undefined) return html`<header class="top"><a class="brand" href=${href([])}><${Brand} />${t.product}</a></header>`;
   if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${setPerson} />`;
   const signOut = async () => {
-    forget();
+    if (recording) (await import('./record/recorder.js')).forget();
     await api.signOut().catch(() => {}); // Signed out here in any case; the cookie ends by itself.
     setExpired(false);
     setPerson(null);
@@ -149,7 +171,8 @@ function App() {
 function Page({ person, onSignOut }) {
   const route = useRoute();
   const place = route.path.join('/');
-  const entry = PAGES.find(page => page.at(route.path) && (!page.needs || may(person, page.needs)));
+  const named = pageAt(route.path);
+  const entry = !named?.needs || may(person, named.needs) ? named : undefined;
   const [loaded, setLoaded] = useState({});
   const [fault, clearFault] = useErrorBoundary(error => console.error(error));
   const first = useRef(true);
@@ -158,7 +181,7 @@ function Page({ person, onSignOut }) {
     clearFault();
     let stale = false;
     const fail = error => !stale && setLoaded({ entry, problem: asProblem(error) });
-    entry?.load().then(module => !stale && setLoaded({ entry, Show: module.default }), fail);
+    if (entry) Promise.all([entry.load(), styled]).then(([module]) => !stale && setLoaded({ entry, Show: module.default }), fail);
     return () => (stale = true);
   }, [entry]);
 
@@ -186,4 +209,5 @@ const Missing = () => html`
     <a class="button main" href=${href([])}>${t.notFound.action}</a>
   <//>`;
 
+pageAt(currentRoute().path)?.load().catch(() => {}); // While it is asked who is there; the page itself says what failed.
 render(html`<${App} />`, document.getElementById('app'));

@@ -1,12 +1,18 @@
-// Numbers, times and sizes as people read them; times in the zone of the person's device.
-const when = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium', timeStyle: 'short' });
-const day = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium' });
-const share = new Intl.NumberFormat('en', { style: 'percent', maximumFractionDigits: 1 });
+// Numbers, times and sizes as people read them, in the page's language; times in the zone of the person's device.
+import { language, region } from './texts.js';
+
+const when = new Intl.DateTimeFormat(region, { dateStyle: 'medium', timeStyle: 'short' });
+const day = new Intl.DateTimeFormat(region, { dateStyle: 'medium' });
+/** A day of the calendar is the same everywhere, whatever the zone of the device. */
+const calendar = new Intl.DateTimeFormat(region, { dateStyle: 'medium', timeZone: 'UTC' });
+const share = new Intl.NumberFormat(language, { style: 'percent', maximumFractionDigits: 1 });
 const plain = [0, 1, 2, 3].map(
-  digits => new Intl.NumberFormat('en', { minimumFractionDigits: digits, maximumFractionDigits: digits }),
+  digits => new Intl.NumberFormat(language, { minimumFractionDigits: digits, maximumFractionDigits: digits }),
 );
-const rounded = new Intl.NumberFormat('en', { maximumSignificantDigits: 3 });
-const telling = new Intl.NumberFormat('en', { maximumSignificantDigits: 2 });
+const rounded = new Intl.NumberFormat(language, { maximumSignificantDigits: 3 });
+const telling = new Intl.NumberFormat(language, { maximumSignificantDigits: 2 });
+const whole = new Intl.NumberFormat(language, { maximumFractionDigits: 20, useGrouping: false });
+const [, POINT] = plain[1].format(0.5);
 const TRUE_MINUS = '−';
 
 /** Three telling digits and no more: what follows is noise of the measurement. */
@@ -18,6 +24,9 @@ export function number(value) {
   return minus(plain[size >= 100 ? 0 : size >= 10 ? 1 : 2].format(value));
 }
 
+/** All digits that it has: for the steps of an axis. */
+export const exact = value => minus(whole.format(value));
+
 /** An error: two telling digits. */
 export const uncertain = value => (Number.isFinite(value) ? telling.format(value) : '–');
 
@@ -26,7 +35,8 @@ export function fixed(value, digits) {
   return Number.isFinite(value) ? minus(plain[digits].format(value)) : '–';
 }
 
-const minus = text => text.replace('-', TRUE_MINUS);
+/** What rounds to nothing has no sign: a tip near zero would flicker between 0.0 and −0.0. */
+const minus = text => text.replace('-', /[1-9]/.test(text) ? TRUE_MINUS : '');
 
 export const percent = value => share.format(value);
 
@@ -35,20 +45,22 @@ export const unit = name => (name === '1' || !name ? '' : name);
 
 export const dateTime = iso => (iso ? when.format(new Date(iso)) : '–');
 export const date = iso => (iso ? day.format(new Date(iso)) : '–');
+/** Of a day without a time, as `2026-01-05`. */
+export const calendarDay = iso => calendar.format(new Date(`${iso}T00:00:00Z`));
 
-/** Seconds as `1:02.3`, or `1:02:03.4` from an hour on. */
+/** Seconds as `1:02.3`, or `1:02:03.4` from an hour on, with the language's point. */
 export function clock(seconds, digits = 1) {
   if (!Number.isFinite(seconds)) return '–';
   const unit = 10 ** digits;
   const total = Math.round(Math.max(0, seconds) * unit) / unit;
   const hours = Math.floor(total / 3600);
   const minutes = Math.floor((total % 3600) / 60);
-  const rest = (total % 60).toFixed(digits).padStart(digits ? digits + 3 : 2, '0');
+  const rest = (total % 60).toFixed(digits).replace('.', POINT).padStart(digits ? digits + 3 : 2, '0');
   return hours ? `${hours}:${String(minutes).padStart(2, '0')}:${rest}` : `${minutes}:${rest}`;
 }
 
 export function bytes(count) {
   const units = ['B', 'kB', 'MB', 'GB'];
   const step = Math.min(units.length - 1, Math.floor(Math.log10(Math.max(1, count)) / 3));
-  return `${step ? (count / 1000 ** step).toFixed(1) : count} ${units[step]}`;
+  return `${step ? plain[1].format(count / 1000 ** step) : count} ${units[step]}`;
 }

@@ -2,6 +2,7 @@
 // Positions and pictures are drawn when the screen is repainted; nothing of them goes through component state.
 import { useEffect, useMemo, useReducer, useRef } from './parts/preact.js';
 import { api } from './api.js';
+import { inOurWords } from './said.js';
 import { LiveTrack } from './parts/live_track.js';
 
 const RETRY_MS = { first: 1_000, most: 30_000 };
@@ -122,7 +123,7 @@ export class Watch {
     this.#heardAt = performance.now();
     this.#retryMs = RETRY_MS.first;
     if (typeof data !== 'string') return this.#takePicture(data);
-    const word = JSON.parse(data);
+    const word = inOurWords(JSON.parse(data));
     if (word.type === 'frame') return this.#takeFrame(word);
     this.#take(word);
   }

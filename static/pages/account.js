@@ -1,10 +1,11 @@
-// The signed-in person: who they are, a new password, signing out.
+// The signed-in person: who they are, their language, a new password, signing out.
 import { html, useState } from '../parts/preact.js';
 import { api, Problem } from '../api.js';
 import { Confirm } from '../parts/dialog.js';
 import { Form } from '../parts/form.js';
+import { LanguageChoice } from '../parts/language.js';
 import { Notice, PageHead } from '../parts/notice.js';
-import { isRecording } from '../record/recorder.js';
+import { isRecording } from '../record/current.js';
 import { t } from '../texts.js';
 
 const words = t.account;
@@ -45,6 +46,7 @@ export default function Account({ person, onSignOut }) {
             <dt>${words.name}</dt><dd>${person.name}</dd>
             <dt>${words.login}</dt><dd>${person.login}</dd>
             <dt>${words.role}</dt><dd>${t.roles[person.role] ?? person.role}</dd>
+            <dt>${t.language}</dt><dd><${LanguageChoice} /></dd>
           </dl>
         </div>
       </section>

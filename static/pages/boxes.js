@@ -49,8 +49,8 @@ export default function Boxes({ person }) {
           <table class="table">
             <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.camera}</th><th scope="col">
               ${words.palette}</th><th scope="col">${t.selfTest.today}</th>
-              <th scope="col">${words.tools}</th><th scope="col" class="third">${words.view}</th>
-              <td></td><td></td></tr></thead>
+              <th scope="col" class="third">${words.tools}</th><th scope="col" class="third">${words.view}</th>
+              <td></td></tr></thead>
             <tbody>
               ${boxes.map(box => html`
                 <tr key=${box.id}>
@@ -58,12 +58,12 @@ export default function Boxes({ person }) {
                   <td><${CameraState} calibration=${box.calibration} /></td>
                   <td><${PaletteState} palette=${box.palette} /></td>
                   <td><${TodaysLight} test=${box.self_test} /></td>
-                  <td>${box.tools.map(toolName).join(', ') || '–'}</td>
+                  <td class="third">${box.tools.map(toolName).join(', ') || '–'}</td>
                   <td class="third">${words.views[box.view] ?? words.auto}</td>
-                  <td>${mayEdit && !(box.calibration && box.palette) && html`<a class="button main nowrap"
-                    href=${href(['boxes', box.id, 'setup'])} aria-label=${t.setup.openNamed(box.name)}>${words.setUp}</a>`}</td>
-                  <td>${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change}
-                    onRemove=${may(person, 'people') && edit.remove} />`}</td>
+                  <td>${mayEdit && html`<div class="row">${!(box.calibration && box.palette) && html`<a class="button main nowrap"
+                    href=${href(['boxes', box.id, 'setup'])} aria-label=${t.setup.openNamed(box.name)}>${words.setUp}</a>`}
+                    <${RowButtons} item=${box} onEdit=${edit.change}
+                      onRemove=${may(person, 'people') && edit.remove} /></div>`}</td>
                 </tr>`)}
             </tbody>
           </table>

@@ -20,8 +20,8 @@ export default function Certificate({ route }) {
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   if (!data.passed)
     return html`<${PageHead} title=${words.title} lead=${[data.trainee.name, data.task?.name].filter(Boolean).join(', ')} />
-      <${Empty} title=${words.refused} body=${whyNot(data)}>
-        <a class="button" href=${href(['trainees', id], { task })}>${words.back}</a><//>`;
+      <section class="card"><${Empty} title=${words.refused} body=${whyNot(data)}>
+        <a class="button" href=${href(['trainees', id], { task })}>${words.back}</a><//></section>`;
   return html`<${Paper} told=${data} />`;
 }
 

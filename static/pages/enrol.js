@@ -4,7 +4,7 @@ import { api } from '../api.js';
 import { rowsOf, textOf } from '../csv.js';
 import { asProblem, useData } from '../data.js';
 import { href } from '../router.js';
-import { t } from '../texts.js';
+import { t, theirs } from '../texts.js';
 import { Field } from '../parts/form.js';
 import { Announce, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
 
@@ -85,10 +85,16 @@ function read(text, group) {
   const unknown = (head ?? []).filter((name, at) => name && !Object.values(places).includes(at));
   if (places.name < 0) return { why: words.noName };
   if (!lines.length) return { why: words.noRows };
-  const of = line => Object.fromEntries(FIELDS.map(field => [field, line[places[field]] ?? '']));
+  const of = line => Object.fromEntries(FIELDS.map(field => [field, codeOf(field, line[places[field]] ?? '')]));
   const rows = lines.map(of).map(row => ({ ...row, group: row.group || group }));
   return { rows, unknown };
 }
+
+/** A table may name levels and hands as these pages do; REST knows them by their codes. */
+const CODES = { level: t.trainees.levels, handedness: t.trainees.hands };
+const codeOf = (field, cell) =>
+  Object.entries(CODES[field] ?? {}).find(([, name]) => name.toLowerCase() === cell.toLowerCase())?.[0] ?? cell;
+const wordsOf = (field, cell) => CODES[field]?.[cell] ?? cell;
 
 const wrongRows = ({ problems }) => new Set(problems.map(problem => problem.row)).size;
 
@@ -120,11 +126,11 @@ function Looked({ looked, busy, onEnrol }) {
 
 const Row = ({ number, row, problems }) => html`
   <tr class=${problems.length ? 'wrong' : ''}>
-    <th scope="row">${number}</th>
+    <th scope="row" class="short">${number}</th>
     ${FIELDS.map(field => html`<td key=${field} class=${field === 'code' && !row.code ? 'muted' : ''}>
-      ${row[field] || (field === 'code' ? words.made : '–')}</td>`)}
+      ${wordsOf(field, row[field]) || (field === 'code' ? words.made : '–')}</td>`)}
     <td>${problems.length ? html`<ul class="row-problems">${problems.map(problem => html`<li key=${problem.field}>
-      ${words.columns[problem.field]}: ${problem.message}</li>`)}</ul>` : words.fine}</td>
+      ${words.columns[problem.field]}: <span lang=${theirs}>${problem.message}</span></li>`)}</ul>` : words.fine}</td>
   </tr>`;
 
 const Done = ({ enrolled }) => html`

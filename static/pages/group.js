@@ -7,6 +7,7 @@ import { may } from '../roles.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/form.js';
+import { GroupCourse } from '../parts/group_course.js';
 import { GroupTable } from '../parts/group_table.js';
 import { MembersDialog } from '../parts/groups_tokens.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
@@ -17,23 +18,28 @@ export default function GroupPage({ person, route }) {
   const id = route.path[1];
   const runs = may(person, 'people');
   const { data: base, problem, reload } = useData(async signal => {
-    const [group, tasks, features, people, trainees] = await Promise.all([
-      api.groups.get(id, signal), api.tasks.all(), api.features(signal), runs ? api.people.all() : [], runs ? api.trainees.all() : []]);
-    return { group, tasks, features, people, trainees };
+    const [group, tasks, features, plans, people, trainees] = await Promise.all([
+      api.groups.get(id, signal), api.tasks.all(), api.features(signal), api.courses.all(), runs ? api.people.all() : [], runs ? api.trainees.all() : []]);
+    return { group, tasks, features, plans, people, trainees };
   }, [id]);
   const [members, setMembers] = useState(false);
   if (!base)
     return html`<${PageHead} title=${words.title} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
-  const { group, tasks } = base;
+  const { group, tasks, plans } = base;
+  const course = html`<${GroupCourse} group=${group} plans=${plans} onChange=${reload} />`;
   return html`
     <${PageHead} title=${group.name} lead=${words.count(group.trainees.length)}>
       <a class="button" href=${href(['groups'])}>${words.all}</a>
       ${runs && html`<button class="button" type="button" onClick=${() => setMembers(true)}>${words.members}</button>`}
       <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a>
     <//>
-    ${tasks.length ? html`<${Progress} base=${base} route=${route} key=${group.trainees.join()} />`
-      : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}
+    <div class="stack">
+      ${group.course && course}
+      ${tasks.length ? html`<${Progress} base=${base} route=${route} key=${group.trainees.join()} />`
+        : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}
+      ${!group.course && tasks.length > 0 && course}
+    </div>
     ${members && html`<${MembersDialog} group=${group} data=${base} onSaved=${() => (setMembers(false), reload())}
       onClose=${() => setMembers(false)} />`}`;
 }
@@ -44,6 +50,7 @@ function Progress({ base: { group, tasks, features }, route }) {
   const asked = { task: task.id, feature: named('feature'), tool: named('tool') };
   const { data, current: told, problem, reload } = useData(
     signal => api.groups.progress(group.id, asked, signal), [group.id, asked.task, asked.feature, asked.tool]);
+  const whole = features.find(one => one.name === data?.feature)?.of_session;
   const soon = useThrottled(reload, 3000);
   useLive('session', event => event.status === 'done' && soon());
   useLive('resync', soon);
@@ -55,7 +62,7 @@ function Progress({ base: { group, tasks, features }, route }) {
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
         ${choose(words.feature, 'feature', asked.feature, [['', words.asked], ...features.map(one => [one.name, one.title])])}
-        ${data?.tools.length > 1 && choose(words.tool, 'tool', told ? told.tool : asked.tool, data.tools.map(one => [one, one]))}
+        ${data?.tools.length > 1 && choose(words.tool, 'tool', told ? told.tool : asked.tool, [...(whole ? [['', t.standardForm.whole]] : []), ...data.tools.map(one => [one, one])])}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${!told && !problem && html`<${Loading} />`}

@@ -21,6 +21,7 @@ export default function GroupsPage({ person }) {
   const create = ({ name }) => api.groups.create({ name }).then(() => (close(), reload()));
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
+      <a class="button" href=${href(['courses'])}>${t.courses.open}</a>
       <a class="button" href=${href(['enrol'])}>${words.enrol}</a>
       ${runs && html`<${AddButton} label=${words.add} onClick=${() => setOpen('new')} />`}
     <//>
@@ -41,10 +42,11 @@ export default function GroupsPage({ person }) {
 
 const List = ({ groups, onRemove }) => html`
   <div class="scroll"><table class="table">
-    <thead><tr><th scope="col">${words.group}</th><th scope="col" class="number">${words.trainees}</th>${onRemove && html`<td></td>`}</tr></thead>
+    <thead><tr><th scope="col">${words.group}</th><th scope="col" class="number">${words.trainees}</th><th scope="col" class="second">${t.courses.ofGroup}</th>${onRemove && html`<td></td>`}</tr></thead>
     <tbody>${groups.map(group => html`<tr key=${group.id}>
       <th scope="row"><a class="cover" href=${href(['groups', group.id])}>${group.name}</a></th>
       <td class="number">${group.trainees.length}</td>
+      <td class="second">${group.course ? html`<a href=${href(['courses', group.course.id])}>${group.course.name}</a>` : '–'}</td>
       ${onRemove && html`<td><div class="row ends"><button class="button bare" type="button" aria-label=${`${words.remove}: ${group.name}`}
         onClick=${() => onRemove(group)}>${words.remove}</button></div></td>`}</tr>`)}</tbody>
   </table></div>`;

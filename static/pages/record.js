@@ -12,7 +12,8 @@ import { Standing } from '../parts/standing.js';
 import { maySend, Need, TargetFields, useTarget } from '../parts/target.js';
 import { useCamera } from '../parts/use_camera.js';
 import { useWatch } from '../watch.js';
-import { begin, isRecording, onRecording, recording, stop } from '../record/recorder.js';
+import { isRecording, now as recording, onRecording } from '../record/current.js';
+import { begin, stop } from '../record/recorder.js';
 
 const words = t.record;
 const USUAL = '1920x1080';
@@ -34,7 +35,7 @@ function Recorder({ person, route }) {
     if (!isKnown) return undefined;
     return box?.calibration ? api.boxes.camera(box.id).catch(() => null) : null;
   }, [isKnown, box?.id]);
-  const [runs] = useState(() => (isRecording() ? recording().picture : null)); // Whoever comes back sees what is recorded.
+  const [runs] = useState(() => (isRecording() ? recording.picture : null)); // Whoever comes back sees what is recorded.
   const camera = useCamera(sizeOf(runs ?? calibrated));
   const [problem, setProblem] = useState(null);
   const [heldUp, setHeldUp] = useState(false);
@@ -102,6 +103,6 @@ function Setup({ target, camera, calibrated, box, person }) {
 
 function useRecording() {
   const [now, setNow] = useState(recording);
-  useEffect(() => onRecording(() => setNow(recording())), []);
+  useEffect(() => onRecording(() => setNow(recording)), []);
   return now;
 }

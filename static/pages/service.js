@@ -40,9 +40,9 @@ function Stands({ told: { version, pipeline, started_at, storage, queue, last_ba
         [words.database, bytes(storage.database_bytes)],
         [words.free, bytes(storage.free_bytes)],
       ]} />
-      <${Facts} title=${words.backup} rows=${[[words.last, backup ? words.backupOf(dateTime(backup.at), backup.files) : words.noBackup]]}>
+      <div class="stack"><${Facts} title=${words.backup} rows=${[[words.last, backup ? words.backupOf(dateTime(backup.at), backup.files) : words.noBackup]]}>
         ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}>${words.noBackupBody}<//>`}<//>
-      <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} />
+      <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>
       <${Facts} title=${words.retention} rows=${[
         [words.kept, words.keptFor],
         [words.erased, words.within(settings.erased_within_s)],

@@ -69,7 +69,7 @@ const Lead = ({ session, person }) => html`
 const Waiting = ({ session, progress }) => html`
   <section class="card">
     <div class="body stack tight">
-      ${session.error && html`<${Notice} tone="warn" title=${session.error.title}>${session.error.detail}<//>`}
+      ${session.error && html`<${Notice} tone="warn" title=${session.error.title}><span lang=${session.error.lang}>${session.error.detail}</span><//>`}
       <${Notice}
         title=${{ queued: words.waiting, tracking: words.tracking }[session.status]}>
         ${session.status === 'queued' && Number.isFinite(session.queue_position)
@@ -123,7 +123,7 @@ function Loaded({ session, person, edits, start, onEdited }) {
   if (!done && !session.video) return null;
   return html`
     ${problem && html`<${ProblemNotice}
-      problem=${{ title: words.noPath, detail: `${problem.title}. ${problem.detail}` }} onRetry=${reload} />`}
+      problem=${{ title: words.noPath, detail: html`${problem.title}. <span lang=${problem.lang}>${problem.detail}</span>` }} onRetry=${reload} />`}
     ${data !== undefined || problem ? html`<${Review} session=${session} person=${person} trajectory=${data}
       edits=${edits} start=${start} onEdited=${onEdited} />` : html`<${Loading} />`}`;
 }

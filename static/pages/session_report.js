@@ -3,7 +3,7 @@ import { html } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { clock, dateTime } from '../format.js';
-import { t } from '../texts.js';
+import { t, theirs } from '../texts.js';
 import { featureRows } from '../parts/features.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 import { ProgressPlot } from '../parts/progress_plot.js';
@@ -78,7 +78,7 @@ function Targets({ features }) {
           <tr key=${`${one.name} ${one.tool} ${one.space}`}>
             <th scope="row">${[one.title, one.tool].filter(Boolean).join(', ')}</th>
             <td>${limitOf(one.target, one.unit)}</td>
-            <td>${measured(one)}</td>
+            <td lang=${one.not_enough ? theirs : undefined}>${measured(one)}</td>
             <td><strong>${words.judgements[one.judgement]}</strong></td>
           </tr>`)}</tbody>
       </table>

@@ -3,6 +3,7 @@ import { html, useEffect } from '../parts/preact.js';
 import { api } from '../api.js';
 import { Brand } from '../parts/icons.js';
 import { Form } from '../parts/form.js';
+import { LanguageChoice } from '../parts/language.js';
 import { Notice } from '../parts/notice.js';
 import { t } from '../texts.js';
 
@@ -35,6 +36,7 @@ export function SignIn({ expired, onSignedIn }) {
           <p>${t.signIn.lead}</p>
           ${expired && html`<${Notice} tone="warn" title=${t.signIn.again} />`}
           <${Form} fields=${FIELDS} onSave=${send} submit=${t.signIn.submit} busyWords=${t.signIn.busy} />
+          <${LanguageChoice} />
         </div>
       </section>
     </main>`;

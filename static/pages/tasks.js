@@ -19,7 +19,7 @@ export default function Tasks({ person }) {
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
-    { name: 'description', label: words.description, type: 'textarea', value: item?.description },
+    { name: 'description', label: words.description, type: 'textarea', value: item?.description, wide: true },
   ];
   const edit = useEditing({
     addTitle: words.add,
@@ -40,14 +40,14 @@ export default function Tasks({ person }) {
       ${tasks?.length > 0 && html`
         <div class="scroll">
           <table class="table">
-            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col">
+            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.code}</th><th scope="col" class="third">
               ${words.description}</th><th scope="col">${words.model.title}</th><td></td></tr></thead>
             <tbody>
               ${tasks.map(task => html`
                 <tr key=${task.id}>
                   <th scope="row"><a class="cover" href=${href(['tasks', task.id])}>${task.name}</a></th>
                   <td class="code">${task.code}</td>
-                  <td class="muted">${task.description}</td>
+                  <td class="muted third">${task.description}</td>
                   <td><${SkillModel} task=${task} mayTrain=${may(person, 'people')} /></td>
                   <td><div class="row ends">${may(person, 'rate') && html`<button class="button" type="button"
                     aria-label=${t.raters.title(task.name)} onClick=${() => setRated(task)}>${t.raters.open}</button>`}

@@ -10,24 +10,38 @@ import { t } from '../texts.js';
 import { Attention } from '../parts/attention.js';
 import { icons } from '../parts/icons.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { OwnCourses } from '../parts/own_courses.js';
+import { traineeId } from '../parts/shell.js';
 import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
 
 const words = t.today;
 const DAY_MS = 86_400_000;
 const SHOWN = 8;
+const COUNTED = 50;
+const AGAIN_MS = 5_000;
 
 /** One request per state: a busy centre's newest page alone would hide what still waits below it. */
 async function load(signal) {
-  const ask = status => api.sessions.page({ status, limit: 50 }, signal);
-  const [receiving, queued, tracking, failed, done] = await Promise.all(
-    ['receiving', 'queued', 'tracking', 'failed', 'done'].map(ask),
-  );
+  const ask = status => api.sessions.page({ status, limit: COUNTED }, signal);
+  const [receiving, queued, tracking, failed] = await Promise.all(['receiving', 'queued', 'tracking', 'failed'].map(ask));
   return {
     moving: [...tracking.items, ...queued.items, ...receiving.items],
     failed: failed.items,
     moreFailed: failed.next !== null,
-    done: done.items,
   };
+}
+
+/** The newest scored sessions, and how many are of the last day. They come with all their features: nothing else waits for them, and
+ *  they are not read anew with every step of the queue. */
+function useScored() {
+  const { data, problem, reload } = useData(signal => api.sessions.page({ status: 'done', limit: COUNTED }, signal), []);
+  const soon = useThrottled(reload, AGAIN_MS);
+  useLive('session', event => event.status === 'done' && soon());
+  useLive('resync', soon);
+  if (!data) return { items: null, count: '…', problem, reload };
+  const recent = data.items.filter(session => Date.now() - Date.parse(session.created_at) < DAY_MS).length;
+  const isMore = data.next && recent === data.items.length; // Those that are not read may be of the same day.
+  return { items: data.items.slice(0, SHOWN), count: `${recent}${isMore ? '+' : ''}`, problem, reload };
 }
 
 export default function Today({ person }) {
@@ -36,6 +50,10 @@ export default function Today({ person }) {
   const [said, setSaid] = useState('');
   const [counted, setCounted] = useState(null); // The service's own count, also of what is below the first page.
   const soon = useThrottled(reload, 700);
+  const scored = useScored();
+  const trainee = traineeId(person);
+  const own = useData(async signal => (trainee ? api.trainees.courses(trainee, signal) : []), []);
+  const [isTold, setTold] = useState(false);
 
   useLive('resync', reload);
   useLive('queue', counts => {
@@ -50,25 +68,25 @@ export default function Today({ person }) {
     soon();
   });
 
-  if (!data)
+  if (!data || !(own.data ?? own.problem)) // All at once: nothing that comes later pushes it aside.
     return html`<${PageHead} title=${words.title} lead=${words.lead} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
   const count = status => moving.filter(session => session.status === status).length;
   const whole = may(person, 'retry') ? counted : null; // A trainee is shown their own recordings only.
-  const recent = data.done.filter(session => Date.now() - Date.parse(session.created_at) < DAY_MS).length;
   const mayUpload = may(person, 'upload') || may(person, 'upload_own');
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
       <${LiveState} />
       ${mayUpload && html`<a class="button main" href=${href(['upload'])}><${icons.upload} />${words.upload}</a>`}
     <//>
-    <${ProblemNotice} problem=${problem} onRetry=${reload} />
+    <${ProblemNotice} problem=${problem ?? scored.problem} onRetry=${problem ? reload : scored.reload} />
     <${Announce}>${said}<//>
+    ${own.data?.length > 0 && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data} brief /></div>`}
     <dl class="figures">
       <${Figure} name=${words.queued} value=${whole?.queued ?? count('queued')} />
       <${Figure} name=${words.running} value=${whole?.running ?? count('tracking')} />
-      <${Figure} name=${words.finished} value=${recent} />
+      <${Figure} name=${words.finished} value=${scored.count} />
       <${Figure} name=${words.attention} value=${`${data.failed.length}${data.moreFailed ? '+' : ''}`} />
     </dl>
     <div class="columns">
@@ -77,9 +95,9 @@ export default function Today({ person }) {
         moreWords=${words.watch} />
       <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention}
         emptyBody=${words.emptyAttentionBody} />
-      <${Attention} own=${!may(person, 'see_trainees')} />
-      <${List} title=${words.recent} items=${data.done.slice(0, SHOWN)} row=${Done} empty=${words.emptyRecent}
-        emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} moreWords=${words.all} wide />
+      <${Attention} own=${!may(person, 'see_trainees')} onTold=${() => setTold(true)} />
+      ${isTold && html`<${List} title=${words.recent} items=${scored.items} row=${Done} empty=${words.emptyRecent}
+        emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} moreWords=${words.all} wide />`}
     </div>`;
 }
 
@@ -95,7 +113,7 @@ const Figure = ({ name, value }) => html`<div class="card figure"><dt>${name}</d
 const List = ({ title, items, row: Row, empty, emptyBody, more, moreWords, wide }) => html`
   <section class=${`card ${wide ? 'wide' : ''}`}>
     <header><h2>${title}</h2>${more && html`<a href=${more}>${moreWords}</a>`}</header>
-    ${items.length ? html`<ul class="queue">${items.map(session => html`<${Row} key=${session.id}
+    ${!items ? html`<${Loading} />` : items.length ? html`<ul class="queue">${items.map(session => html`<${Row} key=${session.id}
       session=${session} />`)}</ul>` : html`<${Empty} title=${empty} body=${emptyBody} />`}
   </section>`;
 
@@ -119,7 +137,7 @@ const Failed = ({ session }) => html`
   <li>
     <${Name} session=${session} />
     <${StatusPill} state=${stateOf(session)} />
-    ${session.error && html`<p class="why">${session.error.title}. ${session.error.detail}</p>`}
+    ${session.error && html`<p class="why">${session.error.title}. <span lang=${session.error.lang}>${session.error.detail}</span></p>`}
   </li>`;
 
-const Done = ({ session }) => html`<li><${Name} session=${session} /><${StatusPill} state="done" /></li>`;
+const Done = ({ session }) => html`<li><${Name} session=${session} /><${StatusPill} state=${stateOf(session)} /></li>`;

@@ -10,6 +10,7 @@ import { Balance } from '../parts/balance.js';
 import { Field } from '../parts/form.js';
 import { MonitorCharts } from '../parts/monitor_chart.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+import { OwnCourses } from '../parts/own_courses.js';
 import { ProgressPlot } from '../parts/progress_plot.js';
 import { ProgressWords } from '../parts/progress_words.js';
 import { StatusPill } from '../parts/status.js';
@@ -26,9 +27,9 @@ export default function Trainee({ route }) {
   } = useData(
     async signal => {
       const newest = api.sessions.page({ trainee: id, limit: 1 }, signal);
-      const [trainee, tasks, last, features, cohorts] = await Promise.all([
-        api.trainees.get(id, signal), api.tasks.all(), newest, api.features(signal), api.cohorts.all()]);
-      return { trainee, tasks, features, cohorts, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
+      const [trainee, tasks, last, features, cohorts, courses] = await Promise.all([
+        api.trainees.get(id, signal), api.tasks.all(), newest, api.features(signal), api.cohorts.all(), api.trainees.courses(id, signal)]);
+      return { trainee, tasks, features, cohorts, courses, usual: tasks.find(task => task.id === last.items[0]?.task?.id) ?? tasks[0] }; // What they trained last.
     },
     [id],
   );
@@ -41,8 +42,11 @@ export default function Trainee({ route }) {
     <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')}>
       <a class="button" href=${href(['trainees', id, 'certificate'], { task: route.query.get('task') ?? base.usual?.id })}>${t.certificate.open}</a>
       <a class="button" href=${href(['trainees', id, 'report'], { task: route.query.get('task'), cohort: cohortOf(route) })}>${t.report.open}</a><//>
-    ${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
-      : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}`;
+    <div class="stack">
+      <${OwnCourses} trainee=${id} first=${base.courses} />
+      <div>${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
+        : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}</div>
+    </div>`;
 }
 
 function Progress({ id, base, route }) {

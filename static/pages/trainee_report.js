@@ -32,7 +32,7 @@ export default function TraineeReport({ route }) {
         [words.trainee, `${trainee.name} (${trainee.code})`],
         [words.level, t.trainees.levels[trainee.level]],
         [words.task, task.name],
-        [words.period, `${date(sessions[0].recorded_at)} – ${date(sessions[sessions.length - 1].recorded_at)}`],
+        [words.period, [...new Set([sessions[0], sessions[sessions.length - 1]].map(one => date(one.recorded_at)))].join(' – ')],
         [words.sessions, words.counted(data.earlier + sessions.length, counted)],
       ]} />
       <section class=${data.cohort ? 'words' : 'words alone'}>${series[0] && html`<${ProgressWords} progress=${data} series=${series[0]} />`}</section>

@@ -5,7 +5,7 @@ import { useData, useThrottled } from '../data.js';
 import { number } from '../format.js';
 import { useLive } from '../live.js';
 import { href } from '../router.js';
-import { t } from '../texts.js';
+import { language, t } from '../texts.js';
 import { useWatch } from '../watch.js';
 import { LiveScreen } from '../parts/live_screen.js';
 import { stateOf, ToolState, useToolStates } from '../parts/live_tools.js';
@@ -28,7 +28,7 @@ export default function Wall() {
   useLive('session', soon);
   useLive('resync', reload);
   // Each box keeps its place, whoever else begins or ends.
-  const items = [...(data?.items ?? [])].sort((a, b) => (a.box?.name ?? '').localeCompare(b.box?.name ?? ''));
+  const items = [...(data?.items ?? [])].sort((a, b) => (a.box?.name ?? '').localeCompare(b.box?.name ?? '', language));
   return html`
     <${PageHead} title=${words.title} lead=${words.lead} />
     <${ProblemNotice} problem=${problem} onRetry=${reload} />

@@ -1,5 +1,5 @@
 // Who needs somebody: relapses, refreshers that are due, sessions that were refused, sessions that wait for a rating.
-import { html } from './preact.js';
+import { html, useEffect } from './preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
 import { date, dateTime } from '../format.js';
@@ -12,10 +12,12 @@ const words = t.attention;
 const AGAIN_MS = 30_000; // It looks through many sessions; a minute's delay hurts nobody.
 const TONES = { relapsed: 'bad', due: 'warn', refused: 'bad', unrated: '' };
 
-/** `own`: the page is a trainee's, who is told of nobody else. */
-export function Attention({ own }) {
+/** `own`: the page is a trainee's, who is told of nobody else. `onTold()`: the list is as long as it is, nothing below it moves any more. */
+export function Attention({ own, onTold }) {
   const { data, problem, reload } = useData(signal => api.attention(signal), []);
   const soon = useThrottled(reload, AGAIN_MS);
+  const isTold = Boolean(data ?? problem);
+  useEffect(() => void (isTold && onTold()), [isTold]);
   useLive('session', event => event.status === 'done' && soon());
   useLive('resync', soon);
   const items = data ? [...data.alarms.map(alarm), ...data.refused.map(of('refused')), ...data.unrated.map(of('unrated'))] : [];

@@ -1,9 +1,10 @@
 // Strengths and weaknesses in words: what the newest session that counts kept and missed, and how it stands among others.
 import { html } from './preact.js';
-import { uncertain, number, unit } from '../format.js';
+import { number, unit } from '../format.js';
 import { t } from '../texts.js';
 import { Empty } from './notice.js';
 import { limitWords } from './standard.js';
+import { withError } from './with_error.js';
 
 const words = t.balance;
 const BETTER = { strong: 75, weak: 25 }; // Per cent; its whole interval has to lie beyond the half.
@@ -38,7 +39,7 @@ function judge(one, newest, cohort) {
   if (!point || point.value === null)
     return one.target && { ...told, kind: 'open', words: words.unmeasured(limitWords(one.target)) };
   const place = placeWords(one.place, point, cohort);
-  const value = `${number(point.value)}${point.low === null ? '' : ` ± ${uncertain((point.high - point.low) / 2)}`} ${unit(one.unit)}`.trim();
+  const value = `${point.low === null ? number(point.value) : withError(point.value, point).join(' ± ')} ${unit(one.unit)}`.trim();
   if (!one.target) return { ...told, kind: place.kind, words: place.words };
   const limit = limitWords(one.target);
   if (point.judgement === 'pass') return { ...told, kind: 'strong', words: `${words.kept(value, limit)} ${place.words}` };

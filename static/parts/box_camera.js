@@ -2,7 +2,7 @@
 import { html, useState } from './preact.js';
 import { api, Problem } from '../api.js';
 import { dateTime, number } from '../format.js';
-import { t } from '../texts.js';
+import { t, theirs } from '../texts.js';
 import { Form } from './form.js';
 import { jobIdOf, JobProgress } from './job.js';
 import { Notice } from './notice.js';
@@ -67,7 +67,7 @@ const Photos = ({ photos }) => html`
             <td><span class=${`pill ${photo.used ? 'good' : 'warn'}`}>${photo.used ? words.used
               : words.left}</span></td>
             <td class="number">${number(photo.rms_px)}</td>
-            <td>${photo.reason}</td>
+            <td lang=${theirs}>${photo.reason}</td>
           </tr>`)}
       </tbody>
     </table>

@@ -47,8 +47,8 @@ export function SelfTestSummary({ tests }) {
       ${last.parts.map(part => html`
         <li key=${part.part} class="stack tight">
           <div><${LightPill} light=${part.light} name=${words.parts[part.part]} /></div>
-          <p class="small">${part.finding}</p>
-          ${part.advice && html`<p class="small muted">${words.todo}: ${part.advice}</p>`}
+          <p class="small" lang=${part.lang}>${part.finding}</p>
+          ${part.advice && html`<p class="small muted">${words.todo}: <span lang=${part.lang}>${part.advice}</span></p>`}
         </li>`)}
     </ul>
     ${last.holds.length > 0 && html`<details><summary>${words.holds(last.holds.length)}</summary>

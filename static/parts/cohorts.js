@@ -59,7 +59,7 @@ const isDescribed = chosen => chosen.kind !== 'listed';
 const fields = ({ cohort, members = [] }, { trainees }, groups) => [
   { name: 'name', label: words.name, required: true, maxlength: 100, value: cohort?.name },
   { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: cohort?.code },
-  { name: 'kind', label: words.kind, type: 'select', options: Object.entries(words.kinds), value: cohort?.listed ? 'listed' : 'described' },
+  { name: 'kind', label: words.kind, type: 'select', options: Object.entries(words.kinds), value: cohort?.listed ? 'listed' : 'described', wide: true },
   { name: 'level', label: words.level, type: 'select', options: any(t.trainees.levels), value: cohort?.level ?? '', when: isDescribed },
   { name: 'handedness', label: words.hand, type: 'select', options: any(t.trainees.hands), value: cohort?.handedness ?? '', when: isDescribed },
   { name: 'group', label: words.group, type: 'select', options: [['', words.any], ...groups.map(one => [one.id, one.name])],

@@ -67,7 +67,7 @@ function Score({ edits, mayEdit, onAgain }) {
   if (edits.score === 'current') return null;
   if (edits.score !== 'failed') return html`<${Notice} title=${words.making}>${words.makingBody}<//>`;
   const again = mayEdit && edits.job ? () => api.jobs.retry(edits.job).then(onAgain, onAgain) : undefined;
-  const why = [edits.error?.title, edits.error?.detail].filter(Boolean).join('. ');
+  const why = edits.error && html`${edits.error.title}. <span lang=${edits.error.lang}>${edits.error.detail}</span>`;
   return html`<${ProblemNotice} problem=${{ title: words.failed, detail: why }} onRetry=${again} />`;
 }
 

@@ -1,9 +1,11 @@
 // The features of a session: one row per feature, one column per tool, "not enough" in words instead of a number.
 import { html, useState } from './preact.js';
-import { number, uncertain, unit } from '../format.js';
-import { t } from '../texts.js';
+import { number, unit } from '../format.js';
+import { t, theirs } from '../texts.js';
 import { Empty } from './notice.js';
+import { PlaceChooser, PlaceOf } from './places.js';
 import { keyOf, Stretches } from './seconds.js';
+import { withError } from './with_error.js';
 
 const words = t.session;
 
@@ -24,7 +26,7 @@ export function featureRows(features, space) {
   return [...rows.values()];
 }
 
-export function Features({ features, live, tools, withheld, evidence, playback }) {
+export function Features({ features, live, tools, places, withheld, evidence, playback }) {
   const [open, setOpen] = useState(null);
   const [space, setSpace] = useState('3d');
   if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
@@ -46,8 +48,9 @@ export function Features({ features, live, tools, withheld, evidence, playback }
         ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
           onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
       </div>`}
+    <${PlaceChooser} places=${places} />
     ${toldLive.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
-    ${general.map(why => html`<p key=${why} class="small muted chooser">${why}</p>`)}
+    ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${theirs}>${why}</p>`)}
     <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
       <table class="table dense">
         <thead>
@@ -67,9 +70,9 @@ export function Features({ features, live, tools, withheld, evidence, playback }
                 <th scope="row"><${Title} row=${row} space=${space} evidence=${evidence} open=${open === row.name}
                   onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
                   .filter(why => !general.includes(why))
-                  .map(why => html`<small key=${why}>${why}</small>`)}</th>
+                  .map(why => html`<small key=${why} lang=${theirs}>${why}</small>`)}</th>
                 ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
-                  feature=${row.byTool.get(tool)} /><${Live} feature=${toldLive.get(row.name)?.get(tool)} /></td>`)}
+                  feature=${row.byTool.get(tool)} told=${places.told} /><${Live} feature=${toldLive.get(row.name)?.get(tool)} /></td>`)}
                 <td class="unit">${unit(row.unit)}</td>
               </tr>
               ${open === row.name && html`
@@ -102,11 +105,13 @@ export function families(rows) {
   return [...heads];
 }
 
-/** The reasons stand under the title, where there is room; the cell only says that there is no number. */
+/** The reasons stand under the title, where there is room; the cell only says that there is no number. One that holds for every tool
+ *  names none. */
 function whyNot(row) {
-  return [...row.byTool.values()]
-    .filter(isMissing)
-    .map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
+  const features = [...row.byTool.values()];
+  const missing = features.filter(isMissing);
+  const isSame = features.length > 1 && missing.length === features.length && new Set(missing.map(one => one.not_enough)).size === 1;
+  return isSame ? [missing[0].not_enough] : missing.map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
 }
 
 /** A reason of most rows, as that a tool was never seen, is said once above the table. */
@@ -118,18 +123,20 @@ function generalReasons(rows) {
 
 const isMissing = feature => feature.value === null || feature.value === undefined;
 
-function Value({ feature }) {
+function Value({ feature, told }) {
   if (!feature) return '';
   if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
-  return html`${number(feature.value)}<${Off} feature=${feature} /><${Limit} feature=${feature} />`;
+  const [value, half] = feature.error && !feature.no_error ? withError(feature.value, feature.error) : [number(feature.value)];
+  return html`${value}<${Off} feature=${feature} half=${half} /><${Limit} feature=${feature} /><${PlaceOf}
+    feature=${feature} told=${told} />`;
 }
 
 /** How far the value may be off: half of what 95 of 100 sessions lie in. What the range ends at is no bound of the error. */
-function Off({ feature: { error, no_error: why } }) {
+function Off({ feature: { error, no_error: why }, half }) {
   if (why) return html`<small class="off" title=${words.offUnknown(why)}>${words.off('?')}</small>`;
   if (!error) return '';
   const told = words.offMeans(number(error.low), number(error.high));
-  return html`<small class="off" title=${told} aria-label=${told}>${words.off(uncertain((error.high - error.low) / 2))}</small>`;
+  return html`<small class="off" title=${told} aria-label=${told}>${words.off(half)}</small>`;
 }
 
 /** What the standard asks for, and whether it was kept. */

@@ -1,10 +1,11 @@
 // A group's table: course, newest value with its error, what the standard makes of it. It can be sorted, and is no ranking.
 import { html, useState } from './preact.js';
-import { date, number, uncertain, unit } from '../format.js';
+import { date, number, unit } from '../format.js';
 import { href } from '../router.js';
-import { t } from '../texts.js';
+import { language, t } from '../texts.js';
 import { Sparkline } from './sparkline.js';
 import { limitWords, targetName } from './standard.js';
+import { withError } from './with_error.js';
 
 const words = t.groups;
 const newest = row => row.points[row.points.length - 1];
@@ -45,7 +46,7 @@ function sorted(rows, { key, falling }) {
   const compare = (one, other) => {
     const [a, b] = [of(one), of(other)];
     if (a === null || b === null) return (a === null) - (b === null); // Who has none stands last either way.
-    const order = typeof a === 'string' ? a.localeCompare(b) : a - b;
+    const order = typeof a === 'string' ? a.localeCompare(b, language) : a - b;
     return falling ? -order : order;
   };
   return [...rows].sort(compare);
@@ -63,8 +64,8 @@ function Row({ row, told }) {
     <tr>
       <th scope="row"><a class="cover" href=${href(['trainees', row.trainee], { task: told.task.id })}>${name}</a></th>
       <td>${row.points.length > 0 && html`<${Sparkline} points=${row.points} limit=${told.target?.limit} name=${words.spark(name, row.points.length)} />`}</td>
-      <td class="number">${point ? html`<a href=${href(['sessions', row.newest])}>${number(point.value)}${point.low === null ? ''
-        : ` ± ${uncertain((point.high - point.low) / 2)}`}</a>` : '–'}</td>
+      <td class="number">${point ? html`<a href=${href(['sessions', row.newest])}>${point.low === null ? number(point.value)
+        : withError(point.value, point).join(' ± ')}</a>` : '–'}</td>
       <td>${judged(point)}</td>
       <td><span class=${`pill ${state.tone}`}>${state.words}</span></td>
       <td class="number">${row.sessions}</td>

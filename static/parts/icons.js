@@ -32,6 +32,7 @@ export const icons = {
   ]),
   moon: icon(['M20 14.500A8.5 8.5 0 0 1 9.5 4 8.5 8.5 0 1 0 20 14.500z']),
   system: icon(['M3 5h18v11H3z', 'M9 20h6', 'M12 16v4']),
+  globe: icon(['M12 21a9 9 0 1 0 0-18 9 9 0 0 0 0 18z', 'M3 12h18', 'M12 3c5 5 5 13 0 18', 'M12 3c-5 5-5 13 0 18']),
 };
 
 /** The sign of the product: a tube with its tape band and tip. */

@@ -8,7 +8,7 @@ import { drawFloor, drawPath, drawTip } from './space_painter.js';
 import { MISSING } from './track.js';
 
 const words = t.session;
-const ZOOM = 1.25; // Moving tips are followed best large; the corners of their space are seldom visited.
+const ZOOM = 1.1; // Moving tips are followed best large; the corners of their space are seldom visited.
 const FADES = [0.15, 0.3, 0.5, 0.75, 1]; // From the oldest part of a path to the newest.
 
 export function LiveSpace({ watch }) {

@@ -11,7 +11,7 @@ export function ProblemNotice({ problem, onRetry, onDismiss }) {
       <${icons.warning} />
       <div>
         <strong>${problem.title}</strong>
-        ${problem.detail && html`<p>${problem.detail}</p>`}
+        ${problem.detail && html`<p lang=${problem.lang}>${problem.detail}</p>`}
         ${onRetry && html`<p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
       </div>
       ${onDismiss && html`<button class="button bare" type="button" aria-label=${t.problems.dismiss}

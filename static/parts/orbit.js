@@ -36,21 +36,20 @@ export class Orbit {
     const [x, y, z] = bounds.ends.map(([low, high]) => (high - low) / 2);
     // Turning about the upright sweeps a circle: a cylinder that fits at this pitch, with room for labels, fits at any yaw.
     const across = Math.hypot(x, y);
-    const upwards = across * Math.abs(sp) + z * cp;
     const grown = towardsUs => DISTANCE / (DISTANCE - towardsUs / bounds.radius); // By perspective.
-    const fit = Math.min(
-      (width / 2 - MARGIN) / (across * grown(z * Math.abs(sp))),
-      (height / 2 - MARGIN) / (upwards * grown(Math.max(0, across * cp - z * Math.abs(sp)))),
-    );
+    const rims = [-across, across].flatMap(away => [-z, z].map(up => (up * cp + away * sp) * grown(up * sp - away * cp)));
+    const [below, above] = [-Math.min(...rims), Math.max(...rims)];
+    const fit = Math.min((width / 2 - MARGIN) / (across * grown(z * Math.abs(sp))), (height - 2 * MARGIN) / (below + above));
     const size = this.zoom * Math.max(fit, 0.1);
+    const middle = height / 2 + (size * (above - below)) / 2;
     return (px, py, pz) => {
       const [right, near, up] = [px - bounds.centre[0], py - bounds.centre[1], bounds.centre[2] - pz];
       const aside = right * cy - near * sy;
       const away = -(right * sy + near * cy);
-      const above = up * cp + away * sp;
+      const raised = up * cp + away * sp;
       const depth = away * cp - up * sp;
       const bigger = DISTANCE / (DISTANCE + depth / bounds.radius);
-      return [width / 2 + aside * size * bigger, height / 2 - above * size * bigger, -depth];
+      return [width / 2 + aside * size * bigger, middle - raised * size * bigger, -depth];
     };
   }
 }

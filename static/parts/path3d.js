@@ -11,7 +11,8 @@ const words = t.session;
 export function Path3d({ track, playback, hidden, ghost }) {
   const canvas = useRef(null);
   const orbit = useMemo(() => new Orbit(), []);
-  const [by, setBy] = useState('speed');
+  const ways = track.topSpeed === null ? ['tool'] : ['speed', 'tool'];
+  const [by, setBy] = useState(ways[0]);
   const draw = useRef(() => {});
 
   useEffect(() => {
@@ -49,10 +50,10 @@ export function Path3d({ track, playback, hidden, ghost }) {
           ${Object.entries(VIEWS).map(([name, view]) => html`<button key=${name} class="button" type="button"
             onClick=${() => look(view)}>${words.views[name]}</button>`)}
         </div>
-        <div class="row" role="group" aria-label=${words.colourBy}>
-          ${['speed', 'tool'].map(way => html`<button key=${way} class="button" type="button" aria-pressed=${by === way}
+        ${ways.length > 1 && html`<div class="row" role="group" aria-label=${words.colourBy}>
+          ${ways.map(way => html`<button key=${way} class="button" type="button" aria-pressed=${by === way}
             onClick=${() => setBy(way)}>${words.by[way]}</button>`)}
-        </div>
+        </div>`}
       </div>
       ${by === 'speed' && html`<div class="scale"><span>${words.slow}</span><span class="ramp"></span><span>
         ${words.fast(number(track.topSpeed))}</span></div>`}

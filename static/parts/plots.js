@@ -2,7 +2,7 @@
 // Shift it marks a span. What was trimmed off is shaded; another session's curves lie under these, in time with them.
 import { html, useEffect, useRef, useState } from './preact.js';
 import { onThemeChange } from '../theme.js';
-import { number } from '../format.js';
+import { clock, exact } from '../format.js';
 import { t } from '../texts.js';
 import { curves } from './curves.js';
 import { inkOf } from './overlay.js';
@@ -17,6 +17,8 @@ const AXES = [
 const HEIGHT = 132;
 /** How close to the ends of the shown span the line may come, as a share of the span. */
 const EDGE = 0.1;
+/** From here on the axis tells minutes. */
+const MINUTES_FROM_S = 120;
 
 /** `kept`: the seconds that trims leave, or null. `loader` brings exact rows of what is shown. */
 export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
@@ -56,6 +58,7 @@ export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
       ${AXES.map(([name]) => html`
           <div key=${name} class="plot" role="img" aria-label=${words.plotName(words.axis[name])}>
             <div class="title" aria-hidden="true">${words.axis[name]}</div>
+            ${name === 'speed' && track.topSpeed === null && html`<p class="untold small muted">${words.noSpeed}</p>`}
             <div ref=${element => (places.current[name] = element)}></div>
           </div>`)}
     </div>`;
@@ -71,6 +74,7 @@ function makePlot(uPlot, place, field, shown) {
     font: '12px system-ui, sans-serif',
   };
   const isLast = field === 'speed';
+  const isUntold = isLast && track.topSpeed === null; // Its time axis stays in line with those above.
   const chart = new uPlot(
     {
       width: Math.max(place.clientWidth, 50),
@@ -80,17 +84,17 @@ function makePlot(uPlot, place, field, shown) {
       hooks: { draw: [chart => placeAll(chart, shown)] }, // At first, and after every change of size or span.
       cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
       select: { show: false },
-      scales: { x: { time: false, range: (_, low, high) => [low, high] } },
+      scales: { x: { time: false, range: (_, low, high) => [low, high] }, ...(isUntold && { y: { range: [0, 1] } }) },
       axes: [
         {
           ...axis,
           show: true,
           size: isLast ? 30 : 6,
           values: isLast
-            ? (_, all) => all.map(value => `${number(value)} s`.replace(/\.00? s/, ' s'))
+            ? (_, all) => all.map(value => (all[all.length - 1] >= MINUTES_FROM_S ? clock(value, 0) : `${exact(Number(value.toFixed(3)))} s`))
             : (_, all) => all.map(() => ''),
         },
-        { ...axis, size: 56, space: 26, values: (_, all) => all.map(value => String(value).replace('-', '−')) },
+        { ...axis, size: 56, space: 26, values: (_, all) => all.map(isUntold ? () => '' : exact), ...(isUntold && { grid: { show: false }, ticks: { show: false } }) },
       ],
       series: [{}, ...(ghost ? tools.map(faint) : []), ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
     },

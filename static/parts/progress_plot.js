@@ -31,6 +31,7 @@ export function ProgressPlot({ series, sessions }) {
       ${steps(low, high).map(value => html`<g key=${value}>
         <line class="grid-line" x1=${LEFT} x2=${WIDTH - RIGHT} y1=${y(value)} y2=${y(value)} />
         <text class="axis" x=${LEFT - 8} y=${y(value) + 4} text-anchor="end">${number(value)}</text></g>`)}
+      <text class="axis" x=${LEFT} y=${TOP - 5}>${unit(series.unit)}</text>
       <text class="axis" x=${x(first)} y=${HEIGHT - 18} text-anchor="middle">${first}</text>
       ${last > first && html`<text class="axis" x=${x(last)} y=${HEIGHT - 18} text-anchor="middle">${last}</text>`}
       <text class="axis" x=${(LEFT + WIDTH - RIGHT) / 2} y=${HEIGHT - 4} text-anchor="middle">${words.sessionAxis}</text>

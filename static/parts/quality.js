@@ -1,6 +1,6 @@
 // How much of each tool was seen, and why not more. A score without this would be half a truth.
 import { html } from './preact.js';
-import { number, percent } from '../format.js';
+import { fixed, number, percent } from '../format.js';
 import { t } from '../texts.js';
 
 const words = t.session;
@@ -58,7 +58,7 @@ function figures(tool, all) {
     noise_floor: noise && words.noise(number(noise.smoothed_mm_s), noise.causal_mm_s && number(noise.causal_mm_s)),
     error_median_mm: Number.isFinite(tool.error_median_mm) &&
       words.error(number(tool.error_median_mm), number(tool.error_p95_mm)),
-    effective_diameter: diameter && words.diameter(diameter.mm.toFixed(2), diameter.sigma_mm.toFixed(2), diameter.basis),
-    port_shift: port && words.portShift(port.mm.toFixed(1), port.sigma_mm.toFixed(1)),
+    effective_diameter: diameter && words.diameter(fixed(diameter.mm, 2), fixed(diameter.sigma_mm, 2), diameter.basis),
+    port_shift: port && words.portShift(fixed(port.mm, 1), fixed(port.sigma_mm, 1)),
   };
 }

@@ -1,8 +1,9 @@
 // A sheet of paper: what a printed page says of a session or a trainee, black on white, on one side of A4.
 import { html } from './preact.js';
-import { dateTime, number, uncertain, unit } from '../format.js';
+import { dateTime, number, unit } from '../format.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { withError } from './with_error.js';
 
 const words = t.report;
 
@@ -38,8 +39,8 @@ export const Provenance = ({ of }) => html`
 /** `61.2 ± 0.8 s`; where the error is not known, that is said, and where there is no value, why. */
 export function measured({ value, error, not_enough: why, unit: name }) {
   if (value === null || value === undefined) return why ?? words.notMeasured;
-  const half = error ? ` ± ${uncertain((error.high - error.low) / 2)}` : ` ${words.errorUnknown}`;
-  return `${number(value)}${half} ${unit(name)}`.trim();
+  const said = error ? withError(value, error).join(' ± ') : `${number(value)} ${words.errorUnknown}`;
+  return `${said} ${unit(name)}`.trim();
 }
 
 /** `at most 50 s`. */

@@ -50,8 +50,8 @@ export function Rescorings({ task }) {
 }
 
 const FIELDS = [
-  { name: 'from', label: words.from, type: 'select', options: Object.entries(words.sources), value: 'trajectory' },
-  { name: 'which', label: words.which, type: 'select', options: Object.entries(words.whiches), value: 'older' },
+  { name: 'from', label: words.from, type: 'select', options: Object.entries(words.sources), value: 'trajectory', wide: true },
+  { name: 'which', label: words.which, type: 'select', options: Object.entries(words.whiches), value: 'older', wide: true },
 ];
 
 function Order({ order, onCancel }) {

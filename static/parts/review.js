@@ -13,6 +13,7 @@ import { GhostChooser, useGhost } from './ghost.js';
 import { Notice } from './notice.js';
 import { PartsLoader } from './parts_loader.js';
 import { Path3d } from './path3d.js';
+import { usePlaces } from './places.js';
 import { Playback } from './playback.js';
 import { pageKeys, Player, Transport } from './player.js';
 import { Plots } from './plots.js';
@@ -90,11 +91,15 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
         ${advice && html`<div class="advised"><${Advice} advice=${advice} playback=${playback} /></div>`}
         ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header>
           ${evidence?.features === null && html`<p class="small muted chooser">${words.evidence.notKept}</p>`}
-          <${Features} features=${session.features} live=${session.live_features} tools=${session.tools}
-            evidence=${evidence?.map} playback=${playback} withheld=${session.quality?.verdict === 'refused'} /></section>`}
+          <${Measured} session=${session} evidence=${evidence?.map} playback=${playback} /></section>`}
       </div>
     </div>`;
 }
+
+/** The features with their places; what is told of those late changes this table alone. */
+const Measured = ({ session, evidence, playback }) => html`
+  <${Features} features=${session.features} live=${session.live_features} tools=${session.tools} places=${usePlaces(session)}
+    evidence=${evidence} playback=${playback} withheld=${session.quality?.verdict === 'refused'} />`;
 
 /** Where the features come from, and what to work on next; the page stands without either. */
 function useSeconds(session) {
@@ -167,7 +172,7 @@ function keepAddress(playback, id) {
 }
 
 /** Ids are long; their end tells them apart. The whole of it is in the title and in REST. */
-const short = version => (version?.length > 20 ? `…${version.slice(-8)}` : (version ?? words.noneYet));
+const short = version => (/^[0-9a-f-]{20,}$/.test(version) ? `…${version.slice(-8)}` : (version ?? words.noneYet));
 
 function Made({ session }) {
   const { video, versions } = session;
@@ -182,15 +187,15 @@ function Made({ session }) {
           <dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`)}
       </dl>
       ${session.status === 'done' && html`
-        <div class="row">
+        <div class="downloads">
           <span class="label">${words.download}</span>
-          ${FORMATS.map(format => html`<a key=${format} class="button" download
-            href=${api.sessions.trajectoryAddress(session.id, format)}>${words.formats[format]}</a>`)}
+          <div class="row">${FORMATS.map(format => html`<a key=${format} class="button" download
+            href=${api.sessions.trajectoryAddress(session.id, format)}>${words.formats[format]}</a>`)}</div>
         </div>
-        <div class="row">
+        <div class="downloads">
           <span class="label">${words.downloadFeatures}</span>
-          ${FORMATS.map(format => html`<a key=${format} class="button" download
-            href=${api.sessions.featuresAddress(session.id, format)}>${words.formats[format]}</a>`)}
+          <div class="row">${FORMATS.map(format => html`<a key=${format} class="button" download
+            href=${api.sessions.featuresAddress(session.id, format)}>${words.formats[format]}</a>`)}</div>
         </div>`}
     </div>`;
 }

@@ -33,7 +33,7 @@ function Tool({ tool, share, state }) {
         <${ToolState} state=${state} />
       </div>
       <div class="level" role="meter" aria-label=${words.name(tool.name)} aria-valuemin="0" aria-valuemax="100"
-        aria-valuenow=${Math.round(100 * (share ?? 0))}><i style=${{ width: percent(share ?? 0) }}></i></div>
+        aria-valuenow=${Math.round(100 * (share ?? 0))}><i style=${{ width: `${100 * (share ?? 0)}%` }}></i></div>
       <p class="row apart small">
         <span>${share === undefined ? words.unknown : words.share(percent(Math.round(share * 100) / 100))}</span>
         <strong class="word">${level && words[level]}</strong>

@@ -1,11 +1,12 @@
-// What stands round every page: skip link, product, pages, theme, account.
+// What stands round every page: skip link, product, pages, language, theme, account.
 import { html, useEffect, useState } from './preact.js';
 import { href } from '../router.js';
 import { may } from '../roles.js';
 import { chooseTheme, onThemeChange, themeChoice } from '../theme.js';
 import { t } from '../texts.js';
-import { isRecording, onRecording } from '../record/recorder.js';
+import { isRecording, onRecording } from '../record/current.js';
 import { Brand, icons } from './icons.js';
+import { LanguageMenu } from './language.js';
 
 const NEXT_THEME = { system: 'light', light: 'dark', dark: 'system' };
 const THEME_ICON = { system: icons.system, light: icons.sun, dark: icons.moon };
@@ -43,6 +44,7 @@ export function Shell({ person, current, children }) {
         </ul>
       </nav>
       <div class="account">
+        <${LanguageMenu} />
         <${ThemeSwitch} />
         <a class="who" href=${href(['account'])} aria-current=${current === 'account' ? 'page' : undefined}>
           ${person.name}<small>${t.roles[person.role] ?? person.role}</small>

@@ -109,19 +109,26 @@ export function drawFloor(pen, { ends: [x, y, z] }, place) {
   ];
   pen.font = '12px system-ui, sans-serif';
   pen.fillStyle = muted;
-  for (const [end, name] of axes) {
-    stroke(corner, end, muted);
-    label(pen, name, place(...end.map((value, i) => corner[i] + (value - corner[i]) * 0.8)), middle);
-  }
+  for (const [end] of axes) stroke(corner, end, muted);
+  pen.lineWidth = 4;
+  for (const [end, name] of axes) label(pen, name, [place(...corner), place(...end)], middle);
 }
 
-/** Beside its axis, on the side away from the middle, and never outside the canvas. */
-function label(pen, words, [x, y], middle) {
+/** Beside its axis, on the side away from the middle, as near as the words do not touch it, and never outside the canvas. */
+function label(pen, words, [[x0, y0], [x1, y1]], middle) {
   const room = pen.measureText(words).width;
-  const left = x < middle[0] ? x - room - 8 : x + 8;
+  const [x, y] = [x0 + (x1 - x0) * 0.75, y0 + (y1 - y0) * 0.75];
+  const length = Math.hypot(x1 - x0, y1 - y0) || 1; // Of an axis that points at us nothing is seen.
+  const [across, down] = [(y0 - y1) / length, (x1 - x0) / length];
+  const side = Math.sign(across * (x - middle[0]) + down * (y - middle[1])) || 1;
+  const off = side * ((Math.abs(across) * room) / 2 + Math.abs(down) * 6 + 6);
   const scale = pen.getTransform().a; // Device pixels of one of ours.
   const [width, height] = [pen.canvas.width / scale, pen.canvas.height / scale];
-  pen.fillText(words, Math.min(Math.max(4, left), width - room - 4), Math.min(y + 14, height - 4));
+  const [left, base] = [x + across * off - room / 2, y + down * off + 4];
+  const at = [Math.min(Math.max(4, left), width - room - 4), Math.min(Math.max(12, base), height - 4)];
+  pen.strokeStyle = colour('--surface'); // Lines that pass behind do not cross the words.
+  pen.strokeText(words, ...at);
+  pen.fillText(words, ...at);
 }
 
 /** Segments are gathered by shade and painted shade by shade: a stroke per segment would be too slow. */

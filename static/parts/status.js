@@ -11,10 +11,15 @@ const TONES = {
   done: 'good',
   failed: 'bad',
   quarantined: 'warn',
+  refused: 'bad',
 };
 
-/** One word for a session's state; a quarantined session is `failed` on the wire and set aside to people. */
-export const stateOf = session => (session.quarantined ? 'quarantined' : session.status);
+/** One word for a session's state; a quarantined session is `failed` on the wire and set aside to people, one that the quality gate
+ *  refused is `done` there and has no features. */
+export function stateOf({ status, quarantined, quality }) {
+  if (quarantined) return 'quarantined';
+  return status === 'done' && quality?.verdict === 'refused' ? 'refused' : status;
+}
 
 export const StatusPill = ({ state }) =>
   html`<span class=${`pill ${TONES[state] ?? ''}`}>${t.status[state] ?? t.jobStates[state] ?? state}</span>`;

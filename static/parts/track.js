@@ -8,6 +8,7 @@ export const OBSERVED = 2;
 export const BREAK_S = 0.5;
 
 const FIELDS = ['x_mm', 'y_mm', 'z_mm', 'tip_u_px', 'tip_v_px'];
+const DRAWN = [...FIELDS, 'speed'];
 const KNOWN = ['orange', 'cyan', 'red', 'green', 'blue', 'yellow', 'purple', 'pink', 'grey'];
 const ALIASES = { violet: 'purple', magenta: 'pink', turquoise: 'cyan', gray: 'grey', amber: 'orange' };
 /** On the video the colours must stand out from tissue, tape and tubes in both themes. */
@@ -53,7 +54,7 @@ export function buildTrack(trajectory, frames = 0, size = {}) {
     /** Counts up with every part that comes. */
     version: 0,
   };
-  columns.frame.forEach((frame, row) => fillSample(tools[columns.tool[row]], frame, columns, row));
+  fillSamples(tools, columns);
   if (!whole) fillBetween(tools, trajectory);
   track.topSpeed = quantile(tools, 0.98);
   return track;
@@ -63,13 +64,11 @@ export function buildTrack(trajectory, frames = 0, size = {}) {
 export function takePart(track, part, { columns }) {
   const [from, to] = [part * PART, Math.min(track.frames, (part + 1) * PART)];
   for (const tool of track.tools) {
-    for (const field of [...FIELDS, 'speed']) tool[field].fill(NaN, from, to);
+    for (const field of DRAWN) tool[field].fill(NaN, from, to);
     tool.state.fill(MISSING, from, to);
   }
-  columns.frame.forEach((frame, row) => {
-    track.times[frame] = columns.time_s[row];
-    fillSample(track.tools[columns.tool[row]], frame, columns, row);
-  });
+  columns.frame.forEach((frame, row) => (track.times[frame] = columns.time_s[row]));
+  fillSamples(track.tools, columns);
   track.exact[part] = true;
   track.version++;
 }
@@ -130,18 +129,22 @@ function tellingFrames(columns) {
 
 /** A straight line between rows of which those between were left out; nothing where the tool was absent. */
 function fillBetween(tools, { columns, after_gap: afterGap }) {
-  const before = tools.map(() => -1);
-  columns.frame.forEach((frame, row) => {
-    const tool = tools[columns.tool[row]];
-    const last = before[tool.index];
-    before[tool.index] = frame;
-    if (last < 0 || afterGap[row]) return;
-    for (const field of [...FIELDS, 'speed']) {
-      const [from, to] = [tool[field][last], tool[field][frame]];
-      for (let at = last + 1; at < frame; at++) tool[field][at] = from + ((to - from) * (at - last)) / (frame - last);
-    }
-    tool.state.fill(tool.state[last], last + 1, frame);
-  });
+  const before = new Int32Array(tools.length).fill(-1);
+  const valuesOf = tools.map(tool => DRAWN.map(field => tool[field]));
+  for (let row = 0; row < columns.frame.length; row++) {
+    const [index, frame] = [columns.tool[row], columns.frame[row]];
+    const last = before[index];
+    before[index] = frame;
+    if (last < 0 || afterGap[row]) continue;
+    for (const values of valuesOf[index]) drawBetween(values, last, frame);
+    tools[index].state.fill(tools[index].state[last], last + 1, frame);
+  }
+}
+
+function drawBetween(values, last, frame) {
+  const from = values[last];
+  const step = (values[frame] - from) / (frame - last);
+  for (let at = last + 1; at < frame; at++) values[at] = from + step * (at - last);
 }
 
 /** A tool with its colours and its sign, and room for so many rows. */
@@ -155,7 +158,7 @@ export function emptyTool(name, index, count) {
     bright: BRIGHT[family],
     ink: () => colour(`--tool-${family}`),
   };
-  for (const field of [...FIELDS, 'speed']) tool[field] = new Float64Array(count).fill(NaN);
+  for (const field of DRAWN) tool[field] = new Float64Array(count).fill(NaN);
   tool.state = new Uint8Array(count);
   tool.borderA = new Array(count).fill(null);
   tool.borderB = new Array(count).fill(null);
@@ -163,12 +166,24 @@ export function emptyTool(name, index, count) {
   return tool;
 }
 
-function fillSample(tool, frame, columns, row) {
-  for (const field of FIELDS) tool[field][frame] = columns[field]?.[row] ?? NaN;
-  const velocity = ['vx_mm_s', 'vy_mm_s', 'vz_mm_s'].map(field => columns[field]?.[row] ?? NaN);
-  tool.speed[frame] = Math.hypot(...velocity);
-  tool.state[frame] = columns.state[row] === 'observed' ? OBSERVED : PREDICTED;
+/** Column by column: a session of twenty minutes has some ten thousand rows, and is drawn before anybody notices. */
+function fillSamples(tools, columns) {
+  const { frame: frames, tool: indices } = columns;
+  const count = frames.length;
+  for (const field of FIELDS) {
+    const [column, valuesOf] = [columns[field] ?? [], tools.map(tool => tool[field])];
+    for (let row = 0; row < count; row++) valuesOf[indices[row]][frames[row]] = column[row] ?? NaN;
+  }
+  const [vx, vy, vz] = ['vx_mm_s', 'vy_mm_s', 'vz_mm_s'].map(field => columns[field] ?? []);
+  for (let row = 0; row < count; row++) {
+    const tool = tools[indices[row]];
+    tool.speed[frames[row]] = speedOf(vx[row], vy[row], vz[row]);
+    tool.state[frames[row]] = columns.state[row] === 'observed' ? OBSERVED : PREDICTED;
+  }
 }
+
+/** A velocity that is not told (null) is none of zero. */
+const speedOf = (x, y, z) => Math.hypot(x ?? NaN, y ?? NaN, z ?? NaN);
 
 function fillSeen(tool, frame, seen, row) {
   if (!tool) return;
@@ -181,16 +196,16 @@ function fillSeen(tool, frame, seen, row) {
 function frameTimes(columns, count) {
   const times = new Float64Array(count).fill(NaN);
   columns.frame.forEach((frame, row) => (times[frame] = columns.time_s[row]));
-  const known = [...times.keys()].filter(frame => !Number.isNaN(times[frame]));
-  if (known.length < 2) return times.map((time, frame) => (Number.isNaN(time) ? frame / 25 : time));
-  const [first, last] = [known[0], known[known.length - 1]];
+  const first = times.findIndex(time => !Number.isNaN(time));
+  const last = times.findLastIndex(time => !Number.isNaN(time));
+  if (first === last) return times.map((time, frame) => (Number.isNaN(time) ? frame / 25 : time));
   const step = (times[last] - times[first]) / (last - first);
   for (let frame = 0; frame < first; frame++) times[frame] = times[first] - (first - frame) * step;
   for (let frame = last + 1; frame < count; frame++) times[frame] = times[last] + (frame - last) * step;
-  for (let i = 1; i < known.length; i++) {
-    const [from, to] = [known[i - 1], known[i]];
-    for (let frame = from + 1; frame < to; frame++)
-      times[frame] = times[from] + ((times[to] - times[from]) * (frame - from)) / (to - from);
+  for (let known = first, frame = first + 1; frame <= last; frame++) {
+    if (Number.isNaN(times[frame])) continue;
+    drawBetween(times, known, frame);
+    known = frame;
   }
   return times;
 }
@@ -210,12 +225,18 @@ export function frameAt(times, time) {
 
 const largest = column => column.reduce((most, value) => Math.max(most, value), -1);
 
-/** A high quantile of all speeds, so that one wild sample does not grey out the whole colour scale. */
+/** So many speeds tell how fast the fast ones are; of a long session every so many-th is taken. */
+const MOST_SPEEDS = 10_000;
+
+/** A high quantile of all speeds, so that one wild sample does not grey out the whole colour scale; null where none is told, as of an
+ *  imported path that came without velocities. */
 function quantile(tools, share) {
   const room = tools.reduce((sum, tool) => sum + tool.speed.length, 0);
-  const speeds = new Float64Array(room);
+  const stride = Math.ceil(room / MOST_SPEEDS) || 1;
+  const speeds = new Float64Array(MOST_SPEEDS + tools.length);
   let count = 0;
-  for (const tool of tools) for (const speed of tool.speed) if (Number.isFinite(speed)) speeds[count++] = speed;
+  for (const { speed } of tools)
+    for (let frame = 0; frame < speed.length; frame += stride) if (Number.isFinite(speed[frame])) speeds[count++] = speed[frame];
   const sorted = speeds.subarray(0, count).sort();
-  return sorted[Math.floor((count - 1) * share)] ?? 0;
+  return sorted[Math.floor((count - 1) * share)] ?? null;
 }

@@ -2,36 +2,13 @@
 import { api } from '../api.js';
 import { hold } from './camera.js';
 import { h264For } from './codec.js';
+import { change, now, onRecording } from './current.js';
 import { TICKS_PER_S } from './records.js';
 
-/** Of the phases `'recording'`, `'sending'` (stopped, not all is on the server), `'ended'`, `'shortened'` (the server ended it
- *  without the last of it), `'refused'` (what is left is kept
- *  until the person decides), `'nothing'` and `'failed'` those in which a page that is left takes something with it. */
-const BUSY = ['recording', 'sending'];
 /** How much of the browser's name is told to the service. */
 const MOST_NAME = 200;
 
-const watchers = new Set();
-let now = null;
 let parts = null;
-
-/**
- * Null, or how the recording stands: `{ phase, names, why, …standing }`; `why` is why it stopped by
- * itself, `isCaptured` says that frames end while the tab is hidden, the standing is as worker.js tells it.
- */
-export const recording = () => now;
-
-export const isRecording = () => BUSY.includes(now?.phase);
-
-export function onRecording(callback) {
-  watchers.add(callback);
-  return () => watchers.delete(callback);
-}
-
-function change(more) {
-  now = more && { ...now, ...more };
-  watchers.forEach(tell => tell());
-}
 
 /** Begins with the camera as it is open. `target` has the ids of trainee, task and box, `names` how people call them. */
 export async function begin(stream, { target, names }) {
@@ -45,7 +22,7 @@ export async function begin(stream, { target, names }) {
   worker.onerror = ({ message }) => fail(message ? 'fault' : 'unloaded');
   track.onended = () => stop('camera'); // Where the worker does not see it by itself.
   for (const event of ['mute', 'unmute']) track.addEventListener(event, () => now && change({ isMuted: track.muted }));
-  now = null;
+  change(null);
   change({ phase: 'recording', names, isMuted: track.muted });
   const begins = { address: api.boxes.feedAddress(target.box), hello: helloOf(target), h264 };
   if (!handOver(worker, track, begins)) {

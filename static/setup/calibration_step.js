@@ -2,8 +2,8 @@
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { asProblem } from '../data.js';
-import { dateTime, number, percent } from '../format.js';
-import { t } from '../texts.js';
+import { dateTime, fixed, number, percent } from '../format.js';
+import { t, theirs } from '../texts.js';
 import { JobProgress, jobIdOf } from '../parts/job.js';
 import { Notice, ProblemNotice } from '../parts/notice.js';
 import { CellMap } from './coverage.js';
@@ -93,10 +93,10 @@ function Residuals({ photos, taken }) {
           ${photos.map(({ file, used, rms_px, reason }) => html`
             <tr key=${file} data-used=${String(used)}>
               <th scope="row">${urls.has(file) && html`<img class="tiny" src=${urls.get(file)} alt="" />`} ${file}</th>
-              <td class="number">${number(rms_px)}</td>
+              <td class="number">${fixed(rms_px, 3)}</td>
               <td class="bars"><i class=${used ? '' : 'left'} style=${{ width: `${(100 * (rms_px ?? 0)) / most}%` }}></i></td>
               <td>${used ? html`<span class="pill good">${t.box.used}</span>` : html`<span class="pill warn">${t.box.left}</span>
-                <span class="small">${reason}</span>`}</td>
+                <span class="small" lang=${theirs}>${reason}</span>`}</td>
             </tr>`)}
         </tbody>
       </table>

@@ -1,6 +1,6 @@
 // One photo of the board: what was found in it is drawn over it; where that is not enough, why, where and what to do.
 import { html } from '../parts/preact.js';
-import { t } from '../texts.js';
+import { t, theirs } from '../texts.js';
 import { sizeOf } from './photos.js';
 
 const words = t.setup.photos;
@@ -20,7 +20,7 @@ export function PhotoCard({ photo, usual, onRemove, onRetry }) {
         <p class="small code">${name}</p>
         ${isOther && html`<p class="small">${words.otherSize(sizeOf(check), usual)}</p>`}
         ${check && !check.found && html`<${Why} check=${check} />`}
-        ${problem && html`<p class="small">${problem.title}. ${problem.detail}</p>
+        ${problem && html`<p class="small">${problem.title}. <span lang=${problem.lang}>${problem.detail}</span></p>
           <p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
       </div>
     </li>`;
@@ -29,7 +29,7 @@ export function PhotoCard({ photo, usual, onRemove, onRetry }) {
 /** What to do comes first; what the search says of it stands below. */
 const Why = ({ check }) => html`
   ${check.hints.map(hint => html`<p key=${hint} class="small">${words.hint(hint, check.cut_off)}</p>`)}
-  <p class="small muted">${check.reason}</p>`;
+  <p class="small muted" lang=${theirs}>${check.reason}</p>`;
 
 /** Corners of a whole board come row by row, and are joined so; of a part, in no order. */
 function Corners({ check: { width, height, corners, found } }) {

@@ -9,29 +9,28 @@ import { isWhole } from './steps.js';
 /** A hand that paints goes on for a while; it is asked when it rests. */
 const REST_MS = 400;
 
-/** `{ preview, problem, isAsking }`; a preview is of the marks as they were when it was asked for. */
+/** `{ preview, problem, isAsking }`; a preview is of the marks as they were when it was asked for, and while it is of older ones than
+ *  those that are there, it is being asked anew. */
 export function usePreview(box, bench) {
-  const [state, setState] = useState({ preview: null, problem: null, isAsking: false });
+  const [{ preview, problem, of }, setState] = useState({ preview: null, problem: null, of: null });
   const { frames, plan } = bench;
   const tools = plan.tools.filter(isWhole);
   const isReady = frames.length > 0 && tapesOf(tools).some(tape => isMarked(frames, tape));
   const asked = JSON.stringify([isReady, tools, frames.map(({ number, marks }) => [number, marks])]);
   useEffect(() => {
-    if (!isReady) return void setState({ preview: null, problem: null, isAsking: false });
+    if (!isReady) return void setState({ preview: null, problem: null, of: null });
     const controller = new AbortController();
     const ask = async () => {
-      setState(before => ({ ...before, isAsking: true }));
       try {
-        const preview = await api.boxes.previewPalette(box.id, formOf(box, bench), controller.signal);
-        setState({ preview, problem: null, isAsking: false });
+        setState({ preview: await api.boxes.previewPalette(box.id, formOf(box, bench), controller.signal), problem: null, of: asked });
       } catch (error) {
-        if (!controller.signal.aborted) setState(before => ({ ...before, problem: asProblem(error), isAsking: false }));
+        if (!controller.signal.aborted) setState(before => ({ ...before, problem: asProblem(error), of: asked }));
       }
     };
     const timer = setTimeout(ask, REST_MS);
     return () => (clearTimeout(timer), controller.abort());
   }, [asked]);
-  return state;
+  return { preview, problem, isAsking: isReady && of !== asked };
 }
 
 /** The form of learning and of previewing: the same marks, the same pictures. */

@@ -1,0 +1,44 @@
+// One course plan, made or changed: its name, and its steps in their order.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData } from '../data.js';
+import { go, href } from '../router.js';
+import { t } from '../texts.js';
+import { asked, CourseSteps, fresh } from '../parts/course_steps.js';
+import { Form } from '../parts/form.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+
+const words = t.courses;
+const NEW = 'new'; // In the address, in place of an id.
+
+export default function CoursePage({ route }) {
+  const id = route.path[1] === NEW ? null : route.path[1];
+  const { data, problem, reload } = useData(async signal => {
+    const [course, tasks] = await Promise.all([id && api.courses.get(id, signal), api.tasks.all()]);
+    return { course, tasks };
+  }, [id]);
+  return html`
+    <${PageHead} title=${id ? words.edit : words.add} lead=${id ? words.editLead : words.newLead}>
+      <a class="button" href=${href(['courses'])}>${words.all}</a>
+    <//>
+    <${ProblemNotice} problem=${problem} onRetry=${reload} />
+    ${!data && !problem && html`<${Loading} />`}
+    ${data?.tasks.length === 0 && html`<${Empty} title=${t.groups.noTasks} body=${words.noTasksBody}>
+      <a class="button main" href=${href(['tasks'])}>${words.toTasks}</a><//>`}
+    ${data?.tasks.length > 0 && html`<${Plan} ...${data} />`}`;
+}
+
+function Plan({ course, tasks }) {
+  const [steps, setSteps] = useState(() => (course ? course.steps.map(fresh) : [fresh()]));
+  const save = async ({ name }) => {
+    const plan = { name, steps: steps.map(asked) };
+    await (course ? api.courses.replace(course.id, plan) : api.courses.create(plan));
+    go(['courses']);
+  };
+  const fields = [{ name: 'name', label: words.name, required: true, maxlength: 120, value: course?.name }];
+  return html`
+    <section class="card"><div class="body">
+      <${Form} fields=${fields} onSave=${save} onCancel=${() => go(['courses'])}>
+        <${CourseSteps} steps=${steps} tasks=${tasks} onChange=${setSteps} /><//>
+    </div></section>`;
+}

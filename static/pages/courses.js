@@ -1,0 +1,49 @@
+// The centre's course plans, and which groups follow them.
+import { html, useState } from '../parts/preact.js';
+import { api } from '../api.js';
+import { useData } from '../data.js';
+import { go, href } from '../router.js';
+import { t } from '../texts.js';
+import { Confirm } from '../parts/dialog.js';
+import { RowButtons } from '../parts/managed.js';
+import { icons } from '../parts/icons.js';
+import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
+
+const words = t.courses;
+
+export default function CoursesPage() {
+  const { data, problem, reload } = useData(async () => {
+    const [courses, groups] = await Promise.all([api.courses.all(), api.groups.all()]);
+    return { courses, groups };
+  }, []);
+  const [removing, setRemoving] = useState(null);
+  const add = html`<a class="button main" href=${href(['courses', 'new'])}><${icons.add} />${words.add}</a>`;
+  return html`
+    <${PageHead} title=${words.title} lead=${words.lead}>
+      <a class="button" href=${href(['groups'])}>${t.groups.all}</a>
+      ${data?.courses.length > 0 && add}
+    <//>
+    <${ProblemNotice} problem=${problem} onRetry=${reload} />
+    <section class="card">
+      ${!data && !problem && html`<${Loading} />`}
+      ${data?.courses.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>${add}<//>`}
+      ${data?.courses.length > 0 && html`<${List} ...${data} onRemove=${setRemoving} />`}
+    </section>
+    ${removing && html`<${Confirm} title=${t.people.removeTitle(removing.name)} body=${words.removeBody} yes=${t.form.remove}
+      onYes=${() => api.courses.remove(removing.id).then(reload)} onClose=${() => setRemoving(null)} />`}`;
+}
+
+const List = ({ courses, groups, onRemove }) => html`
+  <div class="scroll"><table class="table">
+    <thead><tr><th scope="col">${words.plan}</th><th scope="col" class="third">${words.steps}</th>
+      <th scope="col">${words.followers}</th><td></td></tr></thead>
+    <tbody>${courses.map(course => html`<tr key=${course.id}>
+      <th scope="row"><a class="cover" href=${href(['courses', course.id])}>${course.name}</a></th>
+      <td class="third">${course.steps.map(step => step.task.name).join(', ')}</td>
+      <td><${Followers} groups=${groups.filter(group => group.course?.id === course.id)} /></td>
+      <td><${RowButtons} item=${course} onEdit=${() => go(['courses', course.id])} onRemove=${onRemove} /></td></tr>`)}</tbody>
+  </table></div>`;
+
+const Followers = ({ groups }) =>
+  groups.length ? html`<ul>${groups.map(group => html`<li key=${group.id}><a href=${href(['groups', group.id])}>${group.name}</a></li>`)}</ul>`
+    : html`<span class="muted">${words.nobody}</span>`;
