@@ -86,6 +86,10 @@ kills: test-packages ## the service and its children killed 50 times each, durin
 feed-faults: test-packages ## 500 recordings sent frame by frame, each through ten faults on the way
 	TROCAR_FEEDS=500 cargo test --locked --test integration no_acknowledged_frame -- --nocapture
 
+.PHONY: long-absence
+long-absence: test-packages ## the service is away for ten minutes while an agent records; TROCAR_AWAY_S=60 to try one
+	cargo test --locked --test integration away_for_long -- --ignored --nocapture
+
 .PHONY: live-load
 live-load: release test-packages ## boxes that this machine sustains live, against bare decoding, and the latency of positions
 	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture

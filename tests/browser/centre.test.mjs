@@ -2,68 +2,32 @@
 // from a published time, import two recordings of another tracker, see the pass and print its certificate; and as a trainee: see
 // oneself, and nothing of others. One scenario in steps; each step needs the ones before it.
 //
-// Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD; optional TROCAR_SCREENSHOTS, TROCAR_CHROMIUM, TROCAR_PATIENCE_S (180).
+// Environment: as person.mjs.
 import assert from 'node:assert/strict';
-import { mkdirSync } from 'node:fs';
-import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 
 import { launch, LOOKS } from './chromium.mjs';
-import { tracesOf } from './watch.mjs';
+import { pagesOf, patience, person, until, url } from './person.mjs';
 
-const need = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
-const url = need('TROCAR_URL').replace(/\/$/, '');
-const [login, password] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD')];
-const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
-const shots = process.env.TROCAR_SCREENSHOTS;
 const mark = Date.now().toString(36); // So that the scenario can run again in the same centre.
 const GROUP = `Autumn course ${mark}`;
 const [ADA, BEN] = [`Ada Lindqvist ${mark}`, `Ben "Red" Okoye ${mark}`];
 const OWN_PASSWORD = 'a password of a trainee';
 
 let browser;
-let page;
-let traces;
+let page, traces, ask, make, looks, picture, printed, button, heading, signIn, open;
 const made = {}; // What the steps made, by what it is.
 
 before(async () => {
-  if (shots) mkdirSync(shots, { recursive: true });
   browser = await launch();
-  const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' });
-  page = await context.newPage();
-  traces = tracesOf(page, url);
+  ({ page, traces, ask, make, looks, picture, printed, button, heading, signIn, open } = await person(browser, { prefix: 'centre-' }));
 });
 
 after(() => browser?.close());
 
-const heading = (words, on = page) => on.locator('main h1', { hasText: words });
-const button = (name, on = page) => on.getByRole('button', { name, exact: true });
-
-async function picture(name, on = page) {
-  if (shots) await on.screenshot({ path: join(shots, `centre-${name}.png`), fullPage: true });
-}
-
-/** The same request that any program may send, with the browser's sign-in. */
-const ask = (path, on = page) => on.evaluate(async at => (await fetch(at)).json(), `/api/v1/${path}`);
-
-const make = (path, body) =>
-  page.evaluate(
-    async ([at, json]) => {
-      const headers = { 'Content-Type': 'application/json' };
-      return (await fetch(at, { method: 'POST', headers, body: JSON.stringify(json) })).json();
-    },
-    [`/api/v1/${path}`, body],
-  );
-
-async function signIn(on, name, secret) {
-  await on.fill('input[name=login]', name);
-  await on.fill('input[name=password]', secret);
-  await on.click('button[type=submit]');
-}
-
 test('a group is enrolled from a table, once its wrong row is mended', async () => {
   await page.goto(`${url}/groups`);
-  await signIn(page, login, password);
+  await signIn();
   await heading('Groups').waitFor();
   await button('Add a group').click();
   await page.locator('dialog').getByLabel('Name').fill(GROUP);
@@ -145,20 +109,14 @@ test('two paths of another tracker are imported on the upload page and passed', 
     await form.locator('input[type=file]').setInputFiles({ name: `path-${seconds}.csv`, mimeType: 'text/csv', buffer });
     await form.getByLabel('What measured it').fill('Kinovea');
     await form.getByLabel('Recorded at').fill(day);
-    await button('Import', form).click();
+    await form.getByRole('button', { name: 'Import', exact: true }).click();
     await form.getByText('The path is a session now').waitFor();
   }
   await picture('04-imported');
-  const until = Date.now() + patience;
-  for (;;) {
-    const told = await ask(`trainees/${made.ada.id}/progress?task=${made.task.id}`);
-    if (told.passed) {
-      assert.deepEqual([told.passed.by, told.passed.sessions], ['rule', [1, 2]]);
-      break;
-    }
-    assert.ok(Date.now() < until, JSON.stringify(told));
-    await new Promise(resolve => setTimeout(resolve, 500));
-  }
+  const passed = async () => (await ask(`trainees/${made.ada.id}/progress?task=${made.task.id}`)).passed;
+  await until(passed, 'the pass');
+  const { by, sessions } = await passed();
+  assert.deepEqual([by, sessions], ['rule', [1, 2]]);
 });
 
 test('the pass stands in the group’s table, and the certificate prints on one side', async () => {
@@ -178,10 +136,12 @@ test('the pass stands in the group’s table, and the certificate prints on one 
   await page.getByText('it is no ranking').waitFor();
   assert.deepEqual(await names(), [ADA, BEN], 'who has no value stands last');
   await picture('05-group');
+  assert.equal(pagesOf(await printed('group')), 1);
   await row.getByRole('link', { name: ADA }).click();
   await heading(ADA).waitFor();
   await page.locator('.balance', { hasText: 'kept.' }).waitFor();
   await picture('06-trainee');
+  assert.ok(pagesOf(await printed('trainee')) <= 2, 'a trainee’s page prints on two sides');
   await page.getByRole('link', { name: 'Certificate' }).click();
   await page.locator('.certificate .who', { hasText: ADA }).waitFor();
   const paper = await page.locator('.certificate').innerText();
@@ -189,10 +149,49 @@ test('the pass stands in the group’s table, and the certificate prints on one 
   assert.match(paper, /version 1 of /);
   assert.equal(await page.locator('.certificate table tbody tr').count(), 2);
   await picture('07-certificate');
-  await page.emulateMedia({ media: 'print' });
-  const pdf = await page.pdf({ preferCSSPageSize: true });
-  assert.equal(pdf.toString('latin1').match(/\/Type\s*\/Page\b(?!s)/g).length, 1, 'one side of A4');
-  await page.emulateMedia({ media: 'screen' });
+  assert.equal(pagesOf(await printed('certificate')), 1, 'one side of A4');
+});
+
+test('a task’s sessions are scored again: how far it is, and what changed for whom', async () => {
+  await page.goto(`${url}/tasks/${made.task.id}`);
+  const card = page.locator('section.card', { has: page.getByRole('heading', { name: 'Score sessions again' }) });
+  await card.getByText('Nothing was scored again yet').waitFor();
+  await card.getByRole('button', { name: 'Score sessions again' }).click();
+  const dialog = page.locator('dialog');
+  await dialog.getByLabel('Which sessions').selectOption('all');
+  await picture('08-rescoring-ordered');
+  await dialog.getByRole('button', { name: 'Order it' }).click();
+  const order = card.locator('.history > li').first();
+  await order.locator('progress').or(order.getByText('2 of 2 sessions')).first().waitFor(); // It may be over before it is read.
+  await order.getByText('2 of 2 sessions').waitFor({ timeout: patience });
+  assert.equal(await order.locator('progress').count(), 0, 'what is over makes no progress');
+  const [told] = (await ask('rescorings')).items.filter(one => one.task.id === made.task.id);
+  assert.deepEqual([told.sessions.done, told.sessions.failed, told.progress, told.changes.changed], [2, 0, 1, 0]);
+  const report = order.getByRole('button', { name: /^What changed/ });
+  await report.click();
+  const row = order.locator('tr', { has: page.getByRole('link', { name: ADA, exact: true }) });
+  assert.match(await row.innerText(), /2 of 2 sessions\s+Nothing changed\./);
+  await report.click();
+  // The same program makes the same of the same paths. What a change looks like, an answer tells that is altered on its way.
+  const alter = (path, change) => page.route(path, async route => {
+    const answer = await route.fetch();
+    const json = await answer.json();
+    change(json.items);
+    await route.fulfill({ response: answer, json });
+  });
+  await alter('**/rescorings/*/trainees?*', ([one]) => Object.assign(one.changes, { no_longer_passed: 1, apart: 1, changed: 2 }));
+  await alter('**/rescorings/*/sessions?*', ([one]) => {
+    one.new.judgement = 'fail';
+    one.changed = one.apart = 1;
+    const value = { value: 61.24, low: 61, high: 61.5 };
+    one.features = [{ feature: 'duration', title: 'Time', tool: null, space: '3d', unit: 's', old: { ...value, value: 48.16 }, new: value, change: 'apart' }];
+  });
+  await report.click();
+  await row.getByText('1 passed before, not any more; 1 with values apart, beyond their errors; 2 with any value changed.').waitFor();
+  const changed = order.locator('table').nth(1).locator('tbody tr');
+  assert.match(await changed.innerText(), /passed\s+not passed\s+Time: 48\.2 s → 61\.2 s/);
+  await picture('08-rescoring');
+  await page.unrouteAll();
 });
 
 test('of an imported path alone nobody stands among people, and the page says so', async () => {
@@ -245,7 +244,7 @@ test('a task with measured sessions has a dot for each person; moving the line s
     await button('Set a standard with this limit').click();
     await page.waitForFunction(() => document.activeElement.id === 'standard-form-chosen');
     assert.deepEqual([await limit.inputValue(), await form.getByLabel('Passes in a row').inputValue()], ['31', '7']);
-    await button('Cancel', form).click();
+    await form.getByRole('button', { name: 'Cancel', exact: true }).click();
     await page.waitForFunction(() => document.activeElement.id === 'standard-in-use');
     return;
   }
@@ -298,32 +297,23 @@ test('every page of the centre is shown in both themes on a desk and on a tablet
     trainee: `/trainees/${made.ada.id}${task}`, certificate: `/trainees/${made.ada.id}/certificate${task}`,
     service: '/service', today: '/', upload: '/upload',
   };
-  for (const look of LOOKS) {
-    await page.setViewportSize(look.viewport);
-    await page.emulateMedia({ colorScheme: look.colorScheme });
-    for (const [name, path] of Object.entries(pages)) {
-      await page.goto(url + path);
-      await page.locator('main h1').waitFor();
-      await page.waitForFunction(() => !document.querySelector('main .loading'));
-      await picture(`page-${name}-${look.name}`);
-      const over = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-      assert.ok(over <= 0, `${name} is ${over} px wider than a ${look.name}`);
-    }
+  for (const [name, path] of Object.entries(pages)) {
+    await open(path);
+    await looks(`page-${name}`);
   }
 });
 
 test('a trainee sees their own pass, and nothing of others', async () => {
   const account = { login: `ada-${mark}`, name: ADA, role: 'trainee', password: OWN_PASSWORD, trainee: made.ada.id };
   await make('people', account);
-  const context = await browser.newContext({ viewport: { width: 820, height: 1180 } });
-  const own = await context.newPage();
-  const theirs = tracesOf(own, url);
+  const trainee = await person(browser, { viewport: LOOKS[1].viewport, prefix: 'centre-' });
+  const own = trainee.page;
   await own.goto(`${url}/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
-  await signIn(own, account.login, OWN_PASSWORD);
+  await trainee.signIn(OWN_PASSWORD, account.login);
   await own.locator('.certificate .who', { hasText: ADA }).waitFor();
   await own.goto(`${url}/trainees/${made.ada.id}?task=${made.task.id}`);
   await own.locator('.balance').waitFor();
-  await picture('10-own', own);
+  await trainee.picture('10-own');
   for (const path of [`/trainees/${made.ben.id}`, `/trainees/${made.ben.id}/certificate?task=${made.task.id}`]) {
     await own.goto(url + path);
     await own.locator('main .notice.bad', { hasText: 'Not found' }).waitFor();
@@ -336,10 +326,10 @@ test('a trainee sees their own pass, and nothing of others', async () => {
   await own.getByText('What needs you').waitFor();
   await own.waitForFunction(() => !document.querySelector('main .loading'));
   assert.ok(!(await own.locator('body').innerText()).includes(BEN));
-  const { foreign, broken } = theirs();
+  const { foreign, broken } = trainee.traces();
   assert.deepEqual(foreign, []);
   assert.deepEqual(broken.filter(line => !(/status of 404/.test(line) && line.includes(made.ben.id))), [], 'what is not theirs is refused, and nothing else');
-  await context.close();
+  await own.context().close();
 });
 
 test('nothing was asked of another server, nothing broke the policy, nothing was thrown', () => {

@@ -1,66 +1,42 @@
 // A real Chromium in front of the real service, as a person would use it: sign in, upload a recording, wait for its score
 // without reloading, play the overlay, watch a box that sends. One scenario in steps; each step needs the ones before it.
 //
-// Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD, TROCAR_CLIP (a recording that TROCAR_BOX can score);
-// optional TROCAR_BOX, TROCAR_TRAINEE, TROCAR_TASK (names; otherwise the first of each), TROCAR_SELF_TEST (a recording of
-// that box's self-test with a board of 9x6 corners and 21 mm), TROCAR_SCREENSHOTS (a folder), TROCAR_CHROMIUM
-// (/usr/bin/chromium), TROCAR_PATIENCE_S (how long a score may take, 180).
+// Environment: as person.mjs, and TROCAR_CLIP (a recording that TROCAR_BOX can score); optional TROCAR_BOX, TROCAR_TRAINEE,
+// TROCAR_TASK (names; otherwise the first of each), TROCAR_SELF_TEST (a recording of that box's self-test with a board of 9x6
+// corners and 21 mm).
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { basename, join } from 'node:path';
 import { after, before, test } from 'node:test';
 
 import { violationsOf } from './access.mjs';
-import { launch, LOOKS } from './chromium.mjs';
+import { launch } from './chromium.mjs';
 import { HOSTILE, strangers } from './hostile.mjs';
+import { need, pagesOf, password, patience, person, url } from './person.mjs';
 import { beginFeed, endFeed } from './sender.mjs';
-import { tracesOf } from './watch.mjs';
 
-const need = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
-const url = need('TROCAR_URL').replace(/\/$/, '');
-const [login, password, clip] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD'), need('TROCAR_CLIP')];
-const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
-const shots = process.env.TROCAR_SCREENSHOTS;
+const clip = need('TROCAR_CLIP');
 const selfTest = process.env.TROCAR_SELF_TEST;
 
 let browser;
-let page;
-let traces;
+let page, traces, ask, make, looks, picture, printed, heading, signIn, open;
 let session;
 
 before(async () => {
-  if (shots) mkdirSync(shots, { recursive: true });
   browser = await launch();
-  const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' });
-  page = await context.newPage();
-  traces = tracesOf(page, url);
+  ({ page, traces, ask, make, looks, picture, printed, heading, signIn, open } = await person(browser));
 });
 
 after(() => browser?.close());
-
-async function picture(name) {
-  if (shots) await page.screenshot({ path: join(shots, `${name}.png`), fullPage: true });
-}
-
-const heading = words => page.locator('main h1', { hasText: words });
-
-/** The same request that any program may send, with the browser's sign-in. */
-const ask = path => page.evaluate(async at => (await fetch(at)).json(), `/api/v1/${path}`);
-
-async function signIn(secret) {
-  await page.fill('input[name=login]', login);
-  await page.fill('input[name=password]', secret);
-  await page.click('button[type=submit]');
-}
 
 test('a wrong password is refused in words, the right one opens the page that was asked for', async () => {
   await page.goto(`${url}/upload`);
   await signIn(`${password}, but wrong`);
   await page.locator('[role=alert]').waitFor();
   await picture('01-sign-in-refused');
-  await signIn(password);
+  await signIn();
   await heading('Upload').waitFor();
 });
 
@@ -157,21 +133,17 @@ test('a click in a curve goes to that moment, and the keys step by one frame', a
     Math.abs((await moment()) - length / 2) < length * 0.02,
     `half-way of ${length} s is at ${await moment()} s`,
   );
-  const frame = async () => Number(/frame (\d+)/.exec(await page.locator('.transport .clock').innerText())[1]);
+  const clock = page.locator('.transport .clock');
+  const frame = async () => Number(/frame (\d+)/.exec(await clock.innerText())[1]);
+  const shows = wanted => clock.filter({ hasText: new RegExp(`frame ${wanted}\\b`) }).waitFor();
   // Half-way may be the edge of two frames; a step lands inside one.
   await page.locator('main').press('.');
   await page.waitForFunction(() => !document.querySelector('video').seeking);
   const at = await frame();
   await page.locator('main').press('.');
-  await page.waitForFunction(
-    wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`),
-    at + 1,
-  );
+  await shows(at + 1);
   await page.locator('main').press(',');
-  await page.waitForFunction(
-    wanted => document.querySelector('.transport .clock').textContent.includes(`frame ${wanted}`),
-    at,
-  );
+  await shows(at);
 });
 
 test('a link to a moment leads to it, in the video and in the curves', async () => {
@@ -235,15 +207,6 @@ test('a rating is given with the keyboard, and says who is waited for', async ()
   assert.deepEqual([items[0].form, items[0].total, items[0].blind], ['goals', 20, true]);
 });
 
-async function wear({ colorScheme, viewport }) {
-  await page.setViewportSize(viewport);
-  await page.emulateMedia({ colorScheme });
-}
-
-/** How much wider the page is than the screen, pixels. */
-const excess = () =>
-  page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-
 let sender;
 let arriving;
 
@@ -264,12 +227,7 @@ test('a box is tested on its page: its light stands there in words, with every t
   assert.equal(await card.locator('.lights li').count(), 1, 'one day so far');
   await card.getByText(/^Every rest of the rod/).click();
   assert.equal(await card.locator('tbody tr').count(), told.holds.length);
-  for (const look of LOOKS) {
-    await wear(look);
-    await picture(`box-tested-${look.name}`);
-    assert.ok((await excess()) <= 0, `a tested box is wider than a ${look.name}`);
-  }
-  await wear(LOOKS[0]);
+  await looks('box-tested');
   await page.goto(`${url}/boxes`);
   const row = name => page.locator('tbody tr', { has: page.getByRole('rowheader', { name, exact: true }) });
   await row(box.name).getByText('green: all well').waitFor();
@@ -284,36 +242,27 @@ test('a box that sends is on the wall, with the state of its tools', async () =>
   await page.goto(`${url}/live`);
   const tile = page.locator('.tile', { hasText: box.name });
   await tile.getByText('Seen').first().waitFor({ timeout: patience });
-  for (const look of LOOKS) {
-    await wear(look);
-    await picture(`page-wall-${look.name}`);
-    assert.ok((await excess()) <= 0, `the wall is wider than a ${look.name}`);
-  }
+  await looks('page-wall');
+  assert.equal(pagesOf(await printed('page-wall')), 1);
   await tile.getByRole('link', { name: trainee.name }).click();
   await page.waitForURL(`**/sessions/${arriving}`);
 });
 
 test('while a session arrives its page shows the tips as they move', async () => {
-  await wear(LOOKS[0]);
   await page.locator('.live-tool', { hasText: 'Seen' }).first().waitFor({ timeout: patience });
   let drawn;
   do drawn = await overlay();
   while (drawn.drawn < 100); // Where the clip begins anew the tools jump, and are not believed for a moment.
-  const positions = () => page.locator('.live-tool.good .position').first().innerText();
-  const before = await positions();
-  assert.match(before, /x\s+−?\d+\.\d\s+± \d+\.\d\s+mm/);
+  const position = page.locator('.live-tool.good .position', { hasText: /x\s*−?\d+\.\d\s*± \d+\.\d\s*mm/ }).first();
+  await position.waitFor();
+  const before = await position.innerText();
   await page.waitForFunction(
     old => document.querySelector('.live-tool.good .position')?.innerText !== old,
     before,
     { timeout: 10_000 },
   );
   await page.locator('.live-features td.number', { hasText: /\d/ }).first().waitFor();
-  for (const look of LOOKS) {
-    await wear(look);
-    await picture(`page-live-${look.name}`);
-    assert.ok((await excess()) <= 0, `the live page is wider than a ${look.name}`);
-  }
-  await wear(LOOKS[0]);
+  await looks('page-live');
   assert.notEqual((await overlay()).sum, drawn.sum, 'the overlay was drawn anew');
 });
 
@@ -332,17 +281,9 @@ test('when it is whole its page becomes the usual one by itself, live features b
 
 test('a trainee’s page holds the sessions against the task’s standard, and says what is not enough', async () => {
   const { trainee, task } = await ask(`sessions/${session}`);
-  const make = (path, body) =>
-    page.evaluate(
-      async ([at, json]) => {
-        const headers = { 'Content-Type': 'application/json' };
-        return (await fetch(at, { method: 'POST', headers, body: JSON.stringify(json) })).status;
-      },
-      [`/api/v1/${path}`, body],
-    );
   const target = { feature: 'duration', by: { method: 'fixed', limit: 60, unit: 's' } };
-  assert.equal(await make(`tasks/${task.id}/standards`, { targets: [target], rule: { in_a_row: 3, then_more: 2 } }), 201);
-  assert.equal(await make('cohorts', { name: 'Everybody' }), 201);
+  await make(`tasks/${task.id}/standards`, { targets: [target], rule: { in_a_row: 3, then_more: 2 } });
+  await make('cohorts', { name: 'Everybody' });
   await page.goto(`${url}/trainees/${trainee.id}`);
   const plot = page.locator('svg.progress-plot');
   await plot.waitFor();
@@ -384,7 +325,6 @@ test('a session and a trainee print on one side of A4, black on white, with what
       assert.ok(said.includes({ pass: 'Kept', fail: 'Missed' }[judged.judgement] ?? 'Undecided'), said);
       assert.ok(said.includes(versions.calibration) && /SHA-256\s+[0-9a-f]{64}/.test(said), said);
     }
-    await picture(`report-${name}`);
     for (const colorScheme of ['light', 'dark']) {
       await page.emulateMedia({ colorScheme, media: 'print' });
       const look = await page.locator('.report').evaluate(sheet => {
@@ -393,15 +333,10 @@ test('a session and a trainee print on one side of A4, black on white, with what
       });
       assert.deepEqual(look, ['rgb(0, 0, 0)', 'rgb(255, 255, 255)', 'none'], colorScheme);
     }
-    const pdf = await page.pdf({ preferCSSPageSize: true });
-    if (shots) writeFileSync(join(shots, `report-${name}.pdf`), pdf);
-    assert.equal(pagesOf(pdf), 1, `the report of the ${name} has so many pages`);
     await page.emulateMedia({ colorScheme: 'light', media: 'screen' });
+    assert.equal(pagesOf(await printed(`report-${name}`)), 1, `the report of the ${name} has so many pages`);
   }
 });
-
-/** How many pages a PDF has: one object of the type Page for each. */
-const pagesOf = pdf => pdf.toString('latin1').match(/\/Type\s*\/Page\b(?!s)/g)?.length ?? 0;
 
 /** Every page, about what the scenario made. */
 async function pages() {
@@ -421,6 +356,8 @@ async function pages() {
     'trainee-report': `/trainees/${trainee.id}/report`,
     certificate: `/trainees/${trainee.id}/certificate?task=${task.id}`,
     groups: '/groups',
+    courses: '/courses',
+    'course-new': '/courses/new',
     ...(group && { group: `/groups/${group.id}` }),
     enrol: '/enrol',
     tasks: '/tasks',
@@ -431,27 +368,56 @@ async function pages() {
     people: '/people',
     service: '/service',
     account: '/account',
+    missing: '/there-is-no-such-page',
   };
 }
 
-async function open(name, path) {
-  await page.goto(url + path);
-  await page.locator('main h1').waitFor();
-  await page.waitForFunction(() => !document.querySelector('main .loading'));
+async function openWhole(name, path) {
+  await open(path);
   if (name === 'session') await page.locator('.plots canvas').first().waitFor();
 }
 
 test('every page is shown in both themes on a desk and on a tablet, none wider than the screen, all open to everybody', async () => {
   const faults = [];
-  for (const look of LOOKS) {
-    await wear(look);
-    for (const [name, path] of Object.entries(await pages())) {
-      await open(name, path);
-      await picture(`page-${name}-${look.name}`);
-      const over = await excess();
-      if (over > 0) faults.push(`${name} is ${over} px wider than a ${look.name}`);
-      faults.push(...(await violationsOf(page)).map(violation => `${name}, ${look.name}: ${violation}`));
-    }
+  for (const [name, path] of Object.entries(await pages())) {
+    await openWhole(name, path);
+    await looks(`page-${name}`, async look =>
+      faults.push(...(await violationsOf(page)).map(violation => `${name}, ${look.name}: ${violation}`)));
+  }
+  assert.deepEqual(faults, []);
+});
+
+/** Where each dialog is, and the button that opens it. */
+const dialogs = ({ task, box }) => ({
+  'trainee-new': ['/trainees', 'Add a trainee'],
+  'trainee-delete': ['/trainees', /^Delete: /],
+  'task-new': ['/tasks', 'Add a task'],
+  'box-new': ['/boxes', 'Add a box'],
+  'box-change': [`/boxes/${box.id}`, /^Edit: /],
+  'group-new': ['/groups', 'Add a group'],
+  'cohort-new': ['/groups', 'Add a cohort'],
+  'person-new': ['/people', 'Add a person'],
+  'token-new': ['/people', 'Make a token'],
+  raters: [`/tasks/${task.id}`, /^Raters of /],
+  rescoring: [`/tasks/${task.id}`, 'Score sessions again'],
+  'set-aside': [`/sessions/${session}`, 'Set aside'],
+  'session-delete': [`/sessions/${session}`, 'Delete'],
+});
+
+test('every dialog is shown in every look, open to everybody, and leaves with Escape', async () => {
+  const faults = [];
+  for (const [name, [path, button]] of Object.entries(dialogs(await ask(`sessions/${session}`)))) {
+    await open(path);
+    const opener = page.getByRole('button', { name: button, exact: true }).first();
+    await opener.click();
+    const dialog = page.locator('dialog[open]');
+    await dialog.waitFor();
+    await page.waitForFunction(() => !document.querySelector('dialog .loading'));
+    await looks(`dialog-${name}`, async look =>
+      faults.push(...(await violationsOf(page)).map(violation => `${name}, ${look.name}: ${violation}`)));
+    await page.keyboard.press('Escape');
+    await dialog.waitFor({ state: 'detached' });
+    assert.equal(await opener.evaluate(element => element === document.activeElement), true, `${name}: the focus is back`);
   }
   assert.deepEqual(faults, []);
 });
@@ -461,7 +427,8 @@ test('text from people and from files stays text on every page', async () => {
     window.hits = 0;
     window.hit = () => window.hits++;
   });
-  const refused = await page.evaluate(tell, { texts: HOSTILE, session });
+  const { task } = await ask(`sessions/${session}`);
+  const refused = await page.evaluate(tell, { texts: HOSTILE, session, task: task.id });
   assert.deepEqual(refused, []);
   await page.goto(`${url}/upload`);
   for (const label of ['Trainee', 'Task'])
@@ -474,14 +441,14 @@ test('text from people and from files stays text on every page', async () => {
   const more = { hostile: `/sessions/${theirs}`, trainee: `/trainees/${trainee.id}`, report: `/trainees/${trainee.id}/report`,
     box: `/boxes/${box.id}` };
   for (const [name, path] of [...Object.entries(await pages()), ...Object.entries(more)]) {
-    await open(name, path);
+    await openWhole(name, path);
     const found = { strangers: await strangers(page), hits: await page.evaluate(() => window.hits) };
     assert.deepEqual(found, { strangers: [], hits: 0 }, name);
   }
 });
 
 /** Says each text wherever the service takes one; returns what was not taken. Runs in the page. */
-async function tell({ texts, session }) {
+async function tell({ texts, session, task }) {
   const post = async (path, json) => {
     const answer = await fetch(`/api/v1/${path}`, {
       method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(json) });
@@ -492,7 +459,7 @@ async function tell({ texts, session }) {
     const named = { name: text };
     const all = [
       ['trainees', named], ['tasks', { ...named, description: text }], ['boxes', { ...named, view: 'top', notes: text }],
-      ['groups', named], ['cohorts', named], [`sessions/${session}/comments`, { from_s: 1, text }],
+      ['groups', named], ['cohorts', named], ['courses', { ...named, steps: [{ task, sessions: 1 }] }], [`sessions/${session}/comments`, { from_s: 1, text }],
       ['people', { ...named, login: `hostile-${number}`, password: 'a long enough secret', role: 'instructor' }],
     ];
     for (const [path, json] of all) refused.push(...(await post(path, json)));

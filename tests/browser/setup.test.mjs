@@ -1,59 +1,42 @@
 // Somebody who has never calibrated sets up a new box through the page alone: board, photos (one of them bad), camera,
 // instruments, colours painted with the mouse, the box's token. The box is ready in the end, and REST says the same.
 //
-// Environment: TROCAR_URL, TROCAR_LOGIN, TROCAR_PASSWORD, TROCAR_SETUP (a simulated scene with clip.mp4, annotations.json,
-// boards/ and bad/, photos without a whole board); optional TROCAR_SCREENSHOTS, TROCAR_CHROMIUM, TROCAR_PATIENCE_S as for
-// the dashboard.
+// Environment: as person.mjs, and TROCAR_SETUP (a simulated scene with clip.mp4, annotations.json, boards/ and bad/, photos
+// without a whole board).
 import assert from 'node:assert/strict';
-import { mkdirSync, readdirSync, readFileSync } from 'node:fs';
+import { readdirSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 
 import { strokeOf } from '../../static/setup/marks.js';
 import { violationsOf } from './access.mjs';
 import { launch, LOOKS } from './chromium.mjs';
-import { tracesOf } from './watch.mjs';
+import { need, patience, person, url } from './person.mjs';
 
-const need = name => process.env[name] ?? assert.fail(`set ${name}: see the head of this file`);
-const url = need('TROCAR_URL').replace(/\/$/, '');
-const [login, password, scene] = [need('TROCAR_LOGIN'), need('TROCAR_PASSWORD'), need('TROCAR_SETUP')];
-const patience = 1000 * Number(process.env.TROCAR_PATIENCE_S ?? 180);
-const shots = process.env.TROCAR_SCREENSHOTS;
+const scene = need('TROCAR_SETUP');
 const marks = JSON.parse(readFileSync(join(scene, 'annotations.json'), 'utf8'));
 const truth = JSON.parse(readFileSync(join(scene, 'truth.json'), 'utf8'));
 const NAME = `Box of a beginner ${Date.now()}`;
 const A4_PX = (297 / 25.4) * 96;
 
 let browser;
-let page;
-let traces;
+let page, traces, ask, looks, signIn;
 let box;
 
 before(async () => {
-  if (shots) mkdirSync(shots, { recursive: true });
   browser = await launch();
-  const context = await browser.newContext({ viewport: LOOKS[0].viewport, colorScheme: 'light' });
-  page = await context.newPage();
+  ({ page, traces, ask, looks, signIn } = await person(browser, { prefix: 'setup-' }));
   page.setDefaultTimeout(patience);
-  traces = tracesOf(page, url);
 });
 
 after(() => browser?.close());
 
-const ask = path => page.evaluate(async at => (await fetch(at)).json(), `/api/v1/${path}`);
 const files = folder => readdirSync(join(scene, folder)).sort().map(name => join(scene, folder, name));
 
 /** The step that is shown, in every look, open to everybody. */
 async function pictures(name) {
   const faults = [];
-  for (const look of LOOKS) {
-    await page.setViewportSize(look.viewport);
-    await page.emulateMedia({ colorScheme: look.colorScheme });
-    if (shots) await page.screenshot({ path: join(shots, `setup-${name}-${look.name}.png`), fullPage: true });
-    faults.push(...(await violationsOf(page)).map(violation => `${look.name}: ${violation}`));
-  }
-  await page.setViewportSize(LOOKS[0].viewport);
-  await page.emulateMedia({ colorScheme: LOOKS[0].colorScheme });
+  await looks(name, async look => faults.push(...(await violationsOf(page)).map(violation => `${look.name}: ${violation}`)));
   assert.deepEqual(faults, []);
 }
 
@@ -87,9 +70,7 @@ test('a stroke’s rectangles lie within the brush’s reach, inside the picture
 
 test('a new box is made, and its row leads to the first step', async () => {
   await page.goto(`${url}/boxes`);
-  await page.fill('input[name=login]', login);
-  await page.fill('input[name=password]', password);
-  await page.click('button[type=submit]');
+  await signIn();
   await page.getByRole('button', { name: 'Add a box' }).click();
   await page.fill('dialog input[name=name]', NAME);
   await page.getByRole('button', { name: 'Save' }).click();
@@ -232,9 +213,7 @@ test('strokes on some frames show the tape on frames on which nobody painted', a
       await paint(one);
     }
   }
-  const last = chosen.length + unpainted.length - 1;
-  await page.locator(`.frames li[data-frame="${last}"][data-masked="true"]`).waitFor();
-  await page.getByText('Only the tapes should be.').waitFor();
+  await page.getByText('Only the tapes should be.').waitFor(); // Of all strokes: while masks are of fewer, the page says that it asks.
   for (const [index, frame] of unpainted.entries())
     for (const one of marks.labels.filter(label => label.frame === frame)) {
       const share = await covered(chosen.length + index, one);

@@ -1,0 +1,113 @@
+// Pages over a slow line, with nothing kept from before: when they are first painted, when they say what they are, how far anything
+// moves under the reader's eyes. And what is asked for at once is what the pages import: one module too few is a round trip more.
+//
+// Environment: as person.mjs; TROCAR_FIRST_PAINT_MS (the latest first paint; told without it, not judged: a busy machine paints late).
+import assert from 'node:assert/strict';
+import { readdirSync, readFileSync } from 'node:fs';
+import { dirname, join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
+
+import { launch, LOOKS } from './chromium.mjs';
+import { ask, signIn, url } from './person.mjs';
+
+const latest = Number(process.env.TROCAR_FIRST_PAINT_MS ?? Infinity);
+/** 1.6 Mbit/s and 150 ms to and fro: a phone at the edge of a cell. */
+const LINE = { offline: false, latency: 150, downloadThroughput: 1.6e6 / 8, uploadThroughput: 0.75e6 / 8 };
+const MOST_SHIFT = 0.02;
+const SETTLED_MS = 2_000;
+const STATIC = join(dirname(fileURLToPath(import.meta.url)), '../../static');
+
+let browser;
+let signedIn;
+let session;
+
+before(async () => {
+  browser = await launch();
+  const context = await browser.newContext();
+  const page = await context.newPage();
+  await page.goto(url);
+  await signIn(page);
+  await page.locator('header.top nav').waitFor();
+  signedIn = await context.storageState();
+  session = (await ask(page, 'sessions?status=done&limit=1')).items[0]?.id;
+  await context.close();
+});
+
+after(() => browser?.close());
+
+/** Opens an address over the slow line until `shows` is there; returns what was measured, ms after the address was asked for. */
+async function opened(path, shows, storageState) {
+  const context = await browser.newContext({ ...LOOKS[0], storageState });
+  const page = await context.newPage();
+  const line = await context.newCDPSession(page);
+  await line.send('Network.enable');
+  await line.send('Network.emulateNetworkConditions', LINE);
+  await page.addInitScript(selector => {
+    window.measured = { shift: 0, moved: [] };
+    new PerformanceObserver(list => {
+      for (const entry of list.getEntries())
+        if (!entry.hadRecentInput) {
+          measured.shift += entry.value;
+          measured.moved.push(...entry.sources.map(({ node }) => `${node?.nodeName}.${node?.className}`));
+        }
+    }).observe({ type: 'layout-shift', buffered: true });
+    const look = () => {
+      if (document.querySelector(selector)) measured.shown = Math.round(performance.now());
+      else requestAnimationFrame(look);
+    };
+    requestAnimationFrame(look);
+  }, shows);
+  await page.goto(url + path);
+  await page.locator(shows).first().waitFor();
+  await page.waitForFunction(() => !document.querySelector('main .loading'));
+  await page.waitForTimeout(SETTLED_MS); // What comes later may still push something aside.
+  const measured = await page.evaluate(() => {
+    const entries = performance.getEntriesByType('resource');
+    return {
+      ...window.measured,
+      painted: Math.round(performance.getEntriesByName('first-contentful-paint')[0].startTime),
+      requests: entries.length,
+      bytes: entries.reduce((sum, entry) => sum + entry.encodedBodySize, 0),
+    };
+  });
+  await context.close();
+  return measured;
+}
+
+for (const [name, path, shows, isSignedIn] of [
+  ['sign-in', () => '/', 'input[name=login]', false],
+  ['today', () => '/', '.figures', true],
+  ['session', () => `/sessions/${session}`, '.review', true],
+])
+  test(`${name} over a slow line: first painted, then shown, and nothing moves`, async t => {
+    if (name === 'session' && !session) return t.skip('nothing is scored in this centre');
+    const { painted, shown, shift, moved, requests, bytes } = await opened(path(), shows, isSignedIn ? signedIn : undefined);
+    console.log(`${name}: first painted after ${painted} ms, shown after ${shown} ms, shift ${shift.toFixed(4)}, ${requests} requests, ${bytes} bytes`);
+    assert.ok(shift < MOST_SHIFT, `moved by ${shift}: ${moved.join(', ')}`);
+    assert.ok(painted <= latest, `first painted after ${painted} ms`);
+  });
+
+/** A module and all that it imports, from the first line to the last, as paths below static/. */
+function importsOf(entry) {
+  const found = new Set([entry]);
+  for (const name of found) // Grows as it is read.
+    for (const [, from] of readFileSync(join(STATIC, name), 'utf8').matchAll(/^(?:(?:import|export)\b[^;'()]*\bfrom |import )'(\.[^']+)'/gm))
+      found.add(join(dirname(name), from));
+  return found;
+}
+
+test('what is asked for at once is what app.js and the pages import', () => {
+  const index = readFileSync(join(STATIC, 'index.html'), 'utf8');
+  const asked = [...index.matchAll(/rel="modulepreload" href="\/([^"]+)"/g)].map(([, name]) => name);
+  const shared = importsOf('app.js');
+  assert.deepEqual([...asked, 'app.js'].sort(), [...shared].sort(), 'index.html');
+  const script = readFileSync(join(STATIC, 'modules_first.js'), 'utf8');
+  const languages = [...script.match(/LANGUAGES = \[(.*)\]/)[1].matchAll(/'(\w+)'/g)].map(([, name]) => `${name}.js`);
+  assert.deepEqual(languages.sort(), readdirSync(join(STATIC, 'texts')).sort(), 'modules_first.js, languages');
+  for (const [, page, names] of script.matchAll(/^ {4}(\w+): `([^`]+)`/gm)) {
+    const listed = names.trim().split(/\s+/).filter(name => !name.startsWith('vendor/'));
+    const imported = [...importsOf(`pages/${page}.js`)].filter(name => !shared.has(name));
+    assert.deepEqual(listed.sort(), imported.sort(), `modules_first.js, ${page}`);
+  }
+});
