@@ -201,6 +201,7 @@ impl Settings {
         within("http.sign_in_h", http.sign_in_h, 1, 24 * 7)?;
         within("http.attempts_per_min", http.attempts_per_min.into(), 1, 10_000)?;
         within("http.max_event_streams", http.max_event_streams as u64, 1, 100_000)?;
+        within("http.max_event_streams_of_one", http.max_event_streams_of_one as u64, 1, 100_000)?;
         within("http.page_items", http.page_items.into(), 1, 200)?;
         within("uploads.max_bytes", uploads.max_bytes, 1, 1 << 50)?;
         within("uploads.expire_h", uploads.expire_h, 1, 24 * 365)?;

@@ -100,7 +100,8 @@ impl Server {
         if let Some(other) = recorded_in.filter(|in_box| *in_box != self.in_box) {
             let why = format!("it was recorded in the box {other}, and this is {}", self.in_box);
             return Parting::Refused(format!(
-                "{why}: start the agent with `--box {other}` and that box's token to send it"
+                "{why}: start the agent with `--box {other}` and that box's token to send it; if that box has another code today, \
+                 write it into `{id}/box` in the spool"
             ));
         }
         match timeout(CONNECT, self.connect()).await {

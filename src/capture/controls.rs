@@ -84,7 +84,10 @@ impl<C: Controls> Lock<C> {
             Err(error) => return Locked::Refused(error),
         };
         // Read before: many cameras go back to the value that was last set by hand once the automatic is off.
-        let found = self.controls.get(automatic.value).ok().flatten();
+        let found = match self.controls.get(automatic.value) {
+            Ok(found) => found,
+            Err(error) => return Locked::Refused(error),
+        };
         self.note.were.push((automatic.switch, was));
         match self.write_note().and_then(|()| self.hold(automatic, found)) {
             Ok(()) => Locked::Off(found),
@@ -197,11 +200,12 @@ mod tests {
     struct Webcam {
         says: Rc<RefCell<BTreeMap<u32, i32>>>,
         refuses: Option<u32>,
+        does_not_tell: Option<u32>,
     }
 
     impl Webcam {
         fn new(says: &[(u32, i32)]) -> Self {
-            Self { says: Rc::new(RefCell::new(says.iter().copied().collect())), refuses: None }
+            Self { says: Rc::new(RefCell::new(says.iter().copied().collect())), ..Self::default() }
         }
 
         fn says(&self, id: u32) -> i32 {
@@ -211,6 +215,9 @@ mod tests {
 
     impl Controls for Webcam {
         fn get(&self, id: u32) -> io::Result<Option<i32>> {
+            if self.does_not_tell == Some(id) {
+                return Err(io::ErrorKind::ResourceBusy.into());
+            }
             Ok(self.says.borrow().get(&id).copied())
         }
 
@@ -270,11 +277,14 @@ mod tests {
     #[test]
     fn an_automatic_whose_value_cannot_be_held_stays_on() {
         let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
-        let refusing = Webcam { refuses: Some(TIME), ..camera.clone() };
-        let folder = tempfile::tempdir().unwrap();
-        let (_lock, told) = lock(&refusing, &folder);
-        assert!(fate(&told, "exposure").starts_with("Refused"));
-        assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 0]);
+        for hindered in
+            [Webcam { refuses: Some(TIME), ..camera.clone() }, Webcam { does_not_tell: Some(TIME), ..camera.clone() }]
+        {
+            let folder = tempfile::tempdir().unwrap();
+            let (_lock, told) = lock(&hindered, &folder);
+            assert!(fate(&told, "exposure").starts_with("Refused"));
+            assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 0]);
+        }
     }
 
     #[test]

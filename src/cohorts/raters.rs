@@ -151,7 +151,9 @@ fn agreement_of(form: Form, given: &[GivenRating]) -> Agreement {
     };
     let too_few =
         |found| NoAnswer::TooFew { of: "people rated by the same two raters or more", found, needed: FEWEST_RATED };
-    let Some(SameRaters { raters, rows, .. }) = same_raters(&rows) else {
+    let Some(SameRaters { raters, rows, .. }) =
+        same_raters(&rows, |session| whose.get(session).map(|(trainee, _)| *trainee))
+    else {
         return Agreement { withheld: Some(too_few(0).into()), ..told };
     };
     let mut newest: BTreeMap<TraineeId, (i64, SessionId, Vec<f64>)> = BTreeMap::new();

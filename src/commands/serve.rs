@@ -213,7 +213,7 @@ pub async fn start(
     });
     let parts = Parts {
         throttle: Throttle::new(settings.http.attempts_per_min, clock.clone()),
-        streams: Places::new(settings.http.max_event_streams),
+        streams: Places::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         metrics: metrics().context("starting the metrics")?,
         settings: settings.http.clone(),
         in_force: in_force(&settings, clock.now_ms()),

@@ -6,13 +6,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::domain::scope::{Actor, Scope};
 
-/// Most places of one person: all boxes of a large centre on one page.
-const MOST_OF_ONE: usize = 32;
-
 /// Places; clones are the same ones.
 #[derive(Clone, Debug)]
 pub struct Places {
     most: usize,
+    most_of_one: usize,
     taken: Arc<Mutex<HashMap<Actor, usize>>>,
 }
 
@@ -24,9 +22,9 @@ pub struct Place {
 }
 
 impl Places {
-    /// So many.
-    pub fn new(most: usize) -> Self {
-        Self { most, taken: Arc::default() }
+    /// So many, and so many for one person, who never has more than half of them (but one at least).
+    pub fn new(most: usize, most_of_one: usize) -> Self {
+        Self { most, most_of_one: most_of_one.min(most / 2).max(1), taken: Arc::default() }
     }
 
     /// One of them, unless all are taken or this person has their share.
@@ -34,7 +32,7 @@ impl Places {
         let of = scope.actor();
         let mut taken = self.lock();
         let is_full = taken.values().sum::<usize>() >= self.most;
-        if is_full || taken.get(&of).is_some_and(|mine| *mine >= MOST_OF_ONE) {
+        if is_full || taken.get(&of).is_some_and(|mine| *mine >= self.most_of_one) {
             return None;
         }
         *taken.entry(of).or_default() += 1;
@@ -71,13 +69,16 @@ mod tests {
     #[test]
     fn nobody_alone_takes_all_places_and_what_is_given_back_is_free() {
         let (ada, bob) = (Scope::instructor(PersonId::at(1)), Scope::instructor(PersonId::at(2)));
-        let places = Places::new(MOST_OF_ONE + 1);
+        for (most, of_one, expected) in [(256, 96, 96), (10, 96, 5), (1, 96, 1)] {
+            let places = Places::new(most, of_one);
+            assert_eq!(std::iter::from_fn(|| places.take(&ada)).collect::<Vec<_>>().len(), expected);
+        }
+        let places = Places::new(4, 3);
         let mut hers: Vec<Place> = std::iter::from_fn(|| places.take(&ada)).collect();
-        assert_eq!(hers.len(), MOST_OF_ONE);
-        let his = places.take(&bob).unwrap();
-        assert!(places.take(&bob).is_none(), "all are taken");
+        let his = [places.take(&bob).unwrap(), places.take(&bob).unwrap()];
+        assert!(places.take(&Scope::instructor(PersonId::at(3))).is_none(), "all are taken");
         hers.pop();
-        assert!(places.take(&bob).is_some());
+        assert!(places.take(&Scope::instructor(PersonId::at(3))).is_some());
         drop((hers, his));
         assert_eq!(places.taken(), 0);
     }

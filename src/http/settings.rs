@@ -29,8 +29,10 @@ pub struct HttpSettings {
     pub sign_in_h: u64,
     /// Sign-in attempts that one login may make from one address in a minute.
     pub attempts_per_min: u32,
-    /// Event streams open at once.
+    /// Event streams and live conversations open at once.
     pub max_event_streams: usize,
+    /// Those of one person, half of all at most: a wall of boxes takes one for each box that sends.
+    pub max_event_streams_of_one: usize,
     /// Address under which the service is known, such as `https://skills.example`: what xAPI names accounts and tasks by. Without it,
     /// as the request names it: then the same person has as many accounts as the service has addresses.
     pub public_url: Option<String>,
@@ -52,6 +54,7 @@ impl Default for HttpSettings {
             sign_in_h: 12,
             attempts_per_min: 5,
             max_event_streams: 256,
+            max_event_streams_of_one: 96,
             public_url: None,
             page_items: 50,
         }

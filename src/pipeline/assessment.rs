@@ -110,7 +110,7 @@ impl<'a> Session<'a> {
         let cuts_s: Vec<Vec<f64>> = (0..trajectory.tools.len()).map(|tool| trajectory.cuts_of(tool)).collect();
         let motions: Vec<_> =
             samples.iter().zip(&cuts_s).map(|(samples, cuts_s)| motion(samples, cuts_s, settings)).collect();
-        let absent = why_absent(&samples, &motions, tools);
+        let absent = why_absent(&samples, &motions, tools, settings);
         let known =
             samples.iter().zip(absent).map(|(samples, absent)| Known { fulcrum: fulcrum::find(samples), absent });
         Self { settings, known: known.collect(), samples, cuts_s, motions }

@@ -114,8 +114,8 @@ async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Result<Compare
 }
 
 fn edited_meanwhile() -> Problem {
-    let detail = "the new score stands, but it is of what somebody trimmed or renamed while the order was worked off, so that a \
-                  difference would not be the program’s";
+    let detail = "the new score stands, but somebody edited the session, or undid an edit, while the order was worked off, so \
+                  that a difference need not be the program’s";
     Problem::new("edited-meanwhile", "It was edited meanwhile", detail)
 }
 

@@ -2,9 +2,12 @@
 
 use std::time::Duration;
 
+use sqlx::SqliteConnection;
+
 use super::error::{StoreResult, noted};
 use super::people::Person;
 use super::{Scope, Store};
+use crate::domain::role::Role;
 use crate::domain::secret::SecretHash;
 use crate::ids::PersonId;
 use crate::time::millis;
@@ -32,22 +35,23 @@ struct Row {
 }
 
 impl Cookies<'_> {
-    /// Signs a browser of this person in.
-    pub async fn create(&self, secret: SecretHash, person: PersonId, lasts: Cookie) -> StoreResult<()> {
-        let now_ms = self.0.now_ms();
+    /// Signs a browser of this person in; on a full disk, too, if they can erase.
+    pub async fn create(&self, secret: SecretHash, person: &Person, lasts: Cookie) -> StoreResult<()> {
+        let (now_ms, id) = (self.0.now_ms(), person.id);
         let expires_at_ms = now_ms + millis(lasts.most).max(1);
-        // On a full disk somebody must get in who can erase.
-        self.0
-            .erase(|| {
-                async move |tx| {
-                    let sql =
-                        "INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
-                         VALUES ($1, $2, $3, $3, $4)";
-                    sqlx::query(sql).bind(secret).bind(person).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
-                    Ok(())
-                }
-            })
-            .await
+        let insert = || {
+            async move |tx: &mut SqliteConnection| {
+                let sql =
+                    "INSERT INTO cookie_session (secret_hash, person_id, created_at_ms, last_seen_at_ms, expires_at_ms)
+                     VALUES ($1, $2, $3, $3, $4)";
+                sqlx::query(sql).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms).execute(tx).await?;
+                Ok(())
+            }
+        };
+        match person.role {
+            Role::Instructor | Role::Administrator => self.0.let_in(insert).await,
+            Role::Trainee | Role::Agent => self.0.write(insert()).await,
+        }
     }
 
     /// Who shows this cookie, if it still counts; and notes that they were here.
@@ -72,6 +76,11 @@ impl Cookies<'_> {
         let sql = "SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
         let row = sqlx::query(sql).bind(secret).bind(now_ms).bind(now_ms - millis(lasts.idle));
         Ok(row.fetch_optional(self.0.readers()).await?.is_some())
+    }
+
+    /// Lets another sign-in take this one's place; on a full disk it stays until it is idle.
+    pub async fn replace(&self, secret: SecretHash) -> StoreResult<()> {
+        noted(self.delete(secret).await)
     }
 
     /// Signs one browser out; unknown cookies are as good as signed out.

@@ -144,6 +144,8 @@ struct Inner {
     clock: SharedClock,
     settings: StoreSettings,
     ballast: Ballast,
+    /// For letting in who erases.
+    door: Ballast,
     /// Was something erased since the write-ahead log was emptied?
     erased: AtomicBool,
 }
@@ -155,11 +157,12 @@ impl Store {
         let readers = open::readers(path, settings).await?;
         let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
             .map_err(|error| StoreError::Unusable(format!("its writer cannot start: {error}")))?;
-        let ballast = Ballast::beside(path);
+        let (ballast, door) = (Ballast::to_erase(path), Ballast::to_let_in(path));
         ballast.restore().await;
+        door.restore().await;
         let (path, settings) = (path.to_owned(), settings.clone());
         let erased = AtomicBool::new(true); // perhaps in an earlier life
-        Ok(Self { inner: Arc::new(Inner { path, readers, writer, clock, settings, ballast, erased }) })
+        Ok(Self { inner: Arc::new(Inner { path, readers, writer, clock, settings, ballast, door, erased }) })
     }
 
     /// What SQLite finds wrong with its own file and with references between rows; nothing is as it should be.
@@ -194,6 +197,7 @@ impl Store {
     /// Takes the ballast's space again after an erasure on a full disk, if there is room now.
     pub async fn restore_ballast(&self) {
         self.inner.ballast.restore().await;
+        self.inner.door.restore().await;
     }
 
     /// After an erasure: moves everything from the write-ahead log into the database file and empties the log, so that
@@ -223,19 +227,36 @@ impl Store {
         self.inner.writer.run(work).await
     }
 
-    /// Like [`Store::write`], for work that makes room, and to let in who does it: when the disk is full the ballast is freed and the work done
-    /// again, since SQLite needs space even to delete.
+    /// Like [`Store::write`], for work that makes room: when the disk is full the ballast is freed and the work done again, since
+    /// SQLite needs space even to delete.
     async fn erase<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
         T: Send + 'static,
     {
-        let result = match self.write(work()).await {
-            Err(StoreError::DiskFull) if self.inner.ballast.release().await => self.write(work()).await,
-            result => result,
-        };
+        let result = self.write_with(&self.inner.ballast, work).await;
         self.inner.erased.store(true, Ordering::Release);
         result
+    }
+
+    /// Like [`Store::write`], for letting in who makes room.
+    async fn let_in<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
+    where
+        F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
+        T: Send + 'static,
+    {
+        self.write_with(&self.inner.door, work).await
+    }
+
+    async fn write_with<T, F>(&self, ballast: &Ballast, work: impl Fn() -> F) -> StoreResult<T>
+    where
+        F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
+        T: Send + 'static,
+    {
+        match self.write(work()).await {
+            Err(StoreError::DiskFull) if ballast.release().await => self.write(work()).await,
+            result => result,
+        }
     }
 
     fn now_ms(&self) -> i64 {

@@ -68,11 +68,11 @@ pub async fn keep(store: &Store, vault: &Vault, every: Duration, clock: SharedCl
 pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     forget_expired_uploads(store, vault).await?;
     remove_orphan_uploads(store, vault).await?;
-    store.cookies().forget_expired().await?;
     collect(store, vault).await?;
     remove_unnamed(store, vault).await?;
     store.forget_erased().await?;
     store.restore_ballast().await;
+    store.cookies().forget_expired().await?; // last: on a full disk it fails, and keeps nothing from making room
     Ok(())
 }
 

@@ -127,7 +127,7 @@ fn a_swap_of_two_tools_at_rest_moves_neither() {
     let cuts: Vec<(usize, f64)> = left.cuts.iter().map(|cut| (cut.tool, (cut.time_s * 100.0).round())).collect();
     assert_eq!(cuts, [(1, 1000.0), (0, 1000.0), (0, 2004.0), (1, 2004.0)]);
     let assessment = assess(&left, &[], &AssessmentSettings::default());
-    for name in ["path_length", "peak_velocity", "movements", "absences"] {
+    for name in ["path_length", "peak_velocity", "movements", "absences", "not_seen_share", "lost_share"] {
         let of = assessment.features.iter().filter(|value| value.feature.name == name);
         let values: Vec<_> = of.map(|value| value.value).collect();
         let still = values.iter().all(|value| value.is_ok_and(|value| value.abs() < 1e-6));

@@ -53,6 +53,21 @@ fn the_published_example_has_its_published_agreement() {
 }
 
 #[test]
+fn raters_who_met_a_few_people_again_and_again_do_not_hide_those_who_met_many() {
+    let ids = Ids { sessions: (0..80).map(SessionId::at).collect(), ..Ids::new(16) };
+    let mark = |session: usize, person: usize, rater: usize| GivenRating {
+        session: ids.sessions[session],
+        trainee: ids.people[person],
+        ..ids.rating(0, 0, rater, &[Some((1 + (session + rater) % 9) as u8)])
+    };
+    let often = (0..60).flat_map(|session| [mark(session, session % 3, 0), mark(session, session % 3, 1)]);
+    let wide = (3..16).flat_map(|person| [mark(60 + person, person, 2), mark(60 + person, person, 3)]);
+    let told = agreement_of(Form::Osats, &often.chain(wide).collect::<Vec<_>>());
+    assert_eq!((told.people, told.raters), (13, 2), "{told:?}");
+    assert!(told.single.is_some());
+}
+
+#[test]
 fn an_older_session_and_a_rating_with_a_gap_change_nothing() {
     let ids = Ids::new(7);
     let mut given = published(&ids);

@@ -49,9 +49,11 @@ pub async fn sign_in(
     let attempt = app.throttle.attempt(&tried.login, peer.ip()).map_err(slow_down)?;
     let person = person_of(&app, tried).await?;
     attempt.succeeded();
-    forget_cookie(&app, &headers).await?;
     let secret = Secret::random();
-    app.store.cookies().create(secret.hash(), person.id, app.sign_in_lasts()).await?;
+    app.store.cookies().create(secret.hash(), &person, app.sign_in_lasts()).await?;
+    if let Presented::Cookie(before) = Presented::in_headers(&headers) {
+        app.store.cookies().replace(before).await?;
+    }
     tracing::info!(person = %person.id, "signed in");
     Ok((give(set_cookie(&secret)), Json(Welcome { person: person.into() })))
 }
@@ -59,7 +61,9 @@ pub async fn sign_in(
 /// Sign out: the cookie ends here and in the browser
 #[utoipa::path(post, path = "/sign-out", tag = "sign-in", responses((status = NO_CONTENT)))]
 pub async fn sign_out(State(app): State<App>, _who: SignedIn, headers: HeaderMap) -> Answer<impl IntoResponse> {
-    forget_cookie(&app, &headers).await?;
+    if let Presented::Cookie(secret) = Presented::in_headers(&headers) {
+        app.store.cookies().delete(secret).await?;
+    }
     Ok((StatusCode::NO_CONTENT, give(clear_cookie())))
 }
 
@@ -116,14 +120,6 @@ fn slow_down(wait: Duration) -> Problem {
     Refusal::TooMany
         .with(format!("Too many attempts to sign in. Try again in {seconds} s."))
         .header(header::RETRY_AFTER, seconds)
-}
-
-/// Ends the sign-in that these headers carry, if any: a cookie is never used beyond a new sign-in.
-async fn forget_cookie(app: &App, headers: &HeaderMap) -> Answer<()> {
-    if let Presented::Cookie(secret) = Presented::in_headers(headers) {
-        app.store.cookies().delete(secret).await?;
-    }
-    Ok(())
 }
 
 fn give(cookie: HeaderValue) -> AppendHeaders<[(header::HeaderName, HeaderValue); 1]> {

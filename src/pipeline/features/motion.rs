@@ -123,6 +123,11 @@ impl Interval {
     pub fn steps(self) -> i64 {
         self.last - self.first
     }
+
+    /// Between two spans: is it longer than what is bridged? Else only a cut parts them.
+    pub fn is_gap(self, settings: &FeatureSettings) -> bool {
+        self.steps() as f64 * settings.step_s > settings.max_gap_s
+    }
 }
 
 impl Motion {
@@ -188,10 +193,12 @@ impl Motion {
         self.observed_steps() as f64 * self.step_s
     }
 
-    /// The share of the interval in which the tool was seen, 0 to 1.
-    pub fn seen_share(&self) -> f64 {
+    /// The share of the interval in which the tool was seen, 0 to 1; where the path was cut it was, though nothing is known of the motion.
+    pub fn seen_share(&self, settings: &FeatureSettings) -> f64 {
+        let between = self.spans.windows(2).map(|pair| Interval { first: pair[0].last(), last: pair[1].first });
+        let cut: i64 = between.filter(|hole| !hole.is_gap(settings)).map(Interval::steps).sum();
         match self.interval.steps() {
-            steps if steps > 0 => self.observed_steps() as f64 / steps as f64,
+            steps if steps > 0 => (self.observed_steps() as f64 + cut as f64) / steps as f64,
             _ => 0.0,
         }
     }
@@ -206,7 +213,7 @@ impl Motion {
         if self.spans.is_empty() {
             return Err(NotEnough::NeverSeen);
         }
-        check_enough(self.observed_s(), self.seen_share(), self.length_mm(), settings)
+        check_enough(self.observed_s(), self.seen_share(settings), self.length_mm(), settings)
     }
 }
 

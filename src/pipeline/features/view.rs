@@ -89,7 +89,7 @@ pub const LONGEST_ABSENCE: Feature = Feature {
 
 fn not_seen_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     check_long_enough(motion, settings)?;
-    Ok(1.0 - motion.seen_share())
+    Ok(1.0 - motion.seen_share(settings))
 }
 
 fn share_of(motion: &Motion, settings: &FeatureSettings, cause: Cause) -> Result<f64, NotEnough> {
@@ -115,7 +115,7 @@ pub(in crate::pipeline) fn absences(
     let ends = [motion.interval.first].into_iter().chain(motion.spans.iter().map(|span| span.last()));
     let starts = motion.spans.iter().map(|span| span.first).chain([motion.interval.last]);
     let between = ends.zip(starts).map(|(first, last)| Interval { first, last });
-    Ok(between.filter(|interval| interval.steps() as f64 * motion.step_s > settings.max_gap_s))
+    Ok(between.filter(|interval| interval.is_gap(settings)))
 }
 
 fn check_long_enough(motion: &Motion, settings: &FeatureSettings) -> Result<(), NotEnough> {

@@ -10,8 +10,7 @@ use crate::domain::scope::Scope;
 use crate::domain::secret::{Password, Secret, SecretHash};
 use crate::domain::task::NewTask;
 use crate::domain::text::Key;
-use crate::ids::PersonId;
-use crate::store::{ActsAs, Cookie, NewPerson, NewToken, PageRequest, Store, StoreError, StoreSettings};
+use crate::store::{ActsAs, Cookie, NewPerson, NewToken, PageRequest, Person, Store, StoreError, StoreSettings};
 use crate::time::Manual;
 
 const LASTS: Cookie = Cookie { idle: Duration::from_secs(30 * 60), most: Duration::from_secs(12 * 3600) };
@@ -58,15 +57,15 @@ fn task(number: usize) -> NewTask {
 }
 
 /// An administrator with a browser and a program.
-async fn let_in(store: &Store) -> (PersonId, SecretHash, SecretHash) {
+async fn let_in(store: &Store) -> (Person, SecretHash, SecretHash) {
     let (service, role) = (Scope::service(), Role::Administrator);
     let (login, password) = ("root".parse().unwrap(), Password::new("correct horse").unwrap().hash());
     let person = NewPerson { login, name: "Root".parse().unwrap(), role, password, trainee: None };
-    let person = store.people().create(&service, person).await.unwrap().id;
+    let person = store.people().create(&service, person).await.unwrap();
     let (cookie, secret) = (Secret::random().hash(), Secret::random().hash());
-    store.cookies().create(cookie, person, LASTS).await.unwrap();
+    store.cookies().create(cookie, &person, LASTS).await.unwrap();
     let token =
-        NewToken { name: "t".parse().unwrap(), acts_as: ActsAs::Person(person, role), expires_at_ms: None, secret };
+        NewToken { name: "t".parse().unwrap(), acts_as: ActsAs::Person(person.id, role), expires_at_ms: None, secret };
     store.tokens().create(&service, token).await.unwrap();
     (person, cookie, secret)
 }
@@ -97,9 +96,11 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
     let page = PageRequest::new(200, None);
     assert_eq!(store.tasks().list(&service, &page).await.unwrap().items.len(), acknowledged);
     clock.advance(Duration::from_secs(120)); // so that it would be noted who is here
-    assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().id, administrator);
+    assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().id, administrator.id);
     assert!(store.tokens().scope_of(token).await.unwrap().is_some());
-    store.cookies().create(Secret::random().hash(), administrator, LASTS).await.unwrap();
+    store.cookies().create(Secret::random().hash(), &administrator, LASTS).await.unwrap();
+    store.cookies().replace(cookie).await.unwrap();
+    assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20, "kept for who erases");
     store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();
     assert!(store.trainees().get(&service, &Key::from(&ana.id)).await.is_err());
 

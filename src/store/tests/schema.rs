@@ -59,6 +59,12 @@ async fn nonsense_is_refused_whoever_writes_it() {
     let lease = centre.claim().await.unwrap();
     centre.store.jobs().finish_track(&lease, centre.result(session.id).await).await.unwrap();
     let mut raw = raw(&centre).await;
+    for sense in [
+        "INSERT INTO course VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45', 'Basic skills', 1)",
+        "INSERT INTO training_group (id, name, created_at_ms) VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a46', 'G', 1)",
+    ] {
+        sqlx::query(AssertSqlSafe(sense)).execute(&mut raw).await.unwrap();
+    }
     for nonsense in [
         "UPDATE job SET state = 'sleeping'",
         "UPDATE job SET state = 'running' WHERE kind = 'track'",
@@ -110,9 +116,9 @@ async fn nonsense_is_refused_whoever_writes_it() {
          FROM task",
         "INSERT INTO course VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', '', 1)",
         "INSERT INTO course_step SELECT 'nowhere', 0, id, NULL, NULL FROM task",
-        "INSERT INTO course_step SELECT 'nowhere', 0, id, -1, NULL FROM task",
-        "INSERT INTO course_step SELECT 'nowhere', 0, id, NULL, 0 FROM task",
-        "INSERT INTO group_course VALUES ('nowhere', 'nowhere', 'tomorrow')",
+        "INSERT INTO course_step SELECT course.id, 0, task.id, -1, NULL FROM course, task",
+        "INSERT INTO course_step SELECT course.id, 0, task.id, NULL, 0 FROM course, task",
+        "INSERT INTO group_course SELECT training_group.id, course.id, 'tomorrow' FROM course, training_group",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 1, 'expert', NULL, NULL, 1)",
         "INSERT INTO cohort VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'c', 'C', 0, NULL, NULL, 'nowhere', 1)",
         "INSERT INTO person VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', 'eve', 'Eve', 'administrator', 'plain text', NULL, 1)",

@@ -15,7 +15,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     let centre = Centre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let (cookies, secret) = (centre.store.cookies(), Secret::random().hash());
-    cookies.create(secret, person.id, LASTS).await.unwrap();
+    cookies.create(secret, &person, LASTS).await.unwrap();
     for _ in 0..24 {
         assert_eq!(cookies.person_of(secret, LASTS).await.unwrap().as_ref(), Some(&person));
         centre.clock.advance(Duration::from_secs(29 * 60));
@@ -26,7 +26,7 @@ async fn a_cookie_counts_until_its_holder_is_idle_too_long_or_half_a_day_has_pas
     assert_eq!(cookies.forget_expired().await.unwrap(), 1);
 
     let idle = Secret::random().hash();
-    cookies.create(idle, person.id, LASTS).await.unwrap();
+    cookies.create(idle, &person, LASTS).await.unwrap();
     centre.clock.advance(Duration::from_secs(30 * 60));
     assert_eq!(cookies.person_of(idle, LASTS).await.unwrap(), None);
 }
@@ -36,7 +36,7 @@ async fn a_new_password_signs_all_browsers_out() {
     let centre = Centre::new().await;
     let person = centre.person("ina", Role::Instructor, None).await;
     let secret = Secret::random().hash();
-    centre.store.cookies().create(secret, person.id, LASTS).await.unwrap();
+    centre.store.cookies().create(secret, &person, LASTS).await.unwrap();
     let password = Password::new("another horse").unwrap();
     centre.store.people().set_password(&person.scope(), person.id, password.hash()).await.unwrap();
     assert_eq!(centre.store.cookies().person_of(secret, LASTS).await.unwrap(), None);
@@ -52,8 +52,8 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
     let (ada, ina) =
         (centre.person("ada", Role::Administrator, None).await, centre.person("ina", Role::Instructor, None).await);
     let (of_ada, of_ina) = (Secret::random().hash(), Secret::random().hash());
-    centre.store.cookies().create(of_ada, ada.id, LASTS).await.unwrap();
-    centre.store.cookies().create(of_ina, ina.id, LASTS).await.unwrap();
+    centre.store.cookies().create(of_ada, &ada, LASTS).await.unwrap();
+    centre.store.cookies().create(of_ina, &ina, LASTS).await.unwrap();
     let counts = async |secret| centre.store.cookies().counts(secret, LASTS).await.unwrap();
     let same = PersonChange { name: Some("Ada".parse().unwrap()), role: Some(Role::Administrator), login: None };
     people.change(&service, ada.id, same).await.unwrap();

@@ -8,8 +8,8 @@ use std::rc::Rc;
 
 use nalgebra::{Point3, Vector3};
 
-use crate::pipeline::features::NotEnough;
 use crate::pipeline::features::motion::{Interval, Motion};
+use crate::pipeline::features::{FeatureSettings, NotEnough};
 use crate::pipeline::tracker::{Absence, Gap, ToolQuality};
 use crate::pipeline::trajectory::Sample;
 
@@ -50,17 +50,24 @@ pub fn why_absent(
     samples: &[Vec<Sample>],
     motions: &[Result<Motion, NotEnough>],
     tools: &[ToolQuality],
+    settings: &FeatureSettings,
 ) -> Vec<Option<Rc<[Absent]>>> {
     let of_tool = |tool: usize| {
         let other = if samples.len() == 2 { samples[1 - tool].as_slice() } else { &[] };
-        Some(absent(&samples[tool], motions[tool].as_ref().ok(), &tools.get(tool)?.gaps, other))
+        Some(absent(&samples[tool], motions[tool].as_ref().ok(), &tools.get(tool)?.gaps, other, settings))
     };
     (0..samples.len()).map(of_tool).collect()
 }
 
-fn absent(samples: &[Sample], motion: Option<&Motion>, gaps: &[Gap], other: &[Sample]) -> Rc<[Absent]> {
+fn absent(
+    samples: &[Sample],
+    motion: Option<&Motion>,
+    gaps: &[Gap],
+    other: &[Sample],
+    settings: &FeatureSettings,
+) -> Rc<[Absent]> {
     let spans = motion.map_or(&[][..], |motion| &motion.spans);
-    let step_s = motion.map_or(1.0, |motion| motion.step_s);
+    let step_s = settings.step_s;
     let ends = [EVER.first].into_iter().chain(spans.iter().map(|span| span.last()));
     let starts = spans.iter().map(|span| span.first).chain([EVER.last]);
     let cause = |interval: Interval| {
@@ -71,6 +78,7 @@ fn absent(samples: &[Sample], motion: Option<&Motion>, gaps: &[Gap], other: &[Sa
     };
     ends.zip(starts)
         .map(|(first, last)| Interval { first, last })
+        .filter(|interval| interval.is_gap(settings))
         .map(|i| Absent { interval: i, cause: cause(i) })
         .collect()
 }

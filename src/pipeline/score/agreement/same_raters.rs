@@ -8,16 +8,19 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct SameRaters<P, R> {
     /// The raters, in rising order.
     pub raters: Vec<R>,
-    /// Who was rated by all of them, and their ratings in the raters' order.
+    /// What was rated by all of them, and their ratings in the raters' order.
     pub rows: Vec<(P, Vec<f64>)>,
     /// How many rows by two raters or more were left out, since another set shares more.
     pub left_out: usize,
 }
 
 /// Of the sets of raters that some row has, the one that rated most people, counted once for each rater; of equals the one with
-/// most rows, then the larger, then the first.
-/// Rows that others have rated besides count too. `None` where no row has two raters.
-pub fn same_raters<P: Ord + Clone, R: Ord + Clone>(rows: &[(P, BTreeMap<R, f64>)]) -> Option<SameRaters<P, R>> {
+/// most rows, then the larger, then the first. A person may have many rows. Rows that others have rated besides count too. `None`
+/// where no row has two raters.
+pub fn same_raters<P: Clone, R: Ord + Clone, Q: Ord>(
+    rows: &[(P, BTreeMap<R, f64>)],
+    person_of: impl Fn(&P) -> Q,
+) -> Option<SameRaters<P, R>> {
     let sets: BTreeSet<Vec<R>> = rows
         .iter()
         .filter(|(_, ratings)| ratings.len() >= 2)
@@ -33,7 +36,7 @@ pub fn same_raters<P: Ord + Clone, R: Ord + Clone>(rows: &[(P, BTreeMap<R, f64>)
     let count = |raters: &[R]| {
         let rated =
             rows.iter().filter(|(_, ratings)| raters.iter().all(|r| ratings.contains_key(r))).map(|(who, _)| who);
-        let people: BTreeSet<&P> = rated.clone().collect();
+        let people: BTreeSet<Q> = rated.clone().map(&person_of).collect();
         (people.len() * raters.len(), rated.count(), raters.len())
     };
     // `max_by_key` takes the last of equals: in reverse, that is the first.
@@ -67,7 +70,7 @@ mod tests {
         let often = (0..20).map(|n| row(n % 3, &[("a", f64::from(n)), ("b", 1.0)]));
         let wide = (10..20).map(|n| row(n, &[("c", f64::from(n)), ("d", 1.0)]));
         let rows: Vec<_> = often.chain(wide).collect();
-        let chosen = same_raters(&rows).unwrap();
+        let chosen = same_raters(&rows, |who| *who).unwrap();
         assert_eq!((chosen.raters, chosen.rows.len(), chosen.left_out), (vec!["c", "d"], 10, 20));
     }
 
@@ -81,7 +84,7 @@ mod tests {
         rows[2].1.insert("e", 3.0);
         rows.push(row(7, &[("a", 9.0), ("e", 1.0)]));
         rows.push(row(8, &[("a", 9.0)]));
-        let same = same_raters(&rows).unwrap();
+        let same = same_raters(&rows, |who| *who).unwrap();
         assert_eq!((same.raters.as_slice(), same.rows.len(), same.left_out), (&names[..], 6, 1));
         let value = |form| icc(&same.rows, form).unwrap().value;
         assert!((value(Form::Agreement) - 0.2898).abs() < 5e-5 && (value(Form::AgreementMean) - 0.6201).abs() < 5e-5);
@@ -91,8 +94,8 @@ mod tests {
     fn two_who_share_ten_win_over_three_who_share_four() {
         let mut rows: Vec<_> = (0..10).map(|n| row(n, &[("a", 1.0), ("b", 2.0)])).collect();
         rows.extend((10..14).map(|n| row(n, &[("c", 1.0), ("d", 2.0), ("e", 3.0)])));
-        let same = same_raters(&rows).unwrap();
+        let same = same_raters(&rows, |who| *who).unwrap();
         assert_eq!((same.raters, same.rows.len(), same.left_out), (vec!["a", "b"], 10, 4));
-        assert_eq!(same_raters(&[row(1, &[("a", 1.0)]), row(2, &[("b", 1.0)])]), None);
+        assert_eq!(same_raters(&[row(1, &[("a", 1.0)]), row(2, &[("b", 1.0)])], |who| *who), None);
     }
 }
