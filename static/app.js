@@ -119,11 +119,22 @@ const PAGES = [
   { name: 'account', at: path => path[0] === 'account', load: () => import('./pages/account.js') },
 ];
 
+/** Styles hold a page up for so long at most, ms: one that failed before this module ran never says so. */
+const STYLED_WITHIN_MS = 5_000;
+
 /** The styles that the first paint does without, which would wait for them: here before a page is shown that may need them. */
 const styled = Promise.all([...document.querySelectorAll('link[media="not all"]')].map(async link => {
-  if (!link.sheet) await new Promise(done => Object.assign(link, { onload: done, onerror: done }));
+  if (!link.sheet) await cameOrNot(link);
+  if (!link.sheet) link.after(Object.assign(link.cloneNode(), { media: 'all' })); // Asked for again; nothing waits for that.
   link.media = 'all';
 }));
+
+function cameOrNot(link) {
+  return new Promise(done => {
+    Object.assign(link, { onload: done, onerror: done });
+    setTimeout(done, STYLED_WITHIN_MS);
+  });
+}
 
 /** The page that an address names. */
 const pageAt = path => PAGES.find(page => page.at(path));

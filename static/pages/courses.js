@@ -2,6 +2,7 @@
 import { html, useState } from '../parts/preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
+import { may } from '../roles.js';
 import { go, href } from '../router.js';
 import { t } from '../texts.js';
 import { Confirm } from '../parts/dialog.js';
@@ -11,12 +12,13 @@ import { Empty, Loading, PageHead, ProblemNotice } from '../parts/notice.js';
 
 const words = t.courses;
 
-export default function CoursesPage() {
+export default function CoursesPage({ person }) {
   const { data, problem, reload } = useData(async () => {
     const [courses, groups] = await Promise.all([api.courses.all(), api.groups.all()]);
     return { courses, groups };
   }, []);
   const [removing, setRemoving] = useState(null);
+  const nobody = may(person, 'people') ? words.nobody : words.noneOfYours; // Others' groups are told to administrators only.
   const add = html`<a class="button main" href=${href(['courses', 'new'])}><${icons.add} />${words.add}</a>`;
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
@@ -27,23 +29,23 @@ export default function CoursesPage() {
     <section class="card">
       ${!data && !problem && html`<${Loading} />`}
       ${data?.courses.length === 0 && html`<${Empty} title=${words.none} body=${words.noneBody}>${add}<//>`}
-      ${data?.courses.length > 0 && html`<${List} ...${data} onRemove=${setRemoving} />`}
+      ${data?.courses.length > 0 && html`<${List} ...${data} nobody=${nobody} onRemove=${setRemoving} />`}
     </section>
     ${removing && html`<${Confirm} title=${t.people.removeTitle(removing.name)} body=${words.removeBody} yes=${t.form.remove}
       onYes=${() => api.courses.remove(removing.id).then(reload)} onClose=${() => setRemoving(null)} />`}`;
 }
 
-const List = ({ courses, groups, onRemove }) => html`
+const List = ({ courses, groups, nobody, onRemove }) => html`
   <div class="scroll"><table class="table">
     <thead><tr><th scope="col">${words.plan}</th><th scope="col" class="third">${words.steps}</th>
       <th scope="col">${words.followers}</th><td></td></tr></thead>
     <tbody>${courses.map(course => html`<tr key=${course.id}>
       <th scope="row"><a class="cover" href=${href(['courses', course.id])}>${course.name}</a></th>
       <td class="third">${course.steps.map(step => step.task.name).join(', ')}</td>
-      <td><${Followers} groups=${groups.filter(group => group.course?.id === course.id)} /></td>
+      <td><${Followers} groups=${groups.filter(group => group.course?.id === course.id)} nobody=${nobody} /></td>
       <td><${RowButtons} item=${course} onEdit=${() => go(['courses', course.id])} onRemove=${onRemove} /></td></tr>`)}</tbody>
   </table></div>`;
 
-const Followers = ({ groups }) =>
+const Followers = ({ groups, nobody }) =>
   groups.length ? html`<ul>${groups.map(group => html`<li key=${group.id}><a href=${href(['groups', group.id])}>${group.name}</a></li>`)}</ul>`
-    : html`<span class="muted">${words.nobody}</span>`;
+    : html`<span class="muted">${nobody}</span>`;

@@ -90,10 +90,10 @@ function read(text, group) {
   return { rows, unknown };
 }
 
-/** A table may name levels and hands as these pages do; REST knows them by their codes. */
+/** A table may name levels and hands as these pages do; REST knows them by their codes, which are the English words: tables travel. */
 const CODES = { level: t.trainees.levels, handedness: t.trainees.hands };
 const codeOf = (field, cell) =>
-  Object.entries(CODES[field] ?? {}).find(([, name]) => name.toLowerCase() === cell.toLowerCase())?.[0] ?? cell;
+  Object.entries(CODES[field] ?? {}).find(words => words.some(word => word.toLowerCase() === cell.toLowerCase()))?.[0] ?? cell;
 const wordsOf = (field, cell) => CODES[field]?.[cell] ?? cell;
 
 const wrongRows = ({ problems }) => new Set(problems.map(problem => problem.row)).size;

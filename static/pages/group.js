@@ -54,7 +54,11 @@ function Progress({ base: { group, tasks, features }, route }) {
   const soon = useThrottled(reload, 3000);
   useLive('session', event => event.status === 'done' && soon());
   useLive('resync', soon);
-  const set = (key, value) => replace(['groups', group.id], { ...asked, ...(key === 'tool' ? {} : { tool: undefined }), [key]: value || undefined });
+  const set = (key, value) => {
+    // A tool is asked for with its feature: alone it would have to be one that the standard limits.
+    const beside = key === 'tool' ? { feature: asked.feature ?? data.feature } : { tool: undefined };
+    replace(['groups', group.id], { ...asked, ...beside, [key]: value || undefined });
+  };
   const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value} options=${options}
     onInput=${event => set(key, event.target.value)} />`;
   return html`

@@ -55,7 +55,10 @@ export default function Today({ person }) {
   const own = useData(async signal => (trainee ? api.trainees.courses(trainee, signal) : []), []);
   const [isTold, setTold] = useState(false);
 
-  useLive('resync', reload);
+  useLive('resync', () => {
+    reload();
+    if (!own.data) own.reload(); // Once they are told, their own part asks again.
+  });
   useLive('queue', counts => {
     setCounted(counts);
     soon();
@@ -74,15 +77,16 @@ export default function Today({ person }) {
   const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
   const count = status => moving.filter(session => session.status === status).length;
   const whole = may(person, 'retry') ? counted : null; // A trainee is shown their own recordings only.
+  const failed = [{ problem, reload }, scored, own].find(one => one.problem);
   const mayUpload = may(person, 'upload') || may(person, 'upload_own');
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
       <${LiveState} />
       ${mayUpload && html`<a class="button main" href=${href(['upload'])}><${icons.upload} />${words.upload}</a>`}
     <//>
-    <${ProblemNotice} problem=${problem ?? scored.problem} onRetry=${problem ? reload : scored.reload} />
+    <${ProblemNotice} problem=${failed?.problem} onRetry=${failed?.reload} />
     <${Announce}>${said}<//>
-    ${own.data?.length > 0 && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data} brief /></div>`}
+    ${trainee && own.data && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data} brief /></div>`}
     <dl class="figures">
       <${Figure} name=${words.queued} value=${whole?.queued ?? count('queued')} />
       <${Figure} name=${words.running} value=${whole?.running ?? count('tracking')} />

@@ -39,7 +39,7 @@ async function ask({ id, trainee, task, features }, cohort, isAll, signal) {
   for (const feature of names) {
     const answer = await api.trainees.progress(trainee.id, { task: task.id, feature, space: feature && '3d', cohort }, signal);
     const newest = answer.sessions.filter(one => !one.set_aside).pop();
-    if (newest?.id !== id) return { ...told, newest };
+    if (newest?.id !== id) return { ...told, newest, general: words.uncounted };
     told.cohort = answer.cohort;
     for (const one of answer.features) told.places.set(keyOf(one.feature, one.tool, one.space), one);
   }
@@ -71,7 +71,7 @@ function standing(told) {
   if (!told) return t.loading;
   if (told.problem) return words.failed;
   if (told.newest) return html`${words.older} <a href=${href(['sessions', told.newest.id])}>${words.newest}</a>`;
-  return told.general;
+  return told.general ?? (told.cohort ? null : words.none);
 }
 
 const whyNot = why => (why.missing ? t.trainee.notEnough(why.missing, why.detail) : t.trainee.withheld(why.detail));

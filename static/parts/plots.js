@@ -19,6 +19,8 @@ const HEIGHT = 132;
 const EDGE = 0.1;
 /** From here on the axis tells minutes. */
 const MINUTES_FROM_S = 120;
+/** Pixels that a label of the time axis needs, before an hour and after it. */
+const LABEL_PX = [50, 72];
 
 /** `kept`: the seconds that trims leave, or null. `loader` brings exact rows of what is shown. */
 export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
@@ -90,9 +92,8 @@ function makePlot(uPlot, place, field, shown) {
           ...axis,
           show: true,
           size: isLast ? 30 : 6,
-          values: isLast
-            ? (_, all) => all.map(value => (all[all.length - 1] >= MINUTES_FROM_S ? clock(value, 0) : `${exact(Number(value.toFixed(3)))} s`))
-            : (_, all) => all.map(() => ''),
+          space: (_, __, ___, last) => LABEL_PX[last < 3600 ? 0 : 1],
+          values: isLast ? (_, all, __, ___, step) => timesOf(all, step) : (_, all) => all.map(() => ''),
         },
         { ...axis, size: 56, space: 26, values: (_, all) => all.map(isUntold ? () => '' : exact), ...(isUntold && { grid: { show: false }, ticks: { show: false } }) },
       ],
@@ -110,6 +111,13 @@ function makePlot(uPlot, place, field, shown) {
   placeAll(chart, shown);
   turnPage(plot, shown);
   return plot;
+}
+
+/** With as many digits as the step has: neighbours would read alike with fewer. */
+function timesOf(all, step) {
+  if (all[all.length - 1] < MINUTES_FROM_S) return all.map(value => `${exact(Number(value.toFixed(3)))} s`);
+  const digits = (String(step).split('.')[1] ?? '').length;
+  return all.map(value => clock(value, digits));
 }
 
 const stroke = (tool, dashed) => ({

@@ -2,8 +2,11 @@
 const MODES = { exposureMode: 'Belichtung', whiteBalanceMode: 'Weißabgleich' };
 const plural = (n, one, many) => `${n} ${n === 1 ? one : many}`;
 const SIDES = { left: 'linke', right: 'rechte', top: 'obere', bottom: 'untere' };
-/** The same in the dative, singular and plural alike. */
-const sides = edges => `${list(edges.map(edge => `${SIDES[edge]}n`))} ${edges.length > 1 ? 'Rändern' : 'Rand'}`;
+/** Where, with the article, in the dative. */
+const atSides = edges => {
+  const which = list(edges.map(edge => `${SIDES[edge]}n`));
+  return edges.length > 1 ? `an den ${which} Rändern` : `am ${which} Rand`;
+};
 const list = items => (items.length < 2 ? items.join() : `${items.slice(0, -1).join(', ')} und ${items[items.length - 1]}`);
 const PLACES = { left: 'links', right: 'rechts', top: 'oben', bottom: 'unten' };
 const area = ([row, column]) => (row === 'middle' ? (column === 'middle' ? 'in die Mitte' : `nach ${PLACES[column]}`)
@@ -56,11 +59,11 @@ const decimal = value => `${value}`.replace('.', ',');
 const mm = value => decimal(value.toFixed(2));
 
 const megabytes = count => `${decimal((count / 1e6).toFixed(1))} MB`;
-const LEVELS = { novice: 'Anfänger', intermediate: 'Fortgeschrittene', expert: 'Experten' };
+const LEVELS = { novice: ['Anfänger', 'Anfänger'], intermediate: ['Fortgeschrittene/r', 'Fortgeschrittene'], expert: ['Experte', 'Experten'] };
 /** Why no model of skill was made, by the reason that stands beside the sentence. */
 const NO_MODEL = {
-  too_few_people: ({ missing }) => `Ein Modell braucht von jeder Stufe mehr Personen mit verwendbaren Sitzungen. Es fehlen: ${
-    list(Object.entries(missing).filter(([, n]) => n).map(([level, n]) => `${n} ${LEVELS[level]}`))}.`,
+  too_few_people: ({ missing }) => `Ein Modell braucht von jeder Stufe mehr Personen mit verwendbaren Sitzungen. Noch nötig: ${
+    list(Object.entries(missing).filter(([, n]) => n).map(([level, n]) => plural(n, ...LEVELS[level])))}.`,
   two_levels: () => 'Eine Person hat Sitzungen mit zwei Stufen; jede Person hat nur eine.',
   no_features: () => 'Kein Merkmal wurde in genügend Sitzungen mit seinem Fehler gemessen.',
   nothing_fits: () => 'Keines der Verfahren ließ sich an diese Sitzungen anpassen.',
@@ -73,6 +76,20 @@ const apart = (figure, limit, least) => {
 };
 const figure = (least, say) => (value, limit) => say(...apart(value, limit, least));
 const share = (least, say) => (value, limit) => say(...apart(100 * value, 100 * limit, least));
+/** How far colours are apart: those that run into each other are not apart at all. */
+const steps = say => (value, limit) => figure(1, say)(Math.max(0, value), limit);
+
+/** Why holds of the rod do not count, in the order in which the service says so. */
+const NOT_COUNTED = {
+  board_moved: 'das Schachbrett wurde inzwischen bewegt',
+  board_not_seen: 'das Schachbrett war davor und danach nicht ganz zu sehen',
+  wrong_way: 'das andere Ende des Bands wurde für die Spitze gehalten; bringen Sie den Stab über hellen Feldern ins Bild',
+  no_corner_near: 'keine Ecke ist in der Nähe',
+  above_board: 'der Stab wartete über dem Schachbrett',
+};
+const leftOut = holds => Object.entries(NOT_COUNTED)
+  .map(([why, words]) => [holds.filter(hold => hold.not_counted === why).length, words])
+  .map(([n, words]) => (n ? `; ${n} nicht gezählt: ${words}` : '')).join('');
 
 const AGAIN = 'prüfen Sie, ob Zoom oder Schärfe des Objektivs verstellt oder die Bildgröße geändert wurde, und kalibrieren Sie die Kamera neu';
 const HOLD = 'schalten Sie automatische Belichtung und automatischen Weißabgleich der Kamera aus, und halten Sie Tageslicht von der Box fern';
@@ -164,7 +181,7 @@ export default {
     lead: 'Was gerade ausgewertet wird, was neu ist und wo jemand gebraucht wird.',
     queued: 'In der Warteschlange',
     running: 'In Auswertung',
-    finished: 'Bewertet von den letzten 24 h',
+    finished: 'Ausgewertet (letzte 24 h)',
     attention: 'Nicht auswertbar',
     moving: 'Warteschlange',
     attentionTitle: 'Nicht auswertbar',
@@ -546,12 +563,13 @@ export default {
     live: 'Wie live gemeldet',
     places: {
       among: 'Vergleich mit',
-      nobody: 'Niemand',
+      nobody: 'niemandem',
       all: 'Von allen Kennwerten',
       better: (value, low, high) => `besser als ${value} % (${low} – ${high} %)`,
       above: (value, low, high) => `über ${value} % (${low} – ${high} %)`,
       tooFew: 'Perzentil: zu wenige Personen',
       none: 'kein Perzentil',
+      uncounted: 'Noch zählt keine Sitzung; daher wird keine verglichen.',
       older: 'Verglichen wird die neueste Sitzung, die zählt; das ist eine andere.',
       newest: 'Zu ihr gehen',
       failed: 'Die Perzentile konnten nicht geladen werden.',
@@ -885,7 +903,7 @@ export default {
     above: (value, low, high, people, cohort) =>
       `Perzentil: über ${value} % (${low} – ${high} %) von ${people} Personen aus „${cohort}“; weder mehr noch weniger davon ist besser.`,
     ownErrorUnknown: 'Die Unsicherheit dieses Werts ist nicht bekannt.',
-    notEnough: (missing, detail) => `Es fehlen noch ${missing} (${detail}).`,
+    notEnough: (missing, detail) => `Es ${missing === 1 ? 'fehlt' : 'fehlen'} noch ${missing} (${detail}).`,
     withheld: detail => `Keine Angabe: ${detail}.`,
     learningName: 'Lernkurve',
     learning: {
@@ -1184,7 +1202,7 @@ export default {
           dark: 'Zu dunkel: Geben Sie der Box mehr Licht.',
           glare: 'Überstrahlt: Drehen Sie das Schachbrett aus der Spiegelung der Lampe, oder dimmen Sie das Licht.',
           soft: 'Unscharf: Halten Sie Schachbrett und Kamera still, und stellen Sie scharf.',
-          cut_off: `Abgeschnitten am ${sides(edges)}: Bewegen Sie das Schachbrett so, dass es ganz im Bild ist.`,
+          cut_off: `Abgeschnitten ${atSides(edges)}: Bewegen Sie das Schachbrett so, dass es ganz im Bild ist.`,
         })[hint],
       how: 'Wie Sie das Schachbrett halten',
       hints: [
@@ -1724,8 +1742,9 @@ export default {
     name: 'Bezeichnung',
     plan: 'Kursplan',
     steps: 'Schritte',
-    followers: 'Befolgt von',
-    nobody: 'noch keiner Gruppe',
+    followers: 'Gruppen',
+    nobody: 'noch keine',
+    noneOfYours: 'keine Ihrer Gruppen',
     step: n => `Schritt ${n}`,
     task: 'Aufgabe',
     asks: 'Gilt als erledigt',
@@ -1749,9 +1768,9 @@ export default {
     ofGroup: 'Kursplan',
     follow: 'Einem Kursplan folgen',
     change: 'Ändern',
-    changeOf: name => `Ändern, welchem Kursplan gefolgt wird, jetzt ${name}`,
+    changeOf: name => `Kursplan ändern, jetzt ${name}`,
     end: 'Beenden',
-    endOf: name => `Beenden, dass ${name} gefolgt wird`,
+    endOf: name => `Kursplan ${name} beenden`,
     endTitle: name => `„${name}“ nicht mehr folgen?`,
     endBody: 'Der Plan und alle Sitzungen bleiben; was fällig ist, wird nicht mehr gezeigt.',
     notFollowed: 'Diese Gruppe folgt keinem Kursplan',
@@ -2077,9 +2096,9 @@ export default {
     findings: {
       nothing_seen: [() => 'auf keinem Bild wurde ein Instrument gemessen', 'markieren Sie das Klebeband auf einem Bild dieser Aufnahme neu, in diesem Licht'],
       never_in_picture: [() => 'es war nie im Bild', 'wenn die Aufgabe dieses Instrument braucht, markieren Sie sein Klebeband in diesem Licht neu; wenn nicht, ist nichts verloren'],
-      colour_background: [figure(1, (is, limit) => `seine Farbe hebt sich vom Rest der Box nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
+      colour_background: [steps((is, limit) => `seine Farbe hebt sich vom Rest der Box nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
         'nehmen Sie ein Klebeband in einer Farbe, die sonst nichts in der Box hat, und markieren Sie es neu'],
-      colour_pair: [figure(1, (is, limit) => `seine Farbe hebt sich von der eines anderen Instruments nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
+      colour_pair: [steps((is, limit) => `seine Farbe hebt sich von der eines anderen Instruments nur um ${is} von 255 Stufen ab; nötig sind ${limit}`),
         'nehmen Sie für eines der beiden Instrumente ein Klebeband in anderer Farbe, und markieren Sie beide neu'],
       coverage: [share(0, (is, limit) => `auf ${is} % der Bilder gemessen; nötig sind ${limit} %`),
         'halten Sie das Klebeband im Blick der Kamera; was es verdeckt hat, steht bei „Was zu sehen war“'],
@@ -2128,13 +2147,13 @@ export default {
     nearest: label => ` (am nächsten: „${label}“)`,
     /** What a part of a self-test found, and what to do, by part and unit; those are left out whose sentence says more than figures do. */
     selfTest: {
-      'accuracy mm': (part, { accuracy: of }) => part.light === 'green' && [`${of.touches} Berührungen liegen ${mm(of.rms_mm)} mm daneben (RMS; ${
-        mm(of.along_rms_mm)} in Blickrichtung, ${mm(of.across_rms_mm)} quer dazu; höchstens ${mm(of.largest_mm)})`],
+      'accuracy mm': (part, { accuracy: of, holds }) => part.light === 'green' && [`${of.touches} Berührungen liegen ${mm(of.rms_mm)} mm daneben (RMS; ${
+        mm(of.along_rms_mm)} in Blickrichtung, ${mm(of.across_rms_mm)} quer dazu; höchstens ${mm(of.largest_mm)})${leftOut(holds)}`],
       'calibration px': part => [`die Ecken des Schachbretts liegen ${mm(part.figure)} px von dort, wo die gespeicherte Kamera sie erwartet (RMS)`, AGAIN],
       'calibration 1': (_, test) => [`die Brennweite scheint um ${mm(test.focal_change_percent)} ± ${mm(test.focal_sigma_percent)} % von der gespeicherten abzuweichen; alle Tiefen ebenso`, AGAIN],
       'place mm': part => [`der Trokar liegt ${decimal(part.figure.toFixed(0))} mm von seinem Ort in früheren Sitzungen`,
         'kam der Stab durch einen anderen Zugang als die Instrumente, ist alles gut; sonst wurde die Kamera seit der Kalibrierung bewegt: Stellen Sie sie zurück'],
-      'colours steps': part => part.light === 'green' && [`wie sie markiert wurden, heben sich die Farben um ${decimal(part.figure.toFixed(1))} Stufen und mehr ab; auch heute hat nichts in der leeren Box ihre Farbe`],
+      'colours steps': part => part.light === 'green' && [`wie sie markiert wurden, heben sich die Farben um ${decimal(part.figure.toFixed(1))} Stufen und mehr ab; auch heute hat nichts Größeres in der leeren Box ihre Farbe`],
       'lighting 1': part => [`die Helligkeit ändert sich innerhalb der Minute um ${decimal((100 * part.figure).toFixed(0))} %`, HOLD],
       'lighting codes': part => [`das Weiß ändert sich innerhalb der Minute um ${decimal(part.figure.toFixed(1))} Stufen`, HOLD],
       'lighting ': () => ['das Bild ist zum Vergleichen zu dunkel', 'schalten Sie das Licht der Box ein'],
@@ -2194,6 +2213,7 @@ export default {
       'cannot-decode': ['Die Aufnahme lässt sich nicht dekodieren'],
       'codec-not-accepted': ['Der Video-Codec wird nicht angenommen'],
       'crowded-colour': ['Zu viele Instrumente haben dieselbe Farbe'],
+      'feed-unreadable': ['Die Bilder lassen sich nicht lesen'],
       'input-damaged': ['Was die Arbeit braucht, ist beschädigt', 'Eine gespeicherte Datei, die diese Arbeit braucht, ist beschädigt: Stellen Sie sie aus einer Sicherung wieder her, und versuchen Sie es erneut.'],
       'input-gone': ['Was die Arbeit braucht, ist weg'],
       'mark-beyond-the-end': ['Ein Rechteck liegt auf einem Bild, das es nicht gibt'],
@@ -2202,6 +2222,7 @@ export default {
       'no-background': ['Kein Hintergrund ist markiert', 'Markieren Sie auch Stellen der Box, die kein Klebeband sind.'],
       'no-frames': ['Kein Bild lässt sich dekodieren', 'Vielleicht ist die Datei vor ihrem ersten Bild abgeschnitten.'],
       'no-input': ['Die Arbeit kam ohne Datei', 'Senden Sie die Aufnahme noch einmal.'],
+      'no-marks': ['Nichts ist markiert', 'Markieren Sie mindestens ein Klebeband und etwas, das keines ist, und sehen Sie dann noch einmal nach.'],
       'no-samples': ['Ein Instrument hat keine Farbproben'],
       'no-tool': ['Kein Instrument ist markiert', 'Markieren Sie mindestens eine Stelle auf dem Klebeband eines Instruments.'],
       'no-tool-seen': ['Kein Instrument wurde gesehen'],
@@ -2210,8 +2231,8 @@ export default {
       'not-a-stream': ['Der Datenstrom ist nicht verwendbar'],
       'not-a-video': ['Die Datei ist kein lesbares Video'],
       'not-compared': ['Der Vergleich war nicht möglich', 'Die neue Auswertung gilt, aber eines der beiden Ergebnisse lässt sich nicht lesen, und so kann niemand sagen, was sich geändert hat; welches, steht im Protokoll des Dienstes.'],
-      'not-queued': ['Die Bearbeitung war nicht möglich', 'Die Box hat ihre Kamera oder ihre Farben verloren, oder die Arbeit wurde aus der Warteschlange genommen. Ordnen Sie die Neuauswertung noch einmal an, wenn die Box bereit ist.'],
-      'edited-meanwhile': ['Die Sitzung wurde inzwischen bearbeitet', 'Die neue Auswertung gilt; weil aber währenddessen jemand zugeschnitten oder getauscht hat, käme ein Unterschied nicht vom Programm.'],
+      'not-queued': ['Die Neuauswertung war nicht möglich', 'Die Box hat ihre Kamera oder ihre Farben verloren, oder die Arbeit wurde aus der Warteschlange genommen. Ordnen Sie die Neuauswertung noch einmal an, wenn die Box bereit ist.'],
+      'edited-meanwhile': ['Die Sitzung wurde inzwischen bearbeitet', 'Die neue Auswertung gilt; weil aber währenddessen jemand die Sitzung bearbeitet oder eine Änderung zurückgenommen hat, käme ein Unterschied vielleicht nicht vom Programm.'],
       'palette-unreadable': ['Die Farben der Box lassen sich nicht lesen', 'Markieren Sie das Klebeband der Instrumente neu.'],
       'path-alone': ['Die gespeicherte Bahn lässt sich nicht neu auswerten', 'Das Programm, das sie verfolgt hat, hat nicht alles aufgehoben, wovon eine Auswertung abhängt. Ordnen Sie die Neuauswertung von der Aufnahme an.'],
       'photo-count': ['Zu wenige oder zu viele Fotos'],
@@ -2221,6 +2242,7 @@ export default {
       'same-side': ['Instrumente einer Farbe kommen von derselben Seite'],
       'service-ended': ['Der Dienst endete während der Arbeit', 'Der Dienst endete plötzlich, während er daran arbeitete; es wird erneut versucht, dreimal insgesamt.'],
       'size-changes': ['Das Bild ändert seine Größe'],
+      'too-many-files': ['Zu viele Dateien für einen Auftrag'],
       'too-many-labels': ['Zu viele Farben sind markiert'],
       'too-much-memory': ['Die Aufnahme braucht zu viel Speicher', 'Nehmen Sie in einem kleineren Bild oder kürzer auf.'],
       'tool-size': ['Das Maß eines Instruments ist unmöglich'],

@@ -108,7 +108,7 @@ test('an instructor makes a plan with keys alone; a task without a standard asks
   await teacher.picture('01-plan');
   await button('Save').press('Enter');
   await heading('Course plans').waitFor();
-  await page.locator('tr', { hasText: PLAN }).getByText('no group yet').waitFor();
+  await page.locator('tr', { hasText: PLAN }).getByText('none of your groups').waitFor();
   made.plan = (await teacher.ask('courses?limit=200')).items.find(one => one.name === PLAN);
   const asked = made.plan.steps.map(one => [one.task.name, one.sessions, one.within_days]);
   assert.deepEqual(asked, [[made.pegs.name, null, 14], [made.wire.name, 2, 3], [made.pegs.name, 10, null]]);
@@ -165,6 +165,7 @@ test('a trainee sees the next step and until when, and nothing of others', async
 test('what was missing is done: the step is passed on the open page', async () => {
   const { page, open } = trainee;
   await open('/');
+  await page.locator('.head [role=status]', { hasText: /^Live$/ }).waitFor(); // What happens before is told to nobody.
   await practise(made.ada, made.wire, 5, 0);
   await page.getByText(`Next step: ${made.pegs.name} (10 sessions), at any time.`).waitFor();
 });

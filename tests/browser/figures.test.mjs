@@ -151,7 +151,7 @@ async function ofSession() {
   await page.locator('.plots canvas').nth(3).waitFor();
   const places = await placesOf(told);
   const isTold = () => page.waitForFunction(() => document.querySelector('.fourth .chooser [role=status]').textContent !== 'Loading …');
-  await page.locator('.fourth .chooser [role=status]').waitFor();
+  await page.locator('.fourth .chooser [role=status]').waitFor({ state: 'attached' }); // It may have nothing to say.
   await isTold();
   const every = page.getByRole('button', { name: 'Of every feature' });
   if (await every.count()) {

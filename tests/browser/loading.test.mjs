@@ -85,8 +85,19 @@ for (const [name, path, shows, isSignedIn] of [
     const { painted, shown, shift, moved, requests, bytes } = await opened(path(), shows, isSignedIn ? signedIn : undefined);
     console.log(`${name}: first painted after ${painted} ms, shown after ${shown} ms, shift ${shift.toFixed(4)}, ${requests} requests, ${bytes} bytes`);
     assert.ok(shift < MOST_SHIFT, `moved by ${shift}: ${moved.join(', ')}`);
+    assert.ok(painted < shown, `painted first after ${painted} ms, what it is after ${shown} ms`);
     assert.ok(painted <= latest, `first painted after ${painted} ms`);
   });
+
+test('a style that fails before app.js runs holds no page up, and is asked for again', async () => {
+  const page = await browser.newPage({ storageState: signedIn });
+  let asked = 0;
+  await page.route('**/styles/centre.css', route => (asked++ ? route.continue() : route.abort()));
+  await page.goto(url);
+  await page.locator('.figures').waitFor();
+  await page.waitForFunction(() => [...document.styleSheets].some(({ href, media }) => href.endsWith('/centre.css') && media.mediaText === 'all'));
+  await page.close();
+});
 
 /** A module and all that it imports, from the first line to the last, as paths below static/. */
 function importsOf(entry) {

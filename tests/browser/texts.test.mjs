@@ -8,6 +8,10 @@ import de from '../../static/texts/de.js';
 import en from '../../static/texts/en.js';
 
 const source = path => readFileSync(new URL(`../../src/${path}`, import.meta.url), 'utf8');
+/** The service's own files, without what tests it. */
+const sources = readdirSync(new URL('../../src', import.meta.url), { recursive: true })
+  .filter(name => name.endsWith('.rs') && !/(^|\/)tests(\/|\.rs$)/.test(name))
+  .map(name => [name, source(name).split(/#\[cfg\(test\)\]\s+mod \w+ \{/)[0]]);
 
 /** Names, signs, units and words that are German, too. */
 const ALIKE = new Set([
@@ -119,7 +123,7 @@ const SAID = {
   nearest: ['background'],
   problems: [{ field: 'trainee', limit: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
   selfTest: [{ light: 'green', figure: 0.123 }, { accuracy: { touches: 6, rms_mm: 1, along_rms_mm: 1, across_rms_mm: 1, largest_mm: 2 },
-    focal_change_percent: 0.1, focal_sigma_percent: 0.1 }],
+    holds: [{ not_counted: null }, { not_counted: 'board_moved' }], focal_change_percent: 0.1, focal_sigma_percent: 0.1 }],
 };
 function* everyGerman() {
   for (const [path, value] of leaves(german)) for (const text of sayings(path, value)) yield [path, text];
@@ -150,8 +154,12 @@ test('every code that the service says has German words', () => {
     problems: [
       ...named(source('http/error.rs'), /^    \(Refusal::[A-Za-z]+, "([a-z-]+)"/gm),
       ...named(source('analysis/child/explain.rs'), /"([a-z]+(?:-[a-z]+)+)"/g),
+      ...named(source('domain/problem.rs'), /: &'static str = "([a-z-]+)"/g),
+      ...sources.flatMap(([, text]) => named(text, /\bProblem::new\(\s*"([a-z-]+)"/g)),
     ],
   };
+  const otherwise = sources.filter(([, text]) => /\bProblem::new\((?!\s*(?:"|Problem::))/.test(text)).map(([name]) => name);
+  assert.deepEqual(otherwise, ['analysis/child/explain.rs'], 'codes that are not read here');
   for (const [kindOf, codes] of Object.entries(lists)) {
     assert.ok(codes.length >= 5, `${kindOf}: ${codes.length} found in the source`);
     assert.deepEqual(codes.filter(code => !(code in said[kindOf])), [], `${kindOf} without words`);
