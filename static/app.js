@@ -125,7 +125,7 @@ const STYLED_WITHIN_MS = 5_000;
 /** The styles that the first paint does without, which would wait for them: here before a page is shown that may need them. */
 const styled = Promise.all([...document.querySelectorAll('link[media="not all"]')].map(async link => {
   if (!link.sheet) await cameOrNot(link);
-  if (!link.sheet) link.after(Object.assign(link.cloneNode(), { media: 'all' })); // Asked for again; nothing waits for that.
+  if (!isHere(link)) link.after(Object.assign(link.cloneNode(), { media: 'all' })); // Asked for again; nothing waits for that.
   link.media = 'all';
 }));
 
@@ -134,6 +134,15 @@ function cameOrNot(link) {
     Object.assign(link, { onload: done, onerror: done });
     setTimeout(done, STYLED_WITHIN_MS);
   });
+}
+
+/** Of styles that failed a browser keeps nothing, an empty sheet, or one that nobody may read. */
+function isHere(link) {
+  try {
+    return link.sheet?.cssRules.length > 0;
+  } catch {
+    return false;
+  }
 }
 
 /** The page that an address names. */

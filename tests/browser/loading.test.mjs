@@ -89,13 +89,16 @@ for (const [name, path, shows, isSignedIn] of [
     assert.ok(painted <= latest, `first painted after ${painted} ms`);
   });
 
-test('a style that fails before app.js runs holds no page up, and is asked for again', async () => {
+test('a style that failed before app.js runs is asked for again, and one that never comes holds no page up', async () => {
   const page = await browser.newPage({ storageState: signedIn });
   let asked = 0;
+  const [failed, again] = [page.waitForEvent('requestfailed'), page.waitForResponse('**/styles/centre.css')];
   await page.route('**/styles/centre.css', route => (asked++ ? route.continue() : route.abort()));
-  await page.goto(url);
+  await page.route('**/styles/report.css', () => {}); // Never answered.
+  await page.route('**/app.js', async route => (await failed, route.continue()));
+  await page.goto(url, { waitUntil: 'commit' });
   await page.locator('.figures').waitFor();
-  await page.waitForFunction(() => [...document.styleSheets].some(({ href, media }) => href.endsWith('/centre.css') && media.mediaText === 'all'));
+  await again;
   await page.close();
 });
 
