@@ -67,7 +67,7 @@ function Row({ row, told }) {
       <td class="number">${point ? html`<a href=${href(['sessions', row.newest])}>${point.low === null ? number(point.value)
         : withError(point.value, point).join(' ± ')}</a>` : '–'}</td>
       <td>${judged(point)}</td>
-      <td><span class=${`pill ${state.tone}`}>${state.words}</span></td>
+      <td>${state ? html`<span class=${`pill ${state.tone}`}>${state.words}</span>` : words.noStandard}</td>
       <td class="number">${row.sessions}</td>
       <td class="when third">${row.last_at ? date(row.last_at) : words.never}</td>
     </tr>`;
@@ -80,12 +80,12 @@ function judged(point) {
   return html`<span class="small muted">${t.trainee.judgements[point.judgement]}</span>`;
 }
 
-/** A relapse weighs more than that the rule was met once. */
+/** A relapse weighs more than that the rule was met once. Without a standard there is none. */
 function stateOf({ passed, rule, standing }) {
   if (standing === 'relapsed') return { words: words.standing.relapsed, tone: 'bad' };
   if (passed) return { words: words.passed, tone: 'good' };
   if (rule?.state === 'out_of_reach') return { words: words.outOfReach, tone: 'bad' };
   if (rule && rule.have_in_a_row < rule.in_a_row) return { words: words.open(rule.have_in_a_row, rule.in_a_row), tone: '' };
   if (rule) return { words: words.openMore(rule.have_more, rule.then_more), tone: '' };
-  return { words: standing ? words.standing[standing] : words.noStandard, tone: '' };
+  return standing ? { words: words.standing[standing], tone: '' } : null;
 }
