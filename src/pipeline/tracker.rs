@@ -4,6 +4,7 @@ mod assignment;
 mod blocks;
 mod footprint;
 mod gaps;
+mod hand;
 mod hindsight;
 mod light;
 mod look;

@@ -7,6 +7,7 @@ use trocar::pipeline::camera::Camera;
 use trocar::pipeline::evaluation::{Accuracy, Truth, TruthFrame, accuracy};
 use trocar::pipeline::frame::Frame;
 use trocar::pipeline::segmentation::samples::{ColourSamples, Rectangle};
+use trocar::pipeline::space::CameraPoint;
 use trocar::pipeline::tracker::{DiameterBasis, ToolSpec, Tracker, TrackerSettings, Tracking, View as TrackerView};
 use trocar::pipeline::trajectory::Kind;
 use trocar::simulation::render::{Rendered, Renderer};
@@ -80,11 +81,48 @@ impl Recording {
         Truth { frames: self.times_s.iter().enumerate().map(frame).collect() }
     }
 
+    /// Makes it dark beyond each tip and light along each shaft on the first frames, as another tool's shaft and a lamp would.
+    fn deceive(&mut self, frames: usize) {
+        const DARK: u8 = 20;
+        const LIGHT: u8 = 230;
+        let camera = self.world.rig.camera;
+        let sizes: Vec<(f64, f64)> =
+            self.world.tools.iter().map(|t| (t.design.diameter_mm, t.design.band_mm)).collect();
+        for (picture, time_s) in self.pictures.iter_mut().zip(&self.times_s).take(frames) {
+            for (tool, (diameter_mm, band_mm)) in truth::at(&self.world, *time_s).iter().zip(&sizes) {
+                let axis = tool.axis.unwrap();
+                let across = axis.cross(&tool.tip_mm.coords).normalize();
+                let mut paint = |ahead_mm: f64, aside: f64, luma: u8| {
+                    let place = tool.tip_mm + axis * ahead_mm + across * (aside * diameter_mm);
+                    let Some(at) = camera.project(CameraPoint(place)) else { return };
+                    set_grey(picture, [at.u(), at.v()], luma);
+                };
+                for step in 0..120 {
+                    let beyond_mm = 0.3 * diameter_mm + 0.02 * f64::from(step) * diameter_mm;
+                    for aside in (-30..=30).map(|n| 0.02 * f64::from(n)) {
+                        paint(beyond_mm, aside, DARK);
+                        paint(-band_mm - beyond_mm, aside, LIGHT);
+                    }
+                }
+            }
+        }
+    }
+
     fn judged(&self, spoil: impl Fn(&mut Camera)) -> Accuracy {
         let mut camera = self.world.rig.camera;
         spoil(&mut camera);
         accuracy(&self.track(camera).trajectory(Kind::Smoothed), &self.truth()).unwrap()
     }
+}
+
+fn set_grey(picture: &mut Rendered, [u, v]: [f64; 2], luma: u8) {
+    let (x, y) = (u.round() as usize, v.round() as usize);
+    if u < 0.0 || v < 0.0 || x >= picture.width || y >= picture.height {
+        return;
+    }
+    picture.y[y * picture.width + x] = luma;
+    let of_chroma = (y / 2) * picture.width.div_ceil(2) + x / 2;
+    (picture.u[of_chroma], picture.v[of_chroma]) = (128, 128);
 }
 
 fn tools(world: &World) -> Vec<ToolSpec> {
@@ -131,6 +169,19 @@ fn tools_of_every_scene_are_found_where_they_are() {
         assert_eq!((level.swaps, accuracy.all.false_tracks), (0, 0), "{}", scenario.name());
         assert!(rms_mm(&accuracy) < 2.0, "{}: {} mm RMS", scenario.name(), rms_mm(&accuracy));
     }
+}
+
+#[test]
+fn a_tool_that_is_begun_the_wrong_way_round_is_turned_and_nothing_wrong_is_kept() {
+    let setup = Setup { rig: 2, ..Setup::new(Scenario::Pegs, Skill::INTERMEDIATE, 21) };
+    let mut recording = Recording::with(&setup, Some(40));
+    recording.deceive(3);
+    let accuracy = recording.judged(|_| {});
+    let level = plain(&accuracy);
+    eprintln!("found {}/{}, {:?}", level.found, level.frames, level.errors.map(|e| e.three_d));
+    assert!(level.found * 2 >= level.frames && level.found < level.frames, "{} of {}", level.found, level.frames);
+    assert!(level.errors.unwrap().three_d.rms < 2.0, "{:?}", level.errors);
+    assert_eq!((level.swaps, accuracy.all.false_tracks), (0, 0));
 }
 
 #[test]

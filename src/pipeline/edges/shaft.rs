@@ -3,11 +3,13 @@
 //! Beyond the distal end there are thin jaws and the scene, beyond the other a tube as wide as the band. Tubes are dark:
 //! the thesis finds them by `sqrt(R² + G² + B²)` (T 4.2.1.2); luma and both colour differences measure the same.
 
-use nalgebra::Vector2;
+use nalgebra::{Point3, Vector2};
 
 use super::scan_lines::CoarseBand;
+use crate::pipeline::camera::Camera;
 use crate::pipeline::frame::Frame;
-use crate::pipeline::space::Pixel;
+use crate::pipeline::space::{CameraPoint, Pixel};
+use crate::pipeline::tube::Tube;
 
 /// Least contrast between both ends that tells a shaft: below it, what lies beyond them is alike.
 const LEAST_CONTRAST: f64 = 0.15;
@@ -20,15 +22,50 @@ pub fn is_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> Option<bool> {
     (contrast >= LEAST_CONTRAST).then_some(lights[0] < lights[1])
 }
 
+/// By how much it is darker beyond the hand's end of a tube's band than beyond its tip: −1 to 1, negative where the tube lies the wrong way
+/// round. `None` where too little of either is in sight.
+pub fn contrast(
+    frame: &Frame<'_>,
+    camera: &Camera,
+    tube: &Tube,
+    length_mm: f64,
+    is_visible: impl Fn(Point3<f64>, Pixel) -> bool,
+) -> Option<f64> {
+    const FEWEST: f64 = 20.0;
+    let (outline, width_mm) = (tube.outline()?, 2.0 * tube.radius);
+    let beyond = |from_mm: f64, sign: f64| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for step in 0..STEPS {
+            let back_mm = from_mm + sign * width_mm * beyond_end(step);
+            for across in [-0.6, -0.3, 0.0, 0.3, 0.6] {
+                let place = outline.rim(back_mm, across);
+                let at = camera.project(CameraPoint(place)).filter(|at| is_visible(place, *at));
+                if let Some(light) = at.and_then(|at| light_at(frame, at.u().round(), at.v().round())) {
+                    sum += light;
+                    count += 1.0;
+                }
+            }
+        }
+        (count >= FEWEST).then(|| sum / count)
+    };
+    let (by_hand, by_tip) = (beyond(length_mm, 1.0)?, beyond(0.0, -1.0)?);
+    Some((by_tip - by_hand) / (by_tip + by_hand).max(1.0))
+}
+
+const STEPS: usize = 12;
+
+/// How far beyond an end a step of the strip lies, in widths: from a third, past the rim's bulge, to one and a half.
+fn beyond_end(step: usize) -> f64 {
+    0.35 + 1.2 * step as f64 / STEPS as f64
+}
+
 /// Mean distance from black over a strip beyond an end, as wide as the band's core; dark where nothing is in the frame,
 /// because only a shaft leaves it.
 fn light_beyond(frame: &Frame<'_>, band: &CoarseBand, end: Pixel, outwards: Vector2<f64>) -> f64 {
-    const STEPS: usize = 12;
     let across = Vector2::new(-outwards.y, outwards.x);
     let (mut sum, mut count) = (0.0, 0.0);
     for step in 0..STEPS {
-        // From a third of a width beyond the end, past the rim's bulge, to one and a half widths.
-        let along = band.width_px * (0.35 + 1.2 * step as f64 / STEPS as f64);
+        let along = band.width_px * beyond_end(step);
         for side in [-0.35, -0.2, 0.0, 0.2, 0.35] {
             let at = end.0 + outwards * along + across * (side * band.width_px);
             if let Some(light) = light_at(frame, at.x.round(), at.y.round()) {

@@ -8,7 +8,7 @@
 //! pose's offsets differ from the shared ones by what its evidence says, alike in like poses, which therefore count as one
 //! ([`weights`]). **Gives up** where the axes turn too little to meet anywhere, or meet before the tips.
 
-use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector5};
+use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector3, Vector5};
 
 use super::evidence::{Information, OWN, Offsets, SHARED_OFFSETS_PX};
 use super::fulcrum::{Constraint, Fulcrum, NEAREST_RADII, PLAY_MM, nearest_point};
@@ -72,6 +72,30 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
         }
     }
     None
+}
+
+/// Do the axes meet in a point before the tips, where no trocar can be? Then the poses lie the wrong way round.
+pub fn meet_before_the_tips(poses: &[TubeEstimate]) -> bool {
+    const FEWEST: usize = 16;
+    /// How far a tip is from its trocar at most, mm; how near to one point axes pass that meet in it, and how far the tips must be
+    /// apart to tell: root mean squares, mm.
+    const FARTHEST_MM: f64 = 400.0;
+    const MEET_MM: f64 = 4.0;
+    const APART_MM: f64 = 8.0;
+    if poses.len() < FEWEST {
+        return false;
+    }
+    let lines = || poses.iter().map(|pose| (pose.tube.tip, pose.tube.axis));
+    let Some(at) = nearest_point(lines()) else { return false };
+    let rms = |squares: f64| (squares / poses.len() as f64).sqrt();
+    let middle = lines().map(|(tip, _)| tip.coords).sum::<Vector3<f64>>() / poses.len() as f64;
+    let apart_mm = rms(lines().map(|(tip, _)| (tip.coords - middle).norm_squared()).sum());
+    let beside_mm = rms(lines().map(|(tip, axis)| (at - tip).cross(&axis).norm_squared()).sum());
+    let is_before = |pose: &TubeEstimate| {
+        let before_mm = (at - pose.tube.tip).dot(&pose.tube.axis);
+        (NEAREST_RADII * pose.tube.radius..FARTHEST_MM).contains(&before_mm)
+    };
+    apart_mm > APART_MM && beside_mm < MEET_MM && poses.iter().all(is_before)
 }
 
 /// The pose that is most likely when the session's fulcrum and offsets are known so well; `None` for one that would have to

@@ -38,6 +38,12 @@ impl PackedRecords {
         self.others.push((pose.is_some(), is_good, reason));
     }
 
+    /// The same frames, on none of which anything was measured.
+    pub fn without_poses(self, reason: Reason) -> Self {
+        let taken_back = |record: Record| Record { pose: None, is_good: false, reason: record.reason.or(Some(reason)) };
+        self.unpack().into_iter().map(taken_back).collect()
+    }
+
     /// The records again; what they were packed in is freed on the way.
     pub fn unpack(self) -> Blocks<Record> {
         let mut poses = self.poses.unpack();

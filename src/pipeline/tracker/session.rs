@@ -28,7 +28,9 @@ pub fn rework(
     camera: &Camera,
     motion: &MotionSettings,
 ) -> (Motion, ToolQuality) {
-    let adjustment = adjustment::estimate(&thinned(&records)).filter(tool::is_known);
+    let good = thinned(&records);
+    let adjustment = adjustment::estimate(&good).filter(tool::is_known);
+    let is_wrong_way_round = adjustment.is_none() && adjustment::meet_before_the_tips(&good);
     let border_residual_px = rms(records.iter().filter_map(|r| r.pose.as_ref()).map(KeptPose::residual_px));
     let mut rework = Rework::new(tool, camera, motion);
     rework.motion.fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
@@ -36,7 +38,7 @@ pub fn rework(
     for (record, instant) in records.into_iter().zip(instants) {
         let pose = record.estimate().and_then(|e| match &adjustment {
             Some(adjustment) => steadied(&e, adjustment),
-            None => Some(e),
+            None => Some(e).filter(|_| !is_wrong_way_round),
         });
         let misread = (record.pose.is_some() && pose.is_none()).then_some(Reason::ImpossiblePose);
         reasons.push(rework.frame(*instant, pose, record.reason.or(misread)));

@@ -1,7 +1,8 @@
 //! One tool through a recording: where to look for it, which region is its band, and its thread through time.
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
+use super::hand::Hand;
 use super::measure::Bench;
 use super::measurement::Measurement;
 use super::origin::{self, Origin};
@@ -13,6 +14,7 @@ use crate::pipeline::blob::moments::Moments;
 use crate::pipeline::blob::{join, select};
 use crate::pipeline::camera::Camera;
 use crate::pipeline::edges::edge_model::EdgeModel;
+use crate::pipeline::edges::shaft;
 use crate::pipeline::filter::identity::{Advance, Thread, ThreadSettings};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::pose::adjustment::{self, Adjustment};
@@ -32,6 +34,7 @@ pub struct ToolTracker {
     pub(super) edges: EdgeModel,
     thread: Thread,
     last: Option<(Tube, f64)>,
+    hand: Hand,
     adjustment: Option<Adjustment>,
     keyframes: Vec<TubeEstimate>,
     lengths: BandLengths,
@@ -123,6 +126,7 @@ impl ToolTracker {
             edges,
             thread: Thread::default(),
             last: None,
+            hand: Hand::default(),
             adjustment: None,
             keyframes: Vec::new(),
             lengths: BandLengths::default(),
@@ -133,11 +137,11 @@ impl ToolTracker {
         }
     }
 
-    /// Forgets where the tool was, but not how its edges look and how long its band is.
+    /// Forgets where the tool was, but not how its edges look, how long its band is and from where it is held.
     pub(super) fn start_over(&mut self) {
         let fresh = Self::new(self.spec.clone(), self.class, self.edges.clone());
-        let Self { finder, lengths, .. } = std::mem::replace(self, fresh);
-        (self.finder, self.lengths) = (finder, lengths);
+        let Self { finder, lengths, hand, .. } = std::mem::replace(self, fresh);
+        (self.finder, self.lengths, self.hand) = (finder, lengths, hand);
     }
 
     /// Finds the tool on a frame.
@@ -147,7 +151,32 @@ impl ToolTracker {
             Some(measurement) => Ok(measurement),
             None => self.search(scene, expected),
         };
-        self.conclude(scene, measured)
+        let seen = self.conclude(scene, measured);
+        if seen.advance.observed && self.adjustment.is_none() {
+            self.ask_for_the_hand(scene);
+        }
+        seen
+    }
+
+    /// Asks a frame on which side the hand is; a tool that was taken the wrong way round begins anew, and what was measured of it
+    /// is taken back. A trocar that is known lies behind the tip: then it is the right way round.
+    fn ask_for_the_hand(&mut self, scene: &Scene<'_>) {
+        let Some((last, length_mm)) = self.last else { return };
+        let camera = &scene.settings.camera;
+        let Some(to_hand) = in_picture(camera, &last, -last.axis) else { return };
+        let bench = self.bench(scene);
+        let contrast = shaft::contrast(scene.frame, camera, &last, length_mm, |place, at| bench.is_visible(place, at));
+        if let Some(contrast) = contrast {
+            self.hand.hear(to_hand, contrast);
+        }
+        if self.keyframes.len().is_power_of_two() && adjustment::meet_before_the_tips(&self.keyframes) {
+            self.hand.is_opposite(to_hand);
+        }
+        if self.hand.contradicts(to_hand) {
+            let (records, tracing) = (std::mem::take(&mut self.records), std::mem::take(&mut self.tracing));
+            self.start_over();
+            (self.records, self.tracing) = (records.without_poses(Reason::ImpossiblePose), tracing);
+        }
     }
 
     /// Where the tool is expected, and how it is expected to move.
@@ -312,14 +341,13 @@ impl ToolTracker {
         Some((pixel(state.tip() + state.velocity() * STEP_S)?.0 - pixel(state.tip())?.0) / STEP_S)
     }
 
-    /// The direction in the picture, from the tip to the hand, where it is known: towards the fulcrum, or as it was last.
+    /// The direction in the picture, from the tip to the hand, where it is known: towards the fulcrum, as it was last, or as
+    /// frames have said.
     fn direction_to_hand(&self, camera: &Camera) -> Option<Vector2<f64>> {
-        const STEP_MM: f64 = 5.0;
-        let (last, _) = self.last?;
+        let Some((last, _)) = self.last else { return self.hand.direction() };
         let to_hand =
             self.adjustment.as_ref().and_then(|a| (a.fulcrum.at - last.tip).try_normalize(1e-9)).unwrap_or(-last.axis);
-        let pixel = |point| camera.project(CameraPoint(point));
-        Some(pixel(last.tip + to_hand * STEP_MM)?.0 - pixel(last.tip)?.0)
+        in_picture(camera, &last, to_hand)
     }
 
     fn remember(&mut self, measured: &Result<Measurement, Reason>) {
@@ -375,6 +403,13 @@ impl ToolTracker {
 /// Is the fulcrum known well enough to be used?
 pub fn is_known(adjustment: &Adjustment) -> bool {
     adjustment.fulcrum.covariance.trace() < FULCRUM_SIGMA_MM * FULCRUM_SIGMA_MM
+}
+
+/// A direction from a tube's tip, as the picture shows it.
+fn in_picture(camera: &Camera, tube: &Tube, direction: Vector3<f64>) -> Option<Vector2<f64>> {
+    const STEP_MM: f64 = 5.0;
+    let pixel = |point| camera.project(CameraPoint(point));
+    Some(pixel(tube.tip + direction * STEP_MM)?.0 - pixel(tube.tip)?.0)
 }
 
 /// The cells around a tube's band.

@@ -163,3 +163,35 @@ fn a_kept_pose_is_the_pose_again() {
         assert!((again.lasting - pose.lasting).norm() < 1e-6 * pose.lasting.norm());
     }
 }
+
+/// The same band, taken the wrong way round.
+fn reversed(pose: &TubeEstimate) -> TubeEstimate {
+    let Tube { tip, axis, radius } = pose.tube;
+    TubeEstimate { tube: Tube { tip: tip - axis * LENGTH_MM, axis: -axis, radius }, ..*pose }
+}
+
+#[test]
+fn axes_that_meet_before_the_tips_are_those_of_poses_the_wrong_way_round() {
+    for (reach_mm, seed) in [(30.0, 11), (15.0, 12)] {
+        let right = poses(&session(reach_mm, [0.0; 4], seed));
+        let wrong: Vec<TubeEstimate> = right.iter().map(reversed).collect();
+        assert!(!meet_before_the_tips(&right), "{reach_mm} mm");
+        assert!(meet_before_the_tips(&wrong), "{reach_mm} mm");
+        assert!(estimate(&wrong).is_none());
+    }
+}
+
+#[test]
+fn a_tool_that_rests_or_goes_straight_is_not_said_to_be_the_wrong_way_round() {
+    let right = poses(&session(30.0, [0.0; 4], 13));
+    assert!(!meet_before_the_tips(&vec![reversed(&right[0]); 60]), "nothing turns");
+    assert!(!meet_before_the_tips(&right[..8].iter().map(reversed).collect::<Vec<_>>()), "too few");
+    let straight = |k: usize| TubeEstimate {
+        tube: Tube { tip: right[0].tube.tip + Vector3::x() * (k as f64), ..right[k].tube },
+        ..right[k]
+    };
+    let alongside: Vec<TubeEstimate> = (0..60)
+        .map(|k| TubeEstimate { tube: Tube { axis: right[0].tube.axis, ..straight(k).tube }, ..straight(k) })
+        .collect();
+    assert!(!meet_before_the_tips(&alongside), "axes that never meet");
+}
