@@ -22,8 +22,8 @@ pub fn is_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> Option<bool> {
     (contrast >= LEAST_CONTRAST).then_some(lights[0] < lights[1])
 }
 
-/// By how much it is darker beyond the hand's end of a tube's band than beyond its tip: −1 to 1, negative where the tube lies the wrong way
-/// round. `None` where too little of either is in sight.
+/// By how much it is darker beyond the hand's end of a tube's band than beyond its tip: −1 to 1, negative where the tube lies the
+/// wrong way round. `None` where too little of either is in sight.
 pub fn contrast(
     frame: &Frame<'_>,
     camera: &Camera,

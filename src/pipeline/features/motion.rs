@@ -193,7 +193,8 @@ impl Motion {
         self.observed_steps() as f64 * self.step_s
     }
 
-    /// The share of the interval in which the tool was seen, 0 to 1; where the path was cut it was, though nothing is known of the motion.
+    /// The share of the interval in which the tool was seen, 0 to 1; where the path was cut it was, though nothing is known of the
+    /// motion.
     pub fn seen_share(&self, settings: &FeatureSettings) -> f64 {
         let between = self.spans.windows(2).map(|pair| Interval { first: pair[0].last(), last: pair[1].first });
         let cut: i64 = between.filter(|hole| !hole.is_gap(settings)).map(Interval::steps).sum();
