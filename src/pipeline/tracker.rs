@@ -124,18 +124,23 @@ impl Tracker {
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
         self.light.look(frame);
-        let outlines = self.expected_outlines(frame.time_s);
-        let obstacles: Vec<Vec<Outline>> = (0..self.tools.len()).map(|i| others(&outlines, i)).collect();
-        let scene = |i: usize| Scene { frame, table: &self.table, settings: &self.settings, obstacles: &obstacles[i] };
+        let mut outlines = self.expected_outlines(frame.time_s);
+        let (table, settings) = (&self.table, &self.settings);
         let mut seen: Vec<(usize, Seen)> = Vec::with_capacity(self.tools.len());
-        for (i, tool) in self.tools.iter_mut().enumerate() {
-            if !self.pairs.iter().flatten().any(|paired| *paired == i) {
-                seen.push((i, tool.observe(&scene(i))));
+        for i in self.nearest_first(&outlines) {
+            let scene = Scene { frame, table, settings, obstacles: &others(&outlines, i) };
+            let tool = &mut self.tools[i];
+            let of_tool = tool.observe(&scene);
+            if of_tool.advance.observed {
+                outlines[i] = tool.outline(); // what it hides of those behind it, it hides where it is, not where it was expected
             }
+            seen.push((i, of_tool));
         }
         for pair in &self.pairs {
+            let obstacles = pair.map(|i| others(&outlines, i));
+            let scenes = [0, 1].map(|of| Scene { frame, table, settings, obstacles: &obstacles[of] });
             if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
-                seen.extend(pair.iter().copied().zip(pair::observe(tools, pair.map(scene))));
+                seen.extend(pair.iter().copied().zip(pair::observe(tools, scenes)));
             }
         }
         self.share_mixing();
@@ -188,6 +193,15 @@ impl Tracker {
     fn expected_outlines(&self, time_s: f64) -> Vec<Option<Outline>> {
         let thread = self.settings.motion.thread();
         self.tools.iter().map(|tool| tool.expected_tube(time_s, &thread).and_then(|(tube, _)| tube.outline())).collect()
+    }
+
+    /// The tools that are followed each on its own, the nearest to the camera first: it may hide the others.
+    fn nearest_first(&self, outlines: &[Option<Outline>]) -> Vec<usize> {
+        let is_alone = |tool: &usize| !self.pairs.iter().flatten().any(|paired| paired == tool);
+        let depth_mm = |tool: &usize| outlines[*tool].map_or(f64::INFINITY, |outline| outline.rim(0.0, 0.0).z);
+        let mut alone: Vec<usize> = (0..self.tools.len()).filter(is_alone).collect();
+        alone.sort_by(|one, other| depth_mm(one).total_cmp(&depth_mm(other)));
+        alone
     }
 
     fn report(&mut self, tool: usize, instant: Instant, seen: Seen) -> ToolReport {

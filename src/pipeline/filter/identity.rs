@@ -4,9 +4,8 @@
 //! [`ThreadSettings::reacquire_s`] start the thread anew there. A tool unseen for longer than
 //! [`ThreadSettings::longest_prediction_s`] is lost until it is seen again.
 
-use nalgebra::{Matrix3, Point3};
-
 use super::kalman::State;
+use super::liveliness::{Liveliness, Step};
 use super::smoother::Position;
 use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::reason::Reason;
@@ -14,7 +13,7 @@ use crate::pipeline::reason::Reason;
 /// The part of the tracker's motion settings that a thread needs; units as there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadSettings {
-    /// Density of white acceleration, mm²/s³.
+    /// Density of a steady hand's white acceleration, mm²/s³.
     pub noise_density: f64,
     /// Speed that a newly seen tool may have, mm/s.
     pub first_speed_mm_s: f64,
@@ -43,6 +42,32 @@ struct Followed {
     seen_s: f64,
     /// Measurements believed so far.
     believed: u32,
+    liveliness: Liveliness,
+}
+
+impl Followed {
+    fn of(time_s: f64, (tip, covariance): Position, settings: &ThreadSettings) -> Self {
+        let state = State::first_seen(tip, covariance, settings.first_speed_mm_s);
+        Self { state, time_s, began_s: time_s, seen_s: time_s, believed: 1, liveliness: Liveliness::default() }
+    }
+
+    fn ahead(&self, time_s: f64, settings: &ThreadSettings) -> Step {
+        self.liveliness.ahead(&self.state, time_s - self.time_s, settings.noise_density)
+    }
+
+    /// The step to a measurement; `None` where that is outside the gate.
+    fn towards(&self, time_s: f64, measured: &Position, settings: &ThreadSettings) -> Option<Step> {
+        let dt_s = time_s - self.time_s;
+        self.liveliness.towards(&self.state, dt_s, settings.noise_density, measured, settings.gate)
+    }
+
+    /// Takes a measurement that a step led to.
+    fn see(&mut self, time_s: f64, step: &Step, (tip, covariance): Position) {
+        self.liveliness.learn(step, time_s - self.time_s);
+        self.state = step.state.updated(tip, covariance);
+        (self.time_s, self.seen_s) = (time_s, time_s);
+        self.believed += 1;
+    }
 }
 
 /// A thread of fewer measurements than this is no more to be believed than the one that contradicts it: of two places
@@ -54,6 +79,8 @@ const YOUNG: u32 = 4;
 pub struct Advance {
     /// The filter's state; `None` where the tool is not tracked.
     pub state: Option<State>,
+    /// Density of the acceleration that it reckoned with since the frame before, mm²/s³; none where a thread begins.
+    pub noise_density: f64,
     /// A new thread begins with this state.
     pub begins: bool,
     /// The thread before it was young and is contradicted: it was none.
@@ -67,14 +94,13 @@ pub struct Advance {
 impl Thread {
     /// Where the tip is expected at a time; `None` where the tool is not tracked.
     pub fn expected(&self, time_s: f64, settings: &ThreadSettings) -> Option<State> {
-        let followed = self.current.filter(|f| time_s - f.seen_s <= settings.longest_prediction_s)?;
-        Some(followed.state.predicted(time_s - followed.time_s, settings.noise_density))
+        Some(self.tracked(time_s, settings)?.ahead(time_s, settings).state)
     }
 
     /// Would a position pass the gate?
     pub fn would_believe(&self, time_s: f64, pose: &TubeEstimate, settings: &ThreadSettings) -> bool {
-        self.expected(time_s, settings)
-            .is_some_and(|state| state.distance_squared(pose.tube.tip, pose.tip_covariance()) <= settings.gate)
+        let measured = (pose.tube.tip, pose.tip_covariance());
+        self.tracked(time_s, settings).is_some_and(|followed| followed.towards(time_s, &measured, settings).is_some())
     }
 
     /// Takes one frame's measurement, or its absence.
@@ -83,80 +109,70 @@ impl Thread {
             measured.is_some_and(|(tip, _)| !(settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z));
         let mut refused = out_of_bounds.then_some(Reason::OutOfBounds);
         let measured = measured.filter(|_| !out_of_bounds);
-        let Some(predicted) = self.expected(time_s, settings) else {
-            self.current = None;
-            self.rival = None;
+        let Some(mut followed) = self.tracked(time_s, settings) else {
+            *self = Self::default();
             return match measured {
-                Some((tip, covariance)) => {
-                    self.begin(time_s, State::first_seen(tip, covariance, settings.first_speed_mm_s))
+                Some(position) => self.begin(Followed::of(time_s, position, settings)),
+                None => {
+                    let (state, noise_density) = (None, 0.0);
+                    Advance { state, noise_density, begins: false, disowns: false, observed: false, refused }
                 }
-                None => Advance { state: None, begins: false, disowns: false, observed: false, refused },
             };
         };
-        let believed =
-            measured.filter(|(tip, covariance)| predicted.distance_squared(*tip, *covariance) <= settings.gate);
-        if let Some((tip, covariance)) = believed {
-            self.rival = None;
-            return self.follow(time_s, predicted.updated(tip, covariance), true, None);
+        if let Some((position, step)) = measured.and_then(|at| Some((at, followed.towards(time_s, &at, settings)?))) {
+            followed.see(time_s, &step, position);
+            *self = Self { current: Some(followed), rival: None };
+            return Advance::along(&step, followed.state, true, None);
         }
-        if let Some((tip, covariance)) = measured {
+        if let Some(position) = measured {
             refused = Some(Reason::GateRejected);
-            if self.current.is_some_and(|thread| thread.believed < YOUNG) {
-                let fresh = State::first_seen(tip, covariance, settings.first_speed_mm_s);
-                return Advance { disowns: true, ..self.begin(time_s, fresh) };
+            if followed.believed < YOUNG {
+                return Advance { disowns: true, ..self.begin(Followed::of(time_s, position, settings)) };
             }
-            if let Some(state) = self.believe_rival(time_s, tip, covariance, settings) {
-                return self.begin(time_s, state);
+            if let Some(rival) = self.believe_rival(time_s, position, settings) {
+                return self.begin(rival);
             }
         }
-        self.follow(time_s, predicted, false, refused)
+        let step = followed.ahead(time_s, settings);
+        self.current = Some(Followed { state: step.state, time_s, ..followed });
+        Advance::along(&step, step.state, false, refused)
     }
 
-    fn begin(&mut self, time_s: f64, state: State) -> Advance {
-        self.current = Some(Followed { state, time_s, began_s: time_s, seen_s: time_s, believed: 1 });
-        self.rival = None;
-        Advance { state: Some(state), begins: true, disowns: false, observed: true, refused: None }
+    /// What is followed, if it was seen lately.
+    fn tracked(&self, time_s: f64, settings: &ThreadSettings) -> Option<Followed> {
+        self.current.filter(|followed| time_s - followed.seen_s <= settings.longest_prediction_s)
     }
 
-    fn follow(&mut self, time_s: f64, state: State, observed: bool, refused: Option<Reason>) -> Advance {
-        if let Some(followed) = &mut self.current {
-            *followed = Followed {
-                state,
-                time_s,
-                seen_s: if observed { time_s } else { followed.seen_s },
-                believed: followed.believed + u32::from(observed),
-                ..*followed
-            };
-        }
-        Advance { state: Some(state), begins: false, disowns: false, observed, refused }
+    fn begin(&mut self, followed: Followed) -> Advance {
+        *self = Self { current: Some(Followed { began_s: followed.time_s, believed: 1, ..followed }), rival: None };
+        let (state, noise_density) = (Some(followed.state), 0.0);
+        Advance { state, noise_density, begins: true, disowns: false, observed: true, refused: None }
     }
 
-    /// Follows refused measurements; their state once they have agreed for long enough.
-    fn believe_rival(
-        &mut self,
-        time_s: f64,
-        tip: Point3<f64>,
-        covariance: Matrix3<f64>,
-        settings: &ThreadSettings,
-    ) -> Option<State> {
-        let agreeing = self.rival.and_then(|rival| {
-            let predicted = rival.state.predicted(time_s - rival.time_s, settings.noise_density);
-            (predicted.distance_squared(tip, covariance) <= settings.gate).then(|| Followed {
-                state: predicted.updated(tip, covariance),
-                time_s,
-                seen_s: time_s,
-                ..rival
-            })
+    /// Follows refused measurements; what they show once they have agreed for long enough.
+    fn believe_rival(&mut self, time_s: f64, measured: Position, settings: &ThreadSettings) -> Option<Followed> {
+        let agreeing = self.rival.and_then(|mut rival| {
+            let step = rival.towards(time_s, &measured, settings)?;
+            rival.see(time_s, &step, measured);
+            Some(rival)
         });
-        let fresh = State::first_seen(tip, covariance, settings.first_speed_mm_s);
-        let rival = agreeing.unwrap_or(Followed { state: fresh, time_s, began_s: time_s, seen_s: time_s, believed: 1 });
+        let rival = agreeing.unwrap_or_else(|| Followed::of(time_s, measured, settings));
         self.rival = Some(rival);
-        (time_s - rival.began_s >= settings.reacquire_s).then_some(rival.state)
+        (time_s - rival.began_s >= settings.reacquire_s).then_some(rival)
+    }
+}
+
+impl Advance {
+    fn along(step: &Step, state: State, observed: bool, refused: Option<Reason>) -> Self {
+        let (state, noise_density) = (Some(state), step.noise_density);
+        Self { state, noise_density, begins: false, disowns: false, observed, refused }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Matrix3, Point3};
+
     use super::*;
 
     const SETTINGS: ThreadSettings = ThreadSettings {

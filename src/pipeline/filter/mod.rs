@@ -2,5 +2,6 @@
 
 pub mod identity;
 pub mod kalman;
+pub mod liveliness;
 pub mod motion_model;
 pub mod smoother;

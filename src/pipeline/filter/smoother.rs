@@ -16,9 +16,8 @@ const BLOCK: usize = 300;
 pub type Position = (Point3<f64>, Matrix3<f64>);
 
 /// One unbroken run of the filter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Run {
-    noise_density: f64,
     blocks: Vec<Block>,
 }
 
@@ -32,6 +31,8 @@ struct Block {
 #[derive(Clone, Copy, Debug)]
 struct Instant {
     time_s: f64,
+    /// Density of the acceleration since the instant before, mm²/s³.
+    noise_density: f64,
     believed: Option<Believed>,
 }
 
@@ -56,14 +57,10 @@ impl From<Believed> for Position {
 }
 
 impl Run {
-    /// An empty run of a filter that reckons with acceleration noise of this density, mm²/s³.
-    pub fn new(noise_density: f64) -> Self {
-        Self { noise_density, blocks: Vec::new() }
-    }
-
-    /// Takes the next instant: the filter's state there, and the measurement that it believed, if there was one.
-    pub fn push(&mut self, time_s: f64, state: &State, believed: Option<Position>) {
-        let instant = Instant { time_s, believed: believed.map(Believed::from) };
+    /// Takes the next instant: the filter's state there, the density of acceleration that it reckoned with since the one before,
+    /// mm²/s³, and the measurement that it believed, if there was one.
+    pub fn push(&mut self, time_s: f64, state: &State, noise_density: f64, believed: Option<Position>) {
+        let instant = Instant { time_s, noise_density, believed: believed.map(Believed::from) };
         match self.blocks.last_mut().filter(|block| block.instants.len() < BLOCK) {
             Some(block) => block.instants.push(instant),
             None => self.blocks.push(Block { first: *state, instants: vec![instant] }),
@@ -77,20 +74,20 @@ impl Run {
 
     /// What the filter knew at each instant.
     pub fn filtered(&self) -> impl Iterator<Item = State> {
-        self.blocks.iter().flat_map(|block| block.filtered(self.noise_density))
+        self.blocks.iter().flat_map(Block::filtered)
     }
 
     /// What the whole run says of each instant; the last one first.
     pub fn smoothed(&self) -> impl Iterator<Item = State> {
         let states = |block: &'_ Block| {
-            let times: Vec<f64> = block.instants.iter().map(|instant| instant.time_s).collect();
-            times.into_iter().zip(block.filtered(self.noise_density)).rev()
+            let times = block.instants.iter().map(|instant| (instant.time_s, instant.noise_density));
+            times.zip(block.filtered()).collect::<Vec<_>>().into_iter().rev()
         };
-        let mut later: Option<(f64, State)> = None;
-        self.blocks.iter().rev().flat_map(states).map(move |(time_s, own)| {
+        let mut later: Option<(f64, f64, State)> = None;
+        self.blocks.iter().rev().flat_map(states).map(move |((time_s, density_before), own)| {
             let smoothed =
-                later.map_or(own, |(later_s, later)| backwards(&own, later_s - time_s, &later, self.noise_density));
-            later = Some((time_s, smoothed));
+                later.map_or(own, |(later_s, density, later)| backwards(&own, later_s - time_s, &later, density));
+            later = Some((time_s, density_before, smoothed));
             smoothed
         })
     }
@@ -98,10 +95,10 @@ impl Run {
 
 impl Block {
     /// The filter's states, worked out again.
-    fn filtered(&self, noise_density: f64) -> Vec<State> {
+    fn filtered(&self) -> Vec<State> {
         let mut states = vec![self.first];
         for pair in self.instants.windows(2) {
-            let predicted = states[states.len() - 1].predicted(pair[1].time_s - pair[0].time_s, noise_density);
+            let predicted = states[states.len() - 1].predicted(pair[1].time_s - pair[0].time_s, pair[1].noise_density);
             let believed = pair[1].believed.map(Position::from);
             states.push(believed.map_or(predicted, |(tip, covariance)| predicted.updated(tip, covariance)));
         }
@@ -128,15 +125,16 @@ mod tests {
     fn run() -> (Run, Vec<State>) {
         let spread = Matrix3::from_diagonal_element(0.3);
         let at = |t: f64| Point3::new(20.0 * t, (3.0 * t).sin() * 8.0, 150.0 + 0.4 * (40.0 * t).sin());
-        let mut run = Run::new(NOISE_DENSITY);
+        let mut run = Run::default();
         let (mut last_s, mut states) = (0.0, vec![State::first_seen(at(0.0), spread, 50.0)]);
-        run.push(0.0, &states[0], Some((at(0.0), spread)));
+        run.push(0.0, &states[0], 0.0, Some((at(0.0), spread)));
         for k in 1..2 * BLOCK as u32 + 40 {
             let time_s = f64::from(k) * 0.04 + 0.01 * f64::from(k % 3);
-            let predicted = states[states.len() - 1].predicted(time_s - last_s, NOISE_DENSITY);
+            let density = NOISE_DENSITY * f64::from(1 + k % 3);
+            let predicted = states[states.len() - 1].predicted(time_s - last_s, density);
             let believed = (k % 7 != 0).then_some((at(time_s), spread));
             let state = believed.map_or(predicted, |(tip, covariance)| predicted.updated(tip, covariance));
-            run.push(time_s, &state, believed);
+            run.push(time_s, &state, density, believed);
             (last_s, states) = (time_s, [states, vec![state]].concat());
         }
         (run, states)
@@ -161,6 +159,6 @@ mod tests {
     fn the_last_instant_has_no_future_to_learn_from() {
         let (run, states) = run();
         assert_eq!(run.smoothed().next(), states.last().copied());
-        assert_eq!(Run::new(NOISE_DENSITY).smoothed().count(), 0);
+        assert_eq!(Run::default().smoothed().count(), 0);
     }
 }

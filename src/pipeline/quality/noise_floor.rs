@@ -191,12 +191,12 @@ pub(super) fn speeds(noise_mm: Vector3<f64>, believed_mm: Vector3<f64>, step_s: 
     let side = (SIDE_S / step_s).clamp(8.0, MOST_STEPS) as usize;
     let covariance = Matrix3::from_diagonal(&believed_mm.component_mul(&believed_mm));
     let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
-    let mut run = Run::new(noise_density);
-    run.push(0.0, &state, None);
+    let mut run = Run::default();
+    run.push(0.0, &state, 0.0, None);
     for step in 1..=2 * side {
         let seen = if step == side { Point3::from(noise_mm) } else { Point3::origin() };
         state = state.predicted(step_s, noise_density).updated(seen, covariance);
-        run.push(step as f64 * step_s, &state, Some((seen, covariance)));
+        run.push(step as f64 * step_s, &state, noise_density, Some((seen, covariance)));
     }
     let root =
         |states: &mut dyn Iterator<Item = State>| states.map(|s| s.velocity().norm_squared()).sum::<f64>().sqrt();

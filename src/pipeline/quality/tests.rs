@@ -237,12 +237,12 @@ fn independent_errors_make_the_speed_that_one_of_them_tells() {
     let density = MotionSettings::default().noise_density();
     let mut dice = Dice::new(5, "errors of a rest");
     let mut state = State::first_seen(Point3::origin(), covariance, 0.0);
-    let mut run = Run::new(density);
-    run.push(0.0, &state, None);
+    let mut run = Run::default();
+    run.push(0.0, &state, 0.0, None);
     for step in 1..8000 {
         let seen = Point3::from(dice.gauss3().component_mul(&noise));
         state = state.predicted(FRAME_S, density).updated(seen, covariance);
-        run.push(f64::from(step) * FRAME_S, &state, Some((seen, covariance)));
+        run.push(f64::from(step) * FRAME_S, &state, density, Some((seen, covariance)));
     }
     let rms = |states: &mut dyn Iterator<Item = State>| {
         let squares: Vec<f64> = states.map(|s| s.velocity().norm_squared()).collect();

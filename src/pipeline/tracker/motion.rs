@@ -5,7 +5,6 @@
 use nalgebra::{Point2, Vector3};
 
 use super::blocks::Blocks;
-use super::settings::MotionSettings;
 use crate::pipeline::camera::Camera;
 use crate::pipeline::filter::kalman::State;
 use crate::pipeline::filter::smoother::{self, Position};
@@ -124,7 +123,7 @@ impl Motion {
 }
 
 /// An unbroken run of the filter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Run {
     filter: smoother::Run,
     frames: Blocks<RunFrame>,
@@ -137,14 +136,10 @@ struct RunFrame {
 }
 
 impl Run {
-    /// A run that has yet to begin.
-    pub fn new(motion: &MotionSettings) -> Self {
-        Self { filter: smoother::Run::new(motion.noise_density()), frames: Blocks::default() }
-    }
-
-    /// Takes the next frame: the filter's state, and the pose that was believed.
-    pub fn add(&mut self, state: &State, instant: Instant, pose: Option<TubeEstimate>) {
-        self.filter.push(instant.1, state, pose.map(|p| (p.tube.tip, p.tip_covariance())));
+    /// Takes the next frame: the filter's state, the density of acceleration that it reckoned with since the frame before, mm²/s³,
+    /// and the pose that was believed.
+    pub fn add(&mut self, state: &State, noise_density: f64, instant: Instant, pose: Option<TubeEstimate>) {
+        self.filter.push(instant.1, state, noise_density, pose.map(|p| (p.tube.tip, p.tip_covariance())));
         self.frames.push(RunFrame { instant, pose: pose.as_ref().map(PastPose::from) });
     }
 

@@ -85,8 +85,7 @@ fn thinned(records: &Blocks<Record>) -> Vec<TubeEstimate> {
 }
 
 /// The filter's second way through a recording.
-struct Rework<'a> {
-    settings: &'a MotionSettings,
+struct Rework {
     hindsight: ThreadSettings,
     thread: Thread,
     run: Run,
@@ -94,14 +93,13 @@ struct Rework<'a> {
     quality: ToolQuality,
 }
 
-impl<'a> Rework<'a> {
-    fn new(tool: usize, camera: &Camera, settings: &'a MotionSettings) -> Self {
+impl Rework {
+    fn new(tool: usize, camera: &Camera, settings: &MotionSettings) -> Self {
         let longest_prediction_s = settings.longest_prediction_s;
         Self {
-            settings,
             hindsight: ThreadSettings { longest_prediction_s: settings.longest_bridge_s, ..settings.thread() },
             thread: Thread::default(),
-            run: Run::new(settings),
+            run: Run::default(),
             motion: Motion { tool, runs: Vec::new(), camera: *camera, fulcrum: None, longest_prediction_s },
             quality: ToolQuality::default(),
         }
@@ -123,14 +121,14 @@ impl<'a> Rework<'a> {
             self.motion.runs.extend(Some(ended).filter(|run| run.frames_and_seen().0 > 0));
         }
         if let Some(state) = advance.state {
-            self.run.add(&state, instant, pose.filter(|_| advance.observed));
+            self.run.add(&state, advance.noise_density, instant, pose.filter(|_| advance.observed));
         }
         refused
     }
 
     /// Begins a new run; returns the one before.
     fn begin(&mut self) -> Run {
-        std::mem::replace(&mut self.run, Run::new(self.settings))
+        std::mem::take(&mut self.run)
     }
 
     /// Ends the recording. Bridged frames that no smoothed path has were counted as predicted.

@@ -327,6 +327,11 @@ impl ToolTracker {
         }
     }
 
+    /// Where it was seen last.
+    pub(super) fn outline(&self) -> Option<Outline> {
+        self.last.and_then(|(tube, _)| tube.outline())
+    }
+
     pub(super) fn expected_tube(&self, time_s: f64, thread: &ThreadSettings) -> Option<(Tube, f64)> {
         let state = self.thread.expected(time_s, thread)?;
         let (last, length) = self.last?;
