@@ -35,6 +35,10 @@ const MODEL_ERROR: f64 = 3.0;
 /// Passes of the finer model: it is nearly linear.
 const MOST_PASSES: usize = 8;
 
+/// Colours within an edge that are not the tape's own are so much nearer to it than those outside, where glare or shade stands on
+/// tape: over 24 clips of tremulous hands, a quarter less error than with any that are nearer at all.
+const SURELY_NEARER: f64 = 0.5;
+
 /// How closely to look.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fineness {
@@ -67,9 +71,11 @@ impl EdgeModel {
         let off_tape = |codes: [f64; 3]| (Vector2::new(codes[1], codes[2]) - self.tape).norm();
         let is_border = |fit: &EdgeFit| {
             let [inside, outside] = [fit.inside(), fit.outside()].map(|light| look.codes(light));
-            // Else the outside looks more like the tape than the inside, another edge; or there is tape on both sides, a
-            // highlight or a crease.
-            off_tape(inside) < off_tape(outside) && !is_tape(outside.map(|code| code.round().clamp(0.0, 255.0) as u8))
+            let is_tape = |codes: [f64; 3]| is_tape(codes.map(|code| code.round().clamp(0.0, 255.0) as u8));
+            // Else there is no tape within, the edge of a shadow or of the mat's print; or there is on both sides, a highlight or
+            // a crease. Glare and shade take tape's colour away, but not so much that it is nearer to what is outside.
+            let nearness = if is_tape(inside) { 1.0 } else { SURELY_NEARER };
+            off_tape(inside) < nearness * off_tape(outside) && !is_tape(outside)
         };
         if fineness == Fineness::Step {
             return is_border(&first).then_some(Edge { offset_px: guess, sigma_px: STEP_SIGMA_PX });

@@ -108,15 +108,29 @@ impl Bench<'_> {
             if !self.is_visible(place.on(&outline), probe.middle) {
                 continue;
             }
-            found.visible[place.part()] += 1.0;
-            found.smears_px[place.part()] += probe.motion_px_s.abs() * self.edges.exposure_s / 12f64.sqrt();
             let edge = self.locate(probe, look.fineness);
             let at = edge.map(|edge| Pixel(probe.middle.0 + probe.outward * edge.offset_px));
+            if at.is_some_and(|at| self.is_before_other_tape(at, probe)) {
+                continue;
+            }
+            found.visible[place.part()] += 1.0;
+            found.smears_px[place.part()] += probe.motion_px_s.abs() * self.edges.exposure_s / 12f64.sqrt();
             self.tracing.probe(probe, at);
             let (Some(edge), Some(at)) = (edge, at) else { continue };
             found.edges.extend(MeasuredEdge::new(*place, at, probe.outward, edge.sigma_px, self.camera));
         }
         Ok(found)
+    }
+
+    /// Does another tool's tape lie just outside an edge? Then that tool may stand before this one, nearer than it was expected, and
+    /// the edge be its own.
+    fn is_before_other_tape(&self, edge: Pixel, probe: &Probe) -> bool {
+        const OUTSIDE_PX: f64 = 3.0; // past the blur of halved chroma
+        let at = edge.0 + probe.outward * OUTSIDE_PX;
+        let inside =
+            at.x >= 0.0 && at.y >= 0.0 && at.x < self.frame.width() as f64 && at.y < self.frame.height() as f64;
+        let class = if inside { self.table.class_of(self.frame.yuv_at(at.x as usize, at.y as usize)) } else { 0 };
+        class != 0 && class != self.class
     }
 
     /// Is a place on the outline inside the frame, and before every other tool?

@@ -273,32 +273,34 @@ impl Bench<'_> {
         beliefs
     }
 
-    /// Is there tape between the tube's ends, and none beyond its distal one? Edges alone cannot tell: those of the shaft
-    /// fit a band that lies one length too far back.
+    /// Is there tape between the tube's ends, all along, and none beyond its distal one? Edges alone cannot tell: those of the
+    /// shaft fit a band that lies one length too far back, and one that is hidden in its middle fits twice as near.
     fn is_where_the_tape_is(&self, tube: &Tube, length_mm: f64) -> bool {
         const LEAST_INSIDE: f64 = 0.4;
         const MOST_BEYOND: f64 = 0.6;
+        const MOST_BARE: usize = 1; // may glare
         let Some(outline) = tube.outline() else { return false };
-        let inside = self.tape_share(&outline, [0.2, 0.35, 0.5, 0.65, 0.8].map(|part| part * length_mm));
-        let beyond = self.tape_share(&outline, [0.2, 0.3, 0.4, 0.5, 0.6].map(|part| -part * length_mm));
-        inside.is_none_or(|share| share >= LEAST_INSIDE) && beyond.is_none_or(|share| share <= MOST_BEYOND)
+        let inside = self.tape_at(&outline, [0.2, 0.35, 0.5, 0.65, 0.8].map(|part| part * length_mm));
+        let beyond = self.tape_at(&outline, [0.2, 0.3, 0.4, 0.5, 0.6].map(|part| -part * length_mm));
+        let bare = inside.iter().filter(|(tape, seen)| *seen >= 2 && *tape == 0).count();
+        bare <= MOST_BARE
+            && share(&inside).is_none_or(|share| share >= LEAST_INSIDE)
+            && share(&beyond).is_none_or(|share| share <= MOST_BEYOND)
     }
 
-    /// Share of the tape's colour on the tube's near side at some distances behind the tip; `None` where too little of it
-    /// is in sight.
-    fn tape_share(&self, outline: &Outline, backs_mm: [f64; 5]) -> Option<f64> {
-        const FEWEST: f64 = 4.0;
-        let (mut tape, mut seen) = (0.0, 0.0);
-        for (back_mm, across) in backs_mm.into_iter().flat_map(|back| [-0.5, 0.0, 0.5].map(|across| (back, across))) {
-            let place = outline.rim(back_mm, across);
-            let Some(at) = self.camera.project(CameraPoint(place)).filter(|at| self.is_visible(place, *at)) else {
-                continue;
-            };
-            let codes = self.frame.yuv_at(at.u().round() as usize, at.v().round() as usize);
-            seen += 1.0;
-            tape += f64::from(u8::from(self.table.class_of(codes) == self.class));
-        }
-        (seen >= FEWEST).then_some(tape / seen)
+    /// How many of three places across the tube's near side are of the tape's colour, and how many are in sight, at some distances
+    /// behind the tip.
+    fn tape_at(&self, outline: &Outline, backs_mm: [f64; 5]) -> [(usize, usize); 5] {
+        backs_mm.map(|back_mm| {
+            let places = [-0.5, 0.0, 0.5].map(|across| outline.rim(back_mm, across));
+            let in_sight = places
+                .into_iter()
+                .filter_map(|place| self.camera.project(CameraPoint(place)).filter(|at| self.is_visible(place, *at)));
+            in_sight.fold((0, 0), |(tape, seen), at| {
+                let codes = self.frame.yuv_at(at.u().round() as usize, at.v().round() as usize);
+                (tape + usize::from(self.table.class_of(codes) == self.class), seen + 1)
+            })
+        })
     }
 
     /// By how much the band is longer than thought, from the edge at its other end, mm.
@@ -349,6 +351,13 @@ impl Bench<'_> {
             edges: 0..0,
         }
     }
+}
+
+/// Share of the tape's colour among places in sight; `None` where those are too few.
+fn share(places: &[(usize, usize)]) -> Option<f64> {
+    const FEWEST: usize = 4;
+    let (tape, seen) = places.iter().fold((0, 0), |sum, place| (sum.0 + place.0, sum.1 + place.1));
+    (seen >= FEWEST).then(|| tape as f64 / seen as f64)
 }
 
 /// How well a pose tells its band's length, mm: what is seen of it is foreshortened by the lean and scaled by the depth, and
