@@ -30,6 +30,9 @@ const DARKEST: f64 = 0.01;
 /// How far the offset may be from the guess, pixels: keeps edges that hardly show from leaping about, moves no other.
 const GUESS_WITHIN_PX: f64 = 3.0;
 
+/// Share of what the limb adds that there is some pixels inside.
+pub(super) const LIMB_INSIDE: f64 = 0.6;
+
 /// A step that makes the squares this much larger is too long.
 const WORSE: f64 = 1.05;
 
@@ -147,7 +150,7 @@ impl EdgeFit {
 
     /// Light some pixels inside.
     pub fn inside(&self) -> [f64; 3] {
-        self.light.map(|l| l.base + 0.6 * l.limb)
+        self.light.map(|l| l.base + LIMB_INSIDE * l.limb)
     }
 
     /// Light just outside.

@@ -3,6 +3,8 @@
 //! What all poses share is worked out from them together and steadies each, also the first; the filter runs once more over the
 //! steadied poses, and the smoother behind it.
 
+use std::ops::Range;
+
 use super::blocks::Blocks;
 use super::gaps::{self, Rim};
 use super::motion::{Instant, Motion, Run, STATED_SHARE};
@@ -28,6 +30,7 @@ pub fn rework(
     camera: &Camera,
     motion: &MotionSettings,
 ) -> (Motion, ToolQuality) {
+    let islands = islands(&records, instants, motion.longest_prediction_s);
     let good = thinned(&records);
     let adjustment = adjustment::estimate(&good).filter(tool::is_known);
     let is_wrong_way_round = adjustment.is_none() && adjustment::meet_before_the_tips(&good);
@@ -35,8 +38,9 @@ pub fn rework(
     let mut rework = Rework::new(tool, camera, motion);
     rework.motion.fulcrum = adjustment.as_ref().map(|a| a.fulcrum);
     let mut reasons = Vec::with_capacity(instants.len());
-    for (record, instant) in records.into_iter().zip(instants) {
-        let pose = record.estimate().and_then(|e| match &adjustment {
+    for (frame, (record, instant)) in records.into_iter().zip(instants).enumerate() {
+        let is_believed = !islands.iter().any(|island| island.contains(&frame));
+        let pose = record.estimate().filter(|_| is_believed).and_then(|e| match &adjustment {
             Some(adjustment) => steadied(&e, adjustment),
             None => Some(e).filter(|_| !is_wrong_way_round),
         });
@@ -82,6 +86,24 @@ fn thinned(records: &Blocks<Record>) -> Vec<TubeEstimate> {
     let good = || records.iter().filter(|record| record.is_good);
     let every = good().count().div_ceil(ENOUGH).max(1);
     good().step_by(every).filter_map(Record::estimate).collect()
+}
+
+/// Frames between two gaps, or a gap and an end of the recording, on so few of which something was measured that nothing bears it
+/// out: a bridge that stands on it leads astray, where without it there is a gap.
+fn islands(records: &Blocks<Record>, instants: &[Instant], longest_gap_s: f64) -> Vec<Range<usize>> {
+    const FEWEST: usize = 4;
+    let mut pieces: Vec<(Range<usize>, usize)> = Vec::new();
+    for frame in (0..records.len()).filter(|frame| records[*frame].pose.is_some()) {
+        match pieces.last_mut() {
+            Some((piece, measured)) if instants[frame].1 - instants[piece.end - 1].1 <= longest_gap_s => {
+                (piece.end, *measured) = (frame + 1, *measured + 1);
+            }
+            _ => pieces.push((frame..frame + 1, 1)),
+        }
+    }
+    let are_several = pieces.len() > 1;
+    let is_small = |(_, measured): &(Range<usize>, usize)| are_several && *measured < FEWEST;
+    pieces.into_iter().filter(is_small).map(|(piece, _)| piece).collect()
 }
 
 /// The filter's second way through a recording.
@@ -236,6 +258,33 @@ mod tests {
         let rim_mm = CAMERA.cx / CAMERA.fx * 150.0;
         let paths = paths_from(rim_mm - 41.0, 100.0, &with_gap(10, 0)); // 5.9 mm from the rim when seen last, 3.9 mm a frame
         assert_eq!(frames(&paths.filtered), (0..11).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_few_measurements_between_two_gaps_are_not_believed() {
+        let instants: Vec<Instant> = (0..60).map(|frame| (frame, frame as f64 * FRAME_S)).collect();
+        let found = |seen: &[Range<usize>]| {
+            let covariance = nalgebra::Matrix5::identity() * 0.01;
+            let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::z(), radius: 2.5 };
+            let pose = KeptPose::from(&TubeEstimate {
+                tube,
+                covariance,
+                lasting: covariance,
+                evidence: Evidence::of_covariance(&covariance),
+                residual_px: 0.1,
+                support: 50.0,
+            });
+            let record = |frame: usize| {
+                let is_seen = seen.iter().any(|piece| piece.contains(&frame));
+                Record { pose: is_seen.then_some(pose), is_good: false, reason: None }
+            };
+            islands(&(0..60).map(record).collect(), &instants, 0.2)
+        };
+        assert_eq!(found(&[0..15, 31..33, 43..60]), [31..33]);
+        assert_eq!(found(&[0..15, 31..32, 33..34, 43..60]), [31..34]);
+        assert_eq!(found(&[0..15, 18..20, 43..60]), [], "near to what bears it out");
+        assert_eq!(found(&[0..15, 31..36, 43..60]), []);
+        assert_eq!(found(&[31..33]), [], "all there is");
     }
 
     #[test]
