@@ -77,3 +77,74 @@ impl Liveliness {
         Step { state: state.predicted(dt_s, noise_density), noise_density, level }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Point3};
+
+    use crate::pipeline::filter::identity::{Thread, ThreadSettings};
+    use crate::pipeline::filter::smoother::{Position, Run};
+    use crate::random::Dice;
+
+    const SETTINGS: ThreadSettings = ThreadSettings {
+        noise_density: 8000.0,
+        first_speed_mm_s: 150.0,
+        gate: 16.3,
+        reacquire_s: 0.15,
+        longest_prediction_s: 0.2,
+        depth_mm: (20.0, 1000.0),
+    };
+    const FRAME_S: f64 = 0.04;
+    const FRAMES: u32 = 400;
+    const SIGMA_MM: f64 = 0.15;
+
+    /// Where a hand is that trembles by so much, mm (RMS), at a frame.
+    fn place(tremor_mm: f64, frame: u32) -> Point3<f64> {
+        let time_s = f64::from(frame) * FRAME_S;
+        let wave = |hertz: f64| (std::f64::consts::TAU * hertz * time_s).sin() * tremor_mm;
+        Point3::new(20.0 * time_s + wave(7.3) + wave(9.1), 8.0 * (2.0 * time_s).sin(), 150.0 + wave(6.2))
+    }
+
+    fn measured(tremor_mm: f64, frame: u32, dice: &mut Dice) -> Position {
+        (place(tremor_mm, frame) + dice.gauss3() * SIGMA_MM, Matrix3::identity() * (SIGMA_MM * SIGMA_MM))
+    }
+
+    /// Share of the measurements of such a hand that are believed, and the smoothed path's mean squared error in units of what is
+    /// stated for it, per coordinate.
+    fn followed(tremor_mm: f64) -> (f64, f64) {
+        let (mut thread, mut run, mut dice) = (Thread::default(), Run::default(), Dice::new(9, "a hand"));
+        let mut believed = 0;
+        for frame in 0..FRAMES {
+            let (time_s, at) = (f64::from(frame) * FRAME_S, measured(tremor_mm, frame, &mut dice));
+            let advance = thread.advance(time_s, Some(at), &SETTINGS);
+            believed += u32::from(advance.observed);
+            run.push(time_s, &advance.state.unwrap(), advance.noise_density, advance.observed.then_some(at));
+        }
+        let squared = (0..FRAMES).rev().zip(run.smoothed()).map(|(frame, state)| {
+            let miss = state.tip() - place(tremor_mm, frame);
+            miss.dot(&state.tip_covariance().cholesky().unwrap().solve(&miss)) / 3.0
+        });
+        (f64::from(believed) / f64::from(FRAMES), squared.sum::<f64>() / f64::from(FRAMES))
+    }
+
+    #[test]
+    fn a_tremor_is_followed_and_errs_by_what_is_stated() {
+        for tremor_mm in [0.0, 0.3, 0.6, 1.0] {
+            let (believed, squared) = followed(tremor_mm);
+            assert!(believed > 0.99 && squared < 2.0, "{tremor_mm} mm: {believed} believed, {squared}");
+        }
+    }
+
+    #[test]
+    fn a_wild_measurement_is_refused_however_much_the_hand_trembles() {
+        for tremor_mm in [0.0, 0.6] {
+            let (mut thread, mut dice) = (Thread::default(), Dice::new(3, "a hand"));
+            for frame in 0..FRAMES {
+                let (mut at, is_wild) = (measured(tremor_mm, frame, &mut dice), frame % 50 == 49);
+                at.0.x += if is_wild { 40.0 } else { 0.0 };
+                let advance = thread.advance(f64::from(frame) * FRAME_S, Some(at), &SETTINGS);
+                assert!(!(is_wild && advance.observed), "{tremor_mm} mm, frame {frame}");
+            }
+        }
+    }
+}
