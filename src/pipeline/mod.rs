@@ -41,4 +41,4 @@ pub mod tube;
 
 /// Version of the whole chain from pixels to features. Raised whenever the same input gives other numbers;
 /// stored with every result, so that results of different versions are never mixed unknowingly.
-pub const PIPELINE_VERSION: &str = "10";
+pub const PIPELINE_VERSION: &str = "11";

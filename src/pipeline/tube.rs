@@ -81,12 +81,7 @@ impl Outline {
 
     /// Where border 0 or 1 touches the tube, `back_mm` behind the tip.
     pub fn border(&self, side: usize, back_mm: f64) -> Point3<f64> {
-        self.beside(side, back_mm, 1.0)
-    }
-
-    /// A place so many radii from the axis in the direction of border 0 or 1, `back_mm` behind the tip.
-    pub fn beside(&self, side: usize, back_mm: f64, radii: f64) -> Point3<f64> {
-        self.tube.tip - self.tube.axis * back_mm - self.normals[side] * (radii * self.tube.radius)
+        self.tube.tip - self.tube.axis * back_mm - self.normals[side] * self.tube.radius
     }
 
     /// A point on the near half of the circle `back_mm` behind the tip; `across` runs from −1 (border 0) through 0
