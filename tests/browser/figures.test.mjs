@@ -7,6 +7,7 @@
 // the newest scored recording).
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { setTimeout as pause } from 'node:timers/promises';
 
 import { launch } from './chromium.mjs';
 import { person, until, url } from './person.mjs';
@@ -591,6 +592,7 @@ async function held(lines, id, shown) {
   line.isHeld = true;
   await until(() => line.isOver, 'one more frame with every tool');
   await shown.filter({ hasText: clock(line.frame.time_s, 0) }).waitFor();
+  await pause(OFTEN_MS); // The clock is written at once, the other numbers when their turn comes.
   return line;
 }
 
