@@ -170,12 +170,11 @@ impl Advance {
 }
 
 #[cfg(test)]
-mod tests {
-    use nalgebra::{Matrix3, Point3};
+pub mod testing {
+    use super::ThreadSettings;
 
-    use super::*;
-
-    const SETTINGS: ThreadSettings = ThreadSettings {
+    /// The tracker's own.
+    pub const SETTINGS: ThreadSettings = ThreadSettings {
         noise_density: 8000.0,
         first_speed_mm_s: 150.0,
         gate: 16.3,
@@ -183,6 +182,14 @@ mod tests {
         longest_prediction_s: 0.2,
         depth_mm: (20.0, 1000.0),
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Point3};
+
+    use super::testing::SETTINGS;
+    use super::*;
 
     fn at(x: f64) -> Option<(Point3<f64>, Matrix3<f64>)> {
         Some((Point3::new(x, 0.0, 150.0), Matrix3::identity() * 0.05))

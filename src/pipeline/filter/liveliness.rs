@@ -82,18 +82,11 @@ impl Liveliness {
 mod tests {
     use nalgebra::{Matrix3, Point3};
 
-    use crate::pipeline::filter::identity::{Thread, ThreadSettings};
+    use crate::pipeline::filter::identity::Thread;
+    use crate::pipeline::filter::identity::testing::SETTINGS;
     use crate::pipeline::filter::smoother::{Position, Run};
     use crate::random::Dice;
 
-    const SETTINGS: ThreadSettings = ThreadSettings {
-        noise_density: 8000.0,
-        first_speed_mm_s: 150.0,
-        gate: 16.3,
-        reacquire_s: 0.15,
-        longest_prediction_s: 0.2,
-        depth_mm: (20.0, 1000.0),
-    };
     const FRAME_S: f64 = 0.04;
     const FRAMES: u32 = 400;
     const SIGMA_MM: f64 = 0.15;

@@ -200,6 +200,19 @@ mod tests {
         quality: ToolQuality,
     }
 
+    /// Of a tool that points along the line of sight.
+    fn pose(tip: Point3<f64>) -> TubeEstimate {
+        let covariance = nalgebra::Matrix5::identity() * 0.01;
+        TubeEstimate {
+            tube: Tube { tip, axis: Vector3::z(), radius: 2.5 },
+            covariance,
+            lasting: covariance,
+            evidence: Evidence::of_covariance(&covariance),
+            residual_px: 0.1,
+            support: 50.0,
+        }
+    }
+
     fn paths(seen: &[bool]) -> Paths {
         paths_from(0.0, 0.0, seen)
     }
@@ -207,20 +220,10 @@ mod tests {
     /// A tool that moves to the right, mm and mm/s, seen on some frames only, but with its colour always in sight.
     fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> Paths {
         let settings = MotionSettings::default();
-        let covariance = nalgebra::Matrix5::identity() * 0.01;
         let mut rework = Rework::new(0, &CAMERA, &settings);
         for (frame, seen) in seen.iter().enumerate() {
             let instant = (frame as u64, frame as f64 * FRAME_S);
-            let tip = Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0);
-            let tube = Tube { tip, axis: Vector3::z(), radius: 2.5 };
-            let pose = TubeEstimate {
-                tube,
-                covariance,
-                lasting: covariance,
-                evidence: Evidence::of_covariance(&covariance),
-                residual_px: 0.1,
-                support: 50.0,
-            };
+            let pose = pose(Point3::new(x_mm + speed_mm_s * instant.1, 0.0, 150.0));
             rework.frame(instant, seen.then_some(pose), None);
         }
         let (motion, quality) = rework.end();
@@ -264,16 +267,7 @@ mod tests {
     fn a_few_measurements_between_two_gaps_are_not_believed() {
         let instants: Vec<Instant> = (0..60).map(|frame| (frame, frame as f64 * FRAME_S)).collect();
         let found = |seen: &[Range<usize>]| {
-            let covariance = nalgebra::Matrix5::identity() * 0.01;
-            let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::z(), radius: 2.5 };
-            let pose = KeptPose::from(&TubeEstimate {
-                tube,
-                covariance,
-                lasting: covariance,
-                evidence: Evidence::of_covariance(&covariance),
-                residual_px: 0.1,
-                support: 50.0,
-            });
+            let pose = KeptPose::from(&pose(Point3::new(0.0, 0.0, 150.0)));
             let record = |frame: usize| {
                 let is_seen = seen.iter().any(|piece| piece.contains(&frame));
                 Record { pose: is_seen.then_some(pose), is_good: false, reason: None }
