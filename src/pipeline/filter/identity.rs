@@ -170,7 +170,7 @@ impl Advance {
 }
 
 #[cfg(test)]
-pub mod testing {
+pub(super) mod testing {
     use super::ThreadSettings;
 
     /// The tracker's own.
