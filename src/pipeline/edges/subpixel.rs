@@ -35,8 +35,8 @@ const MODEL_ERROR: f64 = 3.0;
 /// Passes of the finer model: it is nearly linear.
 const MOST_PASSES: usize = 8;
 
-/// Colours within an edge that are not the tape's own are so much nearer to it than those outside: over 24 clips of tremulous hands,
-/// a sixth less error than with any that are nearer at all.
+/// Colours within an edge that are not the tape's own are so much nearer to it than those outside: over 24 clips, most of them of
+/// trembling hands, a sixth less error than with any that are nearer at all.
 const SURELY_NEARER: f64 = 0.5;
 
 /// How closely to look.
