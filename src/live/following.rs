@@ -1,16 +1,17 @@
 //! Following: while a recording arrives, a child tracks it, and whoever watches is told at once.
 //!
 //! ```text
-//! record ─▶ log ─▶ its place ─pipe─▶ child: decode, track ─▶ news ─▶ watchers
+//! record ─▶ log ─▶ its place ─turn─▶ child: decode, track ─▶ news ─▶ watchers
 //! ```
-//! Frames wait in the log, so a slow child costs no memory. What is too fast for it is slowed: a connection reads no further
-//! while [`Follower::has_room`] says no. A child that dies costs the recording nothing: another goes on from the next frame,
-//! three times in all. A slow watcher loses old news, never the feed.
+//! Frames wait in the log for their [turn](super::turns), so a slow child costs no memory. What is too fast for it is
+//! slowed: a connection reads no further while [`Follower::has_room`] says no. A child that dies costs the recording nothing:
+//! another goes on from the next frame, three times in all. A slow watcher loses old news, never the feed.
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{PipeWriter, Write, pipe};
 use std::os::fd::OwnedFd;
+use std::pin::pin;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
@@ -20,6 +21,7 @@ use tokio::sync::{Notify, broadcast, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{interval, timeout};
 
+use super::turns::Turns;
 use super::{Feed, Feeds};
 use crate::analysis::protocol::{FollowWork, Followed, Place, Request, RunningRow, Work, live_features};
 use crate::analysis::{self, Attempt, Failure, LiveOrders, attempt};
@@ -32,6 +34,9 @@ use crate::store;
 /// Records that a child may be behind; then the feed is slowed. Half a second of a camera: the rehearsal at a recording's
 /// beginning needs it, nothing else should.
 const MOST_BEHIND: usize = 16;
+
+/// Records of which a child is told in one turn: where boxes are behind, they catch up with fewer changes between them.
+const MOST_IN_A_TURN: usize = 4;
 
 /// Frames between two key frames of which a child can still begin with the first.
 const MOST_RECENT: usize = 1024;
@@ -79,6 +84,7 @@ struct Parts {
     following: watch::Sender<Following>,
     /// Watchers that want pictures.
     viewers: Arc<AtomicUsize>,
+    came: Notify,
     room: Notify,
     child: Mutex<Child>,
 }
@@ -89,7 +95,9 @@ struct Child {
     places: Option<PipeWriter>,
     /// Where the frames since the last key frame lie, bytes: what a child needs to begin with.
     recent: Vec<(u64, u32)>,
-    /// When each record arrived that it is not done with.
+    /// Records that wait for its turn.
+    untold: VecDeque<Untold>,
+    /// When each record arrived that it was told of and is not done with.
     behind: VecDeque<Instant>,
     picture_at: Option<Instant>,
     /// Records that came in this life of the service, and whether the child was told of all there ever were: else its
@@ -106,6 +114,13 @@ struct Child {
     /// A sender came while the child was being let go: it gets another behind it.
     is_wanted: bool,
     task: Option<JoinHandle<()>>,
+}
+
+/// A record of which the child has not been told.
+struct Untold {
+    offset: u64,
+    bytes: u32,
+    came: Instant,
 }
 
 /// A watcher's end.
@@ -154,6 +169,7 @@ impl Follower {
             news: broadcast::Sender::new(NEWS_KEPT),
             following: watch::Sender::new(Following::NotYet),
             viewers: Arc::default(),
+            came: Notify::new(),
             room: Notify::new(),
             child: Mutex::new(child),
         }))
@@ -212,12 +228,13 @@ impl Follower {
         if is_key || !child.recent.is_empty() {
             child.recent.push(place);
         }
-        child.tell(place, self.0.viewers.load(Ordering::Acquire) > 0);
+        child.wait_for_turn(place);
+        self.0.came.notify_one();
     }
 
     /// May another record come?
     pub(super) fn has_room(&self) -> bool {
-        self.child().behind.len() < MOST_BEHIND
+        self.child().is_behind() < MOST_BEHIND
     }
 
     /// Waits until another record may come.
@@ -235,7 +252,7 @@ impl Follower {
     pub(super) async fn end(&self) -> Option<Vec<LiveFeature>> {
         let task = {
             let mut child = self.child();
-            child.places = None;
+            child.tell_the_rest();
             child.is_ending = true;
             child.task.take()
         };
@@ -293,7 +310,7 @@ impl Follower {
     }
 
     fn let_go_of(&self, mut child: MutexGuard<'_, Child>) {
-        child.places = None;
+        child.tell_the_rest();
         child.behind.clear();
         self.0.room.notify_waiters();
     }
@@ -328,6 +345,7 @@ impl Follower {
         let stop = PulledWhenGone(Stop::new().map_err(|error| lost(&error))?);
         let (program, stopping, follower) = (feeds.0.program.clone(), stop.0.clone(), self.clone());
         self.child().begin(ours);
+        self.0.came.notify_one();
         self.0.following.send_replace(Following::Tools(tools));
         let mut child = tokio::task::spawn_blocking(move || {
             let what = Attempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
@@ -339,15 +357,43 @@ impl Follower {
             .0
         });
         let mut beat = interval(BEAT);
+        let mut telling = pin!(self.tell_in_turn(&feeds.0.turns));
         let ended = loop {
             tokio::select! {
                 ended = &mut child => break ended,
                 () = feeds.0.shutdown.begun() => { stop.0.pull(); break child.await }
                 _ = beat.tick() => self.beat(),
+                () = &mut telling => {}
             }
         };
         self.let_go();
         ended.map_err(|panic| Failure::Crashed(panic.to_string()))?.map(drop)
+    }
+
+    /// Tells the child of what came, whenever its turn has come.
+    async fn tell_in_turn(&self, turns: &Turns) {
+        loop {
+            self.0.came.notified().await;
+            while self.child().has_untold() {
+                let begin = || {
+                    let is_watched = self.0.viewers.load(Ordering::Acquire) > 0;
+                    self.child().tell_next(MOST_IN_A_TURN, is_watched);
+                    self.done()
+                };
+                turns.take(begin).await;
+            }
+        }
+    }
+
+    /// Waits until the child is done with all it was told of.
+    async fn done(&self) {
+        loop {
+            let changed = self.0.room.notified();
+            if self.child().behind.is_empty() {
+                return;
+            }
+            changed.await;
+        }
     }
 
     fn beat(&self) {
@@ -394,30 +440,54 @@ impl Child {
 
     /// Begins with what came since the last key frame.
     fn begin(&mut self, places: PipeWriter) {
-        (self.places, self.behind) = (Some(places), VecDeque::new());
+        (self.places, self.untold, self.behind) = (Some(places), VecDeque::new(), VecDeque::new());
         (self.has_begun, self.is_wanted) = (true, false);
         self.is_whole &= self.came == self.recent.len();
         if !self.is_whole {
             self.last = None;
         }
         for place in self.recent.clone() {
-            self.tell(place, false);
+            self.wait_for_turn(place);
         }
         if self.is_ending {
-            self.places = None;
+            self.tell_the_rest();
         }
     }
 
-    fn tell(&mut self, (offset, bytes): (u64, u32), is_watched: bool) {
-        let now = Instant::now();
-        let wants_picture = is_watched && self.picture_at.is_none_or(|at| now.duration_since(at) >= PICTURE_EVERY);
+    /// Records that it is not done with.
+    fn is_behind(&self) -> usize {
+        self.untold.len() + self.behind.len()
+    }
+
+    fn has_untold(&self) -> bool {
+        !self.untold.is_empty()
+    }
+
+    fn wait_for_turn(&mut self, (offset, bytes): (u64, u32)) {
+        if self.places.is_some() {
+            self.untold.push_back(Untold { offset, bytes, came: Instant::now() });
+        }
+    }
+
+    /// Tells it all at once, and that no more comes.
+    fn tell_the_rest(&mut self) {
+        self.tell_next(usize::MAX, false);
+        self.places = None;
+    }
+
+    /// Tells it of the records that have waited longest, at most so many.
+    fn tell_next(&mut self, most: usize, is_watched: bool) {
         let Some(places) = &mut self.places else { return };
-        // Far fewer places wait in a pipe than it holds, so this does not block; a broken one belongs to a child that ended.
-        let place = Place::Record { offset, bytes, wants_picture };
-        if places.write_all(&place.to_bytes()).is_ok() {
-            self.behind.push_back(now);
-            if wants_picture {
-                self.picture_at = Some(now);
+        for Untold { offset, bytes, came } in self.untold.drain(..most.min(self.untold.len())) {
+            let now = Instant::now();
+            let wants_picture = is_watched && self.picture_at.is_none_or(|at| now.duration_since(at) >= PICTURE_EVERY);
+            // Far fewer places wait in a pipe than it holds, so this does not block; a broken one belongs to a child that ended.
+            let place = Place::Record { offset, bytes, wants_picture };
+            if places.write_all(&place.to_bytes()).is_ok() {
+                self.behind.push_back(came);
+                if wants_picture {
+                    self.picture_at = Some(now);
+                }
             }
         }
     }

@@ -21,11 +21,13 @@ mod keeping;
 mod push;
 mod recording;
 mod settings;
+mod turns;
 
 pub use connection::Connection;
 pub use following::{Following, Watch};
 pub use push::{Broken, Push, PushError};
 pub use settings::LiveSettings;
+pub use turns::Turns;
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
@@ -82,6 +84,8 @@ pub struct Parts {
     pub program: Program,
     /// Recordings that are known to this service and not ended.
     pub open: OpenFeeds,
+    /// In which order their frames are looked at.
+    pub turns: Turns,
 }
 
 /// Recordings that are known to a service and not ended.

@@ -1,4 +1,6 @@
-use std::io::Read;
+use std::io::{PipeReader, Read};
+
+use tokio::task::yield_now;
 
 use super::*;
 
@@ -6,7 +8,7 @@ use super::*;
 fn begin(follower: &Follower) -> usize {
     let (mut theirs, ours) = pipe().unwrap();
     follower.child().begin(ours);
-    follower.child().places = None;
+    follower.child().tell_the_rest();
     let mut told = Vec::new();
     theirs.read_to_end(&mut told).unwrap();
     told.len() / Place::Beat.to_bytes().len()
@@ -100,4 +102,48 @@ async fn a_child_is_not_let_go_of_a_sender_that_came_before_it_was() {
     assert!(follower.child().places.is_some());
     follower.let_go_if(|| true);
     assert!(follower.child().places.is_none());
+}
+
+/// A box whose child is told in turn, and the child's end.
+async fn in_turn(turns: &Arc<Turns>) -> (Follower, PipeReader) {
+    let follower = Follower::new(true);
+    let (theirs, ours) = pipe().unwrap();
+    follower.child().begin(ours);
+    let (telling, turns) = (follower.clone(), turns.clone());
+    tokio::spawn(async move { telling.tell_in_turn(&turns).await });
+    yield_now().await;
+    (follower, theirs)
+}
+
+/// Records that its child is told of and those that wait, once everybody else has had the time to act.
+async fn told_and_waiting(follower: &Follower) -> (usize, usize) {
+    for _ in 0..8 {
+        yield_now().await;
+    }
+    let child = follower.child();
+    (child.behind.len(), child.untold.len())
+}
+
+#[tokio::test]
+async fn a_child_waits_until_that_of_another_box_is_done() {
+    let turns = Arc::new(Turns::new(1));
+    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
+    key_frames(&one, 1);
+    assert_eq!(told_and_waiting(&one).await, (1, 0));
+    key_frames(&other, 1);
+    assert_eq!(told_and_waiting(&other).await, (0, 1));
+    one.heard(Followed::default());
+    assert_eq!(told_and_waiting(&other).await, (1, 0));
+}
+
+#[tokio::test]
+async fn a_child_that_is_behind_leaves_others_their_turn() {
+    let turns = Arc::new(Turns::new(1));
+    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
+    key_frames(&one, 6);
+    assert_eq!(told_and_waiting(&one).await, (MOST_IN_A_TURN, 6 - MOST_IN_A_TURN));
+    key_frames(&other, 1);
+    (0..MOST_IN_A_TURN).for_each(|_| one.heard(Followed::default()));
+    assert_eq!(told_and_waiting(&other).await, (1, 0));
+    assert_eq!(told_and_waiting(&one).await, (0, 2));
 }
