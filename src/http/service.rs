@@ -92,6 +92,8 @@ pub struct AuditChange {
     noun: String,
     /// Its id. Names are not kept here: who is erased leaves none behind.
     subject: String,
+    /// What it is called now, of a session: whose it is; `null` where it has no name, or is here no more.
+    called: Option<String>,
 }
 
 /// Read how the service stands
@@ -137,8 +139,8 @@ pub async fn audit(
 }
 
 impl From<AuditEntry> for AuditChange {
-    fn from(AuditEntry { id, at_ms, actor, action, noun, subject, who }: AuditEntry) -> Self {
+    fn from(AuditEntry { id, at_ms, actor, action, noun, subject, who, called }: AuditEntry) -> Self {
         let by = actor.split(':').next().unwrap_or_default().to_owned();
-        Self { id, at: Time(at_ms), by, who, action, noun, subject }
+        Self { id, at: Time(at_ms), by, who, action, noun, subject, called }
     }
 }

@@ -31,6 +31,8 @@ pub struct AuditEntry {
     pub subject: String,
     /// What the person is called; `None` where it was none, or one who is here no more.
     pub who: Option<String>,
+    /// What is called so that was changed, or whose it is; `None` where it is here no more, or has no name.
+    pub called: Option<String>,
 }
 
 /// A backup that was made.
@@ -47,7 +49,18 @@ impl Audit<'_> {
     pub async fn list(&self, scope: &Scope, page: &PageRequest) -> StoreResult<Page<AuditEntry>> {
         require_administrator(scope, "the audit trail")?;
         let rows = sqlx::query_as(
-            "SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who FROM audit
+            "SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CASE noun
+                 WHEN 'trainee' THEN (SELECT name FROM trainee WHERE id = subject)
+                 WHEN 'person' THEN (SELECT name FROM person WHERE id = subject)
+                 WHEN 'group' THEN (SELECT name FROM training_group WHERE id = subject)
+                 WHEN 'box' THEN (SELECT name FROM training_box WHERE id = subject)
+                 WHEN 'task' THEN (SELECT name FROM task WHERE id = subject)
+                 WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
+                 WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)
+                 WHEN 'session' THEN
+                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id WHERE session.id = subject)
+                 END AS called
+             FROM audit
              LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
              WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2",
         );

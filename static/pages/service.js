@@ -69,7 +69,7 @@ function Audit() {
           <th scope="col">${words.which}</th></tr></thead>
         <tbody>${items.map(one => html`<tr key=${one.id}>
           <td class="when">${dateTime(one.at)}</td><td>${one.who ?? words.by[one.by] ?? one.by}</td>
-          <td>${words.change(one.action, one.noun)}</td><td class="code">${subject(one)}</td></tr>`)}</tbody>
+          <td>${words.change(one.action, one.noun)}</td><td class=${one.called === null && 'code'} title=${one.subject}>${subject(one)}</td></tr>`)}</tbody>
       </table></div>`}
       ${next && html`<div class="pager"><button class="button" type="button" aria-disabled=${busy} onClick=${more}>
         ${busy ? t.loading : words.more}</button></div>`}
@@ -79,8 +79,8 @@ function Audit() {
 const PAGES = { trainee: 'trainees', session: 'sessions', task: 'tasks', box: 'boxes', group: 'groups' };
 
 /** A link where the thing has a page, and was not taken away by this very change. */
-function subject({ noun, action, subject: id }) {
+function subject({ noun, action, subject: id, called }) {
   const page = PAGES[noun];
   const isGone = ['erase', 'delete'].includes(action);
-  return page && !isGone ? html`<a href=${href([page, id])}>${id}</a>` : id;
+  return page && !isGone ? html`<a href=${href([page, id])}>${called ?? id}</a>` : called ?? id;
 }

@@ -1943,7 +1943,7 @@ export default {
     more: 'Frühere Änderungen',
     none: 'Noch wurde nichts geändert',
     noneBody: 'Jede Änderung an Daten von Personen wird hier vermerkt.',
-    names: 'Nur Kennungen werden behalten: Wer gelöscht ist, hinterlässt keinen Namen.',
+    names: 'Behalten werden nur Kennungen, gezeigt mit den heutigen Namen: Wer gelöscht ist, hinterlässt keinen.',
     tokens: 'Personen, Token',
   },
   importing: {

@@ -1854,7 +1854,7 @@ export default {
     more: 'Earlier changes',
     none: 'Nothing was changed yet',
     noneBody: 'Every change of people’s data is noted here.',
-    names: 'Only ids are kept: who is erased leaves no name behind.',
+    names: 'Only ids are kept, and shown under today’s names: who is erased leaves no name behind.',
     tokens: 'People, tokens',
   },
   importing: {

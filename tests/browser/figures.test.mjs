@@ -355,7 +355,7 @@ async function ofService() {
   ];
   const changes = (await rest('audit?limit=25')).items;
   (await cells(page.locator('table'))).forEach((row, i) =>
-    figures.push([`change ${i}`, row.slice(2).join(), [`${changes[i].action} ${changes[i].noun}`, changes[i].subject ?? ''].join()]));
+    figures.push([`change ${i}`, row.slice(2).join(), [`${changes[i].action} ${changes[i].noun}`, changes[i].called ?? changes[i].subject].join()]));
   return figures;
 }
 

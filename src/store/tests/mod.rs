@@ -1,5 +1,6 @@
 //! Claims about the store, each on a database of its own.
 
+mod audit;
 mod cohorts;
 mod courses;
 mod edits;

@@ -48,7 +48,7 @@ async fn a_plan_is_made_read_changed_and_deleted() {
     assert_eq!((&changed["name"], changed["steps"].as_array().unwrap().len()), (&json!("Fewer"), 1));
     assert_eq!(centre.instructor.read(COURSES).await["items"], json!([changed]));
     let last = centre.administrator.read("/api/v1/audit?limit=1").await["items"][0].clone();
-    assert_eq!((&last["who"], &last["action"], &last["noun"]), (&json!("omar"), &json!("change"), &json!("course")));
+    assert_eq!((&last["who"], &last["action"], &last["called"]), (&json!("omar"), &json!("change"), &json!("Fewer")));
     assert_eq!(centre.instructor.delete(&path).await.status(), StatusCode::NO_CONTENT);
     problem(centre.instructor.get(&path).await, 404, "not-found").await;
 }

@@ -1,0 +1,45 @@
+//! The trail tells today's names, and none of who was erased.
+
+use crate::domain::role::Role;
+use crate::domain::scope::Scope;
+use crate::domain::text::Key;
+use crate::store::PageRequest;
+use crate::store::testing::Centre;
+
+/// What each change was made of, by kind and name, newest first.
+async fn trail(centre: &Centre) -> Vec<(String, Option<String>)> {
+    let page = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap();
+    page.items.into_iter().map(|entry| (entry.noun, entry.called)).collect()
+}
+
+#[tokio::test]
+async fn changes_are_told_under_todays_names() {
+    let centre = Centre::new().await;
+    let ada = centre.trainee("Ada").await;
+    let ina = centre.person("ina", Role::Instructor, None).await;
+    centre.group("Mondays", &[&ina], &[&ada]).await;
+    centre.session(ada.id, "a clip").await;
+    let trail = trail(&centre).await;
+    for (noun, called) in [
+        ("session", "Ada"),
+        ("group", "Mondays"),
+        ("person", "ina"),
+        ("trainee", "Ada"),
+        ("task", "Peg transfer"),
+        ("box", "Box 1"),
+    ] {
+        let of: Vec<_> = trail.iter().filter(|(of, _)| of == noun).map(|(_, called)| called.as_deref()).collect();
+        assert!(!of.is_empty() && of.iter().all(|of| *of == Some(called)), "{noun}: {of:?}");
+    }
+}
+
+#[tokio::test]
+async fn who_is_erased_has_no_name_in_the_trail() {
+    let centre = Centre::new().await;
+    let ada = centre.trainee("Ada").await;
+    centre.session(ada.id, "a clip").await;
+    centre.store.trainees().erase(&Scope::service(), &Key::from(&ada.id)).await.unwrap();
+    let trail = trail(&centre).await;
+    assert!(trail.iter().any(|(noun, _)| noun == "session"));
+    assert!(trail.iter().all(|(_, called)| called.as_deref() != Some("Ada")), "{trail:?}");
+}
