@@ -7,23 +7,26 @@
 //! slowed: a connection reads no further while [`Follower::has_room`] says no. A child that dies costs the recording nothing:
 //! another goes on from the next frame, three times in all. A slow watcher loses old news, never the feed.
 
-use std::collections::VecDeque;
+mod telling;
+
 use std::fs::File;
-use std::io::{PipeWriter, Write, pipe};
+use std::io::{PipeWriter, pipe};
 use std::os::fd::OwnedFd;
 use std::pin::pin;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use metrics::{counter, histogram};
 use tokio::sync::{Notify, broadcast, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{interval, timeout};
 
+use telling::Telling;
+
 use super::turns::Turns;
 use super::{Feed, Feeds};
-use crate::analysis::protocol::{FollowWork, Followed, Place, Request, RunningRow, Work, live_features};
+use crate::analysis::protocol::{FollowWork, Followed, Request, RunningRow, Work, live_features};
 use crate::analysis::{self, Attempt, Failure, LiveOrders, attempt};
 use crate::domain::feed::TimeBase;
 use crate::domain::problem::Problem;
@@ -46,9 +49,6 @@ const NEWS_KEPT: usize = 64;
 
 /// Children that may die of one recording.
 const MOST_CRASHES: u32 = 3;
-
-/// Between two pictures for watchers: as many as eyes need, and no more.
-const PICTURE_EVERY: Duration = Duration::from_millis(80);
 
 /// A child that hears nothing for so long is asked whether it lives.
 const BEAT: Duration = Duration::from_secs(10);
@@ -92,14 +92,9 @@ struct Parts {
 /// The child and what it was told of.
 #[derive(Default)]
 struct Child {
-    places: Option<PipeWriter>,
+    telling: Telling,
     /// Where the frames since the last key frame lie, bytes: what a child needs to begin with.
     recent: Vec<(u64, u32)>,
-    /// Records that wait for its turn.
-    untold: VecDeque<Untold>,
-    /// When each record arrived that it was told of and is not done with.
-    behind: VecDeque<Instant>,
-    picture_at: Option<Instant>,
     /// Records that came in this life of the service, and whether the child was told of all there ever were: else its
     /// features are not the recording's.
     came: usize,
@@ -114,13 +109,6 @@ struct Child {
     /// A sender came while the child was being let go: it gets another behind it.
     is_wanted: bool,
     task: Option<JoinHandle<()>>,
-}
-
-/// A record of which the child has not been told.
-struct Untold {
-    offset: u64,
-    bytes: u32,
-    came: Instant,
 }
 
 /// A watcher's end.
@@ -228,13 +216,14 @@ impl Follower {
         if is_key || !child.recent.is_empty() {
             child.recent.push(place);
         }
-        child.wait_for_turn(place);
+        child.telling.wait_for_turn(place);
         self.0.came.notify_one();
     }
 
     /// May another record come?
     pub(super) fn has_room(&self) -> bool {
-        self.child().is_behind() < MOST_BEHIND
+        let child = self.child();
+        child.telling.told() + child.telling.untold() < MOST_BEHIND
     }
 
     /// Waits until another record may come.
@@ -252,7 +241,7 @@ impl Follower {
     pub(super) async fn end(&self) -> Option<Vec<LiveFeature>> {
         let task = {
             let mut child = self.child();
-            child.tell_the_rest();
+            child.telling.end();
             child.is_ending = true;
             child.task.take()
         };
@@ -310,8 +299,8 @@ impl Follower {
     }
 
     fn let_go_of(&self, mut child: MutexGuard<'_, Child>) {
-        child.tell_the_rest();
-        child.behind.clear();
+        child.telling.end();
+        child.telling.forget();
         self.0.room.notify_waiters();
     }
 
@@ -362,7 +351,7 @@ impl Follower {
             tokio::select! {
                 ended = &mut child => break ended,
                 () = feeds.0.shutdown.begun() => { stop.0.pull(); break child.await }
-                _ = beat.tick() => self.beat(),
+                _ = beat.tick() => self.child().telling.beat(),
                 () = &mut telling => {}
             }
         };
@@ -374,10 +363,10 @@ impl Follower {
     async fn tell_in_turn(&self, turns: &Turns) {
         loop {
             self.0.came.notified().await;
-            while self.child().has_untold() {
+            while self.child().telling.untold() > 0 {
                 let begin = || {
                     let is_watched = self.0.viewers.load(Ordering::Acquire) > 0;
-                    self.child().tell_next(MOST_IN_A_TURN, is_watched);
+                    self.child().telling.next(MOST_IN_A_TURN, is_watched);
                     self.done()
                 };
                 turns.take(begin).await;
@@ -389,26 +378,17 @@ impl Follower {
     async fn done(&self) {
         loop {
             let changed = self.0.room.notified();
-            if self.child().behind.is_empty() {
+            if self.child().telling.told() == 0 {
                 return;
             }
             changed.await;
         }
     }
 
-    fn beat(&self) {
-        let mut child = self.child();
-        if child.behind.is_empty()
-            && let Some(places) = &mut child.places
-        {
-            let _ = places.write_all(&Place::Beat.to_bytes()); // a broken pipe is a child that has ended
-        }
-    }
-
     /// The child is done with a record, and this is what it showed.
     fn heard(&self, mut followed: Followed) {
         let mut child = self.child();
-        if let Some(came) = child.behind.pop_front() {
+        if let Some(came) = child.telling.done() {
             self.0.room.notify_waiters();
             if !followed.frames.is_empty() {
                 histogram!("trocar_feed_followed_seconds").record(came.elapsed().as_secs_f64());
@@ -434,61 +414,23 @@ impl Child {
 
     /// Need no other be begun for a sender? One that is being let go is followed by another.
     fn is_begun(&mut self) -> bool {
-        self.is_wanted = self.is_running() && self.has_begun && self.places.is_none();
+        self.is_wanted = self.is_running() && self.has_begun && !self.telling.goes_on();
         self.is_running()
     }
 
     /// Begins with what came since the last key frame.
     fn begin(&mut self, places: PipeWriter) {
-        (self.places, self.untold, self.behind) = (Some(places), VecDeque::new(), VecDeque::new());
+        self.telling.begin(places);
         (self.has_begun, self.is_wanted) = (true, false);
         self.is_whole &= self.came == self.recent.len();
         if !self.is_whole {
             self.last = None;
         }
         for place in self.recent.clone() {
-            self.wait_for_turn(place);
+            self.telling.wait_for_turn(place);
         }
         if self.is_ending {
-            self.tell_the_rest();
-        }
-    }
-
-    /// Records that it is not done with.
-    fn is_behind(&self) -> usize {
-        self.untold.len() + self.behind.len()
-    }
-
-    fn has_untold(&self) -> bool {
-        !self.untold.is_empty()
-    }
-
-    fn wait_for_turn(&mut self, (offset, bytes): (u64, u32)) {
-        if self.places.is_some() {
-            self.untold.push_back(Untold { offset, bytes, came: Instant::now() });
-        }
-    }
-
-    /// Tells it all at once, and that no more comes.
-    fn tell_the_rest(&mut self) {
-        self.tell_next(usize::MAX, false);
-        self.places = None;
-    }
-
-    /// Tells it of the records that have waited longest, at most so many.
-    fn tell_next(&mut self, most: usize, is_watched: bool) {
-        let Some(places) = &mut self.places else { return };
-        for Untold { offset, bytes, came } in self.untold.drain(..most.min(self.untold.len())) {
-            let now = Instant::now();
-            let wants_picture = is_watched && self.picture_at.is_none_or(|at| now.duration_since(at) >= PICTURE_EVERY);
-            // Far fewer places wait in a pipe than it holds, so this does not block; a broken one belongs to a child that ended.
-            let place = Place::Record { offset, bytes, wants_picture };
-            if places.write_all(&place.to_bytes()).is_ok() {
-                self.behind.push_back(came);
-                if wants_picture {
-                    self.picture_at = Some(now);
-                }
-            }
+            self.telling.end();
         }
     }
 }

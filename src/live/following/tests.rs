@@ -3,12 +3,13 @@ use std::io::{PipeReader, Read};
 use tokio::task::yield_now;
 
 use super::*;
+use crate::analysis::protocol::Place;
 
 /// Begins a child; returns how many places it is told of at once.
 fn begin(follower: &Follower) -> usize {
     let (mut theirs, ours) = pipe().unwrap();
     follower.child().begin(ours);
-    follower.child().tell_the_rest();
+    follower.child().telling.end();
     let mut told = Vec::new();
     theirs.read_to_end(&mut told).unwrap();
     told.len() / Place::Beat.to_bytes().len()
@@ -99,9 +100,9 @@ async fn a_child_is_not_let_go_of_a_sender_that_came_before_it_was() {
     let (_theirs, ours) = pipe().unwrap();
     follower.child().begin(ours);
     follower.let_go_if(|| false);
-    assert!(follower.child().places.is_some());
+    assert!(follower.child().telling.goes_on());
     follower.let_go_if(|| true);
-    assert!(follower.child().places.is_none());
+    assert!(!follower.child().telling.goes_on());
 }
 
 /// A box whose child is told in turn, and the child's end.
@@ -121,7 +122,7 @@ async fn told_and_waiting(follower: &Follower) -> (usize, usize) {
         yield_now().await;
     }
     let child = follower.child();
-    (child.behind.len(), child.untold.len())
+    (child.telling.told(), child.telling.untold())
 }
 
 #[tokio::test]
