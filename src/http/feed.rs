@@ -3,6 +3,7 @@
 //! One task for each connection, and nothing waits in it: a record is read, appended, forgotten. While the disk is slow
 //! nothing is read, and the sender is held up by its own socket.
 
+use std::future::ready;
 use std::pin::pin;
 use std::time::Duration;
 
@@ -151,6 +152,10 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
                 continue;
             }
             heard = next(socket), if has_room => heard?,
+            () = ready(()), if feed.holds_back() => {
+                feed.write().await?; // no more is at hand
+                continue;
+            }
             () = sleep_until(silent_at), if has_room => {
                 return Err(Farewell::new(Code::Silent, "nothing was heard for too long").into());
             }

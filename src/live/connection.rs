@@ -45,7 +45,7 @@ impl Connection {
         Ok(FromServer::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
     }
 
-    /// Takes a record; it is durable after the next [`Connection::sync`].
+    /// Takes a record; it is durable after the next [`Connection::sync`], and tracked after that or [`Connection::write`].
     pub async fn take(&mut self, message: Bytes) -> Result<(), Farewell> {
         let record = Record::read(&message).map_err(not_a_record)?;
         self.check(&record)?;
@@ -74,12 +74,29 @@ impl Connection {
         state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
         state.is_unsynced = true;
         let (offset, bytes) = (state.log.bytes(), message.len());
-        let appended = state.log.append(message, feed.follower.is_following()).await;
+        let appended = state.log.append(message).await;
         self.or_close(appended).await?;
         self.is_unsynced = true;
         if let Some(is_key) = is_key {
             feed.follower.came(offset, bytes, is_key);
         }
+        feed.follower.wrote(state.log.written());
+        Ok(())
+    }
+
+    /// Does a child wait for records that are not written yet?
+    pub fn holds_back(&self) -> bool {
+        self.feed.follower.waits_for_log()
+    }
+
+    /// Writes what came, so that it is tracked. Better once for several records that are at hand than for each.
+    pub async fn write(&mut self) -> Result<(), Farewell> {
+        let feed = self.feed.clone();
+        let mut state = feed.state.lock().await;
+        self.may_send()?;
+        let written = state.log.write_waiting().await;
+        self.or_close(written).await?;
+        feed.follower.wrote(state.log.written());
         Ok(())
     }
 
@@ -171,6 +188,7 @@ impl Connection {
             let State { log, .. } = &mut *state;
             let synced = log.sync().await;
             self.or_close(synced).await?;
+            feed.follower.wrote(log.written());
             state.is_unsynced = false;
         }
         self.is_unsynced = false;

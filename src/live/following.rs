@@ -9,6 +9,7 @@
 
 mod telling;
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{PipeWriter, pipe};
 use std::os::fd::OwnedFd;
@@ -38,8 +39,11 @@ use crate::store;
 /// beginning needs it, nothing else should.
 const MOST_BEHIND: usize = 16;
 
+/// A feed that was slowed goes on once its child is only so many behind: several records are read and written at once.
+const ROOM_BEHIND: usize = MOST_BEHIND / 2;
+
 /// Records of which a child is told in one turn: where boxes are behind, they catch up with fewer changes between them.
-const MOST_IN_A_TURN: usize = 4;
+const MOST_IN_A_TURN: usize = 8;
 
 /// Frames between two key frames of which a child can still begin with the first.
 const MOST_RECENT: usize = 1024;
@@ -84,8 +88,12 @@ struct Parts {
     following: watch::Sender<Following>,
     /// Watchers that want pictures.
     viewers: Arc<AtomicUsize>,
+    /// Records wait for the child's turn.
     came: Notify,
+    /// Another record may come.
     room: Notify,
+    /// The child is done with all it was told of.
+    done: Notify,
     child: Mutex<Child>,
 }
 
@@ -93,6 +101,8 @@ struct Parts {
 #[derive(Default)]
 struct Child {
     telling: Telling,
+    /// Frames that came and that nobody can read in the log yet: where they lie, and whether a child can begin with them.
+    unwritten: VecDeque<((u64, u32), bool)>,
     /// Where the frames since the last key frame lie, bytes: what a child needs to begin with.
     recent: Vec<(u64, u32)>,
     /// Records that came in this life of the service, and whether the child was told of all there ever were: else its
@@ -159,6 +169,7 @@ impl Follower {
             viewers: Arc::default(),
             came: Notify::new(),
             room: Notify::new(),
+            done: Notify::new(),
             child: Mutex::new(child),
         }))
     }
@@ -199,38 +210,42 @@ impl Follower {
         is_wanted
     }
 
-    /// Is there a child, or will there be one soon, for which records must be written at once?
-    pub(super) fn is_following(&self) -> bool {
-        self.child().is_running()
+    /// A frame came that has, or will have, this place in the log.
+    pub(super) fn came(&self, offset: u64, bytes: usize, is_key: bool) {
+        self.child().unwritten.push_back(((offset, bytes as u32), is_key)); // checked: at most a record's
     }
 
-    /// A frame lies at this place in the log.
-    pub(super) fn came(&self, offset: u64, bytes: usize, is_key: bool) {
+    /// So many bytes of the log can be read: the frames in them wait for the child's turn.
+    pub(super) fn wrote(&self, bytes: u64) {
         let mut child = self.child();
-        // The first child is told of all that came before it had begun.
-        if (is_key && child.has_begun) || child.recent.len() == MOST_RECENT {
-            child.recent.clear();
+        let mut any = false;
+        while let Some((place, is_key)) =
+            child.unwritten.pop_front_if(|((offset, length), _)| *offset + u64::from(*length) <= bytes)
+        {
+            child.take_place(place, is_key);
+            any = true;
         }
-        child.came += 1;
-        let place = (offset, bytes as u32); // checked: at most a record's
-        if is_key || !child.recent.is_empty() {
-            child.recent.push(place);
+        if any {
+            self.0.came.notify_one();
         }
-        child.telling.wait_for_turn(place);
-        self.0.came.notify_one();
+    }
+
+    /// Is there a child, or will there be one soon, that waits for frames to be written?
+    pub(super) fn waits_for_log(&self) -> bool {
+        let child = self.child();
+        !child.unwritten.is_empty() && (child.is_running() || child.telling.goes_on())
     }
 
     /// May another record come?
     pub(super) fn has_room(&self) -> bool {
-        let child = self.child();
-        child.telling.told() + child.telling.untold() < MOST_BEHIND
+        self.child().behind() < MOST_BEHIND
     }
 
-    /// Waits until another record may come.
+    /// Waits until several records may come.
     pub(super) async fn room(&self) {
         loop {
             let changed = self.0.room.notified();
-            if self.has_room() {
+            if self.child().behind() <= ROOM_BEHIND {
                 return;
             }
             changed.await;
@@ -302,6 +317,7 @@ impl Follower {
         child.telling.end();
         child.telling.forget();
         self.0.room.notify_waiters();
+        self.0.done.notify_waiters();
     }
 
     /// Runs children until one comes to its end, or tells why there is none.
@@ -377,8 +393,8 @@ impl Follower {
     /// Waits until the child is done with all it was told of.
     async fn done(&self) {
         loop {
-            let changed = self.0.room.notified();
-            if self.child().telling.told() == 0 {
+            let changed = self.0.done.notified();
+            if self.child().is_nearly_done() {
                 return;
             }
             changed.await;
@@ -389,7 +405,13 @@ impl Follower {
     fn heard(&self, mut followed: Followed) {
         let mut child = self.child();
         if let Some(came) = child.telling.done() {
-            self.0.room.notify_waiters();
+            // Only when they have something to do: each awakening takes a processor from a child.
+            if child.is_nearly_done() {
+                self.0.done.notify_waiters();
+            }
+            if child.behind() <= ROOM_BEHIND {
+                self.0.room.notify_waiters();
+            }
             if !followed.frames.is_empty() {
                 histogram!("trocar_feed_followed_seconds").record(came.elapsed().as_secs_f64());
             }
@@ -410,6 +432,30 @@ impl Follower {
 impl Child {
     fn is_running(&self) -> bool {
         self.task.as_ref().is_some_and(|task| !task.is_finished())
+    }
+
+    /// Records that came and that the child is not done with, as far as there is one.
+    fn behind(&self) -> usize {
+        let unwritten = if self.telling.goes_on() { self.unwritten.len() } else { 0 };
+        self.telling.told() + self.telling.untold() + unwritten
+    }
+
+    /// May the next child be told? One that is behind is at its last frame then, so that no processor waits for the news.
+    fn is_nearly_done(&self) -> bool {
+        self.telling.told() <= usize::from(self.telling.untold() > 0)
+    }
+
+    /// A frame lies at this place in the log.
+    fn take_place(&mut self, place: (u64, u32), is_key: bool) {
+        // The first child is told of all that came before it had begun.
+        if (is_key && self.has_begun) || self.recent.len() == MOST_RECENT {
+            self.recent.clear();
+        }
+        self.came += 1;
+        if is_key || !self.recent.is_empty() {
+            self.recent.push(place);
+        }
+        self.telling.wait_for_turn(place);
     }
 
     /// Need no other be begun for a sender? One that is being let go is followed by another.

@@ -10,6 +10,7 @@
 //! Whatever ends a push, what came up to then becomes the session; nobody can go on with it.
 
 use std::fs::File;
+use std::future::ready;
 use std::io::pipe;
 use std::os::fd::OwnedFd;
 use std::pin::pin;
@@ -164,6 +165,7 @@ impl<'a> Taken<'a> {
                     Some(_) => {}
                     None => break,
                 },
+                () = ready(()), if self.holds_back() => self.write().await?, // no more is at hand
             }
         }
         match (poured, demuxer.ended.await) {
@@ -186,6 +188,17 @@ impl<'a> Taken<'a> {
                 self.feeds.0.shutdown.begun().await;
                 Farewell::service_ends()
             }
+        }
+    }
+
+    fn holds_back(&self) -> bool {
+        self.connection.as_ref().is_some_and(Connection::holds_back)
+    }
+
+    async fn write(&mut self) -> Result<(), Farewell> {
+        match &mut self.connection {
+            Some(connection) => connection.write().await,
+            None => Ok(()),
         }
     }
 

@@ -63,6 +63,7 @@ impl Feeds {
             self.close(feed).await;
             return Err(failed(error));
         }
+        feed.follower.wrote(state.log.written());
         // Asked before anything ends: no attempt is counted, and it works again once there is space.
         self.0.vault.has_room(state.log.bytes()).await.map_err(failed)?;
         feed.is_finishing.store(true, Ordering::Release);

@@ -18,8 +18,8 @@ use crate::domain::feed::numbers::Numbers;
 use crate::domain::feed::record::read_all;
 use crate::ids::FeedId;
 
-/// Bytes that wait at most before they are written.
-const MOST_WAITING: usize = 1 << 17;
+/// Bytes that wait at most before they are written: some frames of 1080p, as JPEGs too.
+const MOST_WAITING: usize = 1 << 19;
 
 /// A feed's log, open to be appended to.
 #[derive(Debug)]
@@ -90,9 +90,10 @@ impl Vault {
 }
 
 impl FeedLog {
-    /// Appends a record; `at_once` where somebody reads it before the next sync. It is durable only after [`FeedLog::sync`].
-    pub async fn append(&mut self, record: Bytes, at_once: bool) -> VaultResult<()> {
-        if at_once || self.waiting.len() + record.len() > MOST_WAITING {
+    /// Appends a record. Others can read it only after [`FeedLog::write_waiting`], and it is durable only after
+    /// [`FeedLog::sync`].
+    pub async fn append(&mut self, record: Bytes) -> VaultResult<()> {
+        if self.waiting.len() + record.len() > MOST_WAITING {
             return self.write(record, false).await; // as it is: a copy of the largest would take as much again
         }
         self.waiting.extend_from_slice(&record);
@@ -101,7 +102,17 @@ impl FeedLog {
 
     /// Bytes appended so far, durable or not.
     pub fn bytes(&self) -> u64 {
-        self.open.as_ref().map_or(0, |open| open.written) + self.waiting.len() as u64
+        self.written() + self.waiting.len() as u64
+    }
+
+    /// How many of them can be read by others.
+    pub fn written(&self) -> u64 {
+        self.open.as_ref().map_or(0, |open| open.written)
+    }
+
+    /// Writes what waits, all in one visit to a blocking thread, so that others can read it.
+    pub async fn write_waiting(&mut self) -> VaultResult<()> {
+        if self.waiting.is_empty() { Ok(()) } else { self.write(Bytes::new(), false).await }
     }
 
     /// Makes everything appended durable. After an error everything since the last sync may be lost: open it again.

@@ -16,7 +16,11 @@ fn begin(follower: &Follower) -> usize {
 }
 
 fn key_frames(follower: &Follower, count: u64) {
-    (0..count).for_each(|number| follower.came(100 * number, 100, true));
+    let come = |number| {
+        follower.came(100 * number, 100, true);
+        follower.wrote(100 * (number + 1));
+    };
+    (0..count).for_each(come);
 }
 
 fn is_whole(follower: &Follower) -> bool {

@@ -1,6 +1,7 @@
 //! Equations with a symmetric, positive definite matrix of a few unknowns, by Cholesky's factors.
 //!
-//! For the tracker's inmost loop: the lengths of all loops are known beforehand, and nothing is moved.
+//! For the tracker's inmost loop: the lengths of all loops are known beforehand, nothing is moved, and all of it becomes part
+//! of its caller, to be compiled for the registers that the machine has.
 
 /// The lower factor of a matrix.
 pub struct Factor<const N: usize> {
@@ -9,6 +10,7 @@ pub struct Factor<const N: usize> {
 
 impl<const N: usize> Factor<N> {
     /// Factors a matrix, of which the lower half is looked at; `None` if it is not positive definite.
+    #[inline(always)]
     pub fn of(mut matrix: [[f64; N]; N]) -> Option<Self> {
         for column in 0..N {
             let pivot = matrix[column][column];
@@ -23,10 +25,12 @@ impl<const N: usize> Factor<N> {
                 matrix[row][column] *= per_root;
                 below[row] = matrix[row][column];
             }
+            // Rows as a whole, so that several of their numbers are worked on at once: those before are less 0, and what is made
+            // of the upper half nobody looks at.
             for row in column + 1..N {
                 let factor = below[row];
-                for other in column + 1..=row {
-                    matrix[row][other] -= factor * below[other];
+                for (of, other) in matrix[row].iter_mut().zip(below) {
+                    *of -= factor * other;
                 }
             }
         }
@@ -34,6 +38,7 @@ impl<const N: usize> Factor<N> {
     }
 
     /// What the equations with this right side have as their answer.
+    #[inline(always)]
     pub fn solve(&self, mut right: [f64; N]) -> [f64; N] {
         for row in 0..N {
             let known: f64 = (0..row).map(|column| self.lower[row][column] * right[column]).sum();
@@ -49,6 +54,7 @@ impl<const N: usize> Factor<N> {
     }
 
     /// What is known of the last unknown, everything else being free: its inverse variance.
+    #[inline(always)]
     pub fn information_on_last(&self) -> f64 {
         self.lower[N - 1][N - 1].powi(2)
     }

@@ -190,6 +190,27 @@ impl EdgeFit {
     }
 }
 
+/// What the normal equations of one edge tell.
+struct Answers {
+    /// By how much each unknown is to be moved.
+    step: Unknowns,
+    /// On the offset, everything else being free.
+    information: f64,
+    /// How each unknown goes with what is taught besides, where something is.
+    through: Option<Unknowns>,
+}
+
+/// Solves the normal equations for the residuals, and for what is taught besides. The same in every instruction set.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn answers(normal: [Unknowns; UNKNOWNS], residuals: Unknowns, taught: Option<Unknowns>) -> Option<Answers> {
+    let factor = Factor::of(normal)?;
+    let through = match taught {
+        Some(taught) => Some(factor.solve(taught)),
+        None => None,
+    };
+    Some(Answers { step: factor.solve(residuals), information: factor.information_on_last(), through })
+}
+
 impl EdgeLook<'_> {
     /// The codes of some light.
     pub fn codes(&self, light: [f64; 3]) -> [f64; 3] {
@@ -222,16 +243,14 @@ impl EdgeLook<'_> {
         let mut normal = products.normal();
         let mut right = column(RESIDUAL);
         fit.add_beliefs(first, &mut normal, &mut right);
-        let factor = Factor::of(normal)?;
-        let mut step = factor.solve(right);
+        let to_taught = self.taught.map(|_| column(TAUGHT));
+        let Answers { mut step, information, through } = answers(normal, right, to_taught)?;
         let most = self.light_blur_px.max(1.0);
         step[OFFSET] = step[OFFSET].clamp(-most, most);
         fit.go(&step, 1.0);
         fit.before = Some((squares, step));
-        fit.information = (factor.information_on_last() - 1.0 / GUESS_WITHIN_PX.powi(2)).max(0.0);
-        if self.taught.is_some() {
-            let to_taught = column(TAUGHT);
-            let through = factor.solve(to_taught);
+        fit.information = (information - 1.0 / GUESS_WITHIN_PX.powi(2)).max(0.0);
+        if let (Some(to_taught), Some(through)) = (to_taught, through) {
             let dot = |one: &Unknowns, other: &Unknowns| one.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
             let gradient = products.of(RESIDUAL, TAUGHT) - dot(&through, &right);
             fit.taught = (gradient, products.of(TAUGHT, TAUGHT) - dot(&through, &to_taught));

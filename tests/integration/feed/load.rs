@@ -23,9 +23,10 @@ use crate::support::{ADMINISTRATOR, Client};
 const FPS: u64 = 25;
 /// Boxes that send as fast as they may, to see what the machine can do.
 const FLAT_OUT: usize = 6;
-/// How long each load lasts, and how much of its beginning does not count.
-const LASTS: Duration = Duration::from_secs(20);
-const BEGINS: Duration = Duration::from_secs(6);
+/// How long each load lasts, and how much of its beginning does not count: that until all boxes, which begin at once, have
+/// rehearsed their beginnings and caught up.
+const LASTS: Duration = Duration::from_secs(26);
+const BEGINS: Duration = Duration::from_secs(12);
 /// How often bare decoding and boxes take their turns; the medians are told.
 const ROUNDS: usize = 3;
 /// Share of what can be sustained at which latency is measured.
