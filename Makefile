@@ -54,6 +54,10 @@ browser-test: test-packages ## a real Chromium signs in, uploads, waits for the 
 	cargo test --locked --no-run --test integration # builds the program, with the dependencies that the tests have built
 	tests/browser/run $(abspath $(TARGET)/debug/trocar)
 
+.PHONY: browser-demo
+browser-demo: release test-packages ## the same in the demonstration centre, once its recordings are scored
+	TROCAR_CENTRE=demo tests/browser/run $(abspath $(RELEASE))
+
 .PHONY: deny
 deny: packages ## licences, sources and banned crates with cargo-deny (installs it)
 	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny

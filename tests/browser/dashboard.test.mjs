@@ -306,7 +306,7 @@ test('a trainee’s page holds the sessions against the task’s standard, and s
 });
 
 test('a session and a trainee print on one side of A4, black on white, with what made the numbers', async () => {
-  const { trainee, versions, features } = await ask(`sessions/${session}`);
+  const { trainee, task, versions, features } = await ask(`sessions/${session}`);
   await page.goto(`${url}/sessions/${session}`);
   await page.getByRole('link', { name: 'Report' }).click();
   await page.waitForURL('**/report');
@@ -318,7 +318,7 @@ test('a session and a trainee print on one side of A4, black on white, with what
     await page.locator('.report svg.progress-plot').first().waitFor();
     await page.getByRole('button', { name: 'Print' }).waitFor();
     const said = await page.locator('.report').innerText();
-    for (const words of [trainee.name, trainee.code, 'Peg transfer', 'at most 60 s', 'version 1', versions.pipeline])
+    for (const words of [trainee.name, trainee.code, task.name, 'at most 60 s', 'version 1', versions.pipeline])
       assert.ok(said.includes(words), `${name} lacks ${words}: ${said}`);
     if (name === 'session') {
       const judged = features.find(feature => feature.target);

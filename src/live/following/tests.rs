@@ -152,3 +152,56 @@ async fn a_child_that_is_behind_leaves_others_their_turn() {
     assert_eq!(told_and_waiting(&other).await, (1, 0));
     assert_eq!(told_and_waiting(&one).await, (0, 2));
 }
+
+#[tokio::test]
+async fn a_child_is_told_of_no_frame_before_it_is_written() {
+    let turns = Arc::new(Turns::new(1));
+    let (follower, _keeps) = in_turn(&turns).await;
+    for number in 0..3 {
+        follower.came(100 * number, 100, true);
+    }
+    assert_eq!(told_and_waiting(&follower).await, (0, 0));
+    assert!(follower.waits_for_log());
+    follower.wrote(250);
+    assert_eq!(told_and_waiting(&follower).await, (2, 0), "half of a record is none");
+    follower.wrote(300);
+    assert!(!follower.waits_for_log());
+    follower.heard(Followed::default());
+    follower.heard(Followed::default());
+    assert_eq!(told_and_waiting(&follower).await, (1, 0));
+}
+
+#[tokio::test]
+async fn a_child_that_is_behind_lets_another_begin_at_its_last_frame() {
+    let turns = Arc::new(Turns::new(1));
+    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
+    key_frames(&one, 1 + MOST_IN_A_TURN as u64);
+    key_frames(&other, 1);
+    (2..MOST_IN_A_TURN).for_each(|_| one.heard(Followed::default()));
+    assert_eq!(told_and_waiting(&other).await, (0, 1));
+    one.heard(Followed::default());
+    assert_eq!(told_and_waiting(&other).await, (1, 0));
+    assert_eq!(told_and_waiting(&one).await, (1, 1));
+}
+
+#[tokio::test]
+async fn a_feed_that_was_slowed_goes_on_once_there_is_room_for_several() {
+    let turns = Arc::new(Turns::new(1));
+    let (follower, _keeps) = in_turn(&turns).await;
+    let frames = MOST_BEHIND as u64;
+    (0..frames).for_each(|number| follower.came(100 * number, 100, true));
+    assert!(!follower.has_room(), "frames that are not written yet count");
+    follower.wrote(100 * frames);
+    assert!(!follower.has_room());
+    let slowed = follower.clone();
+    let slowed = tokio::spawn(async move { slowed.room().await });
+    for _ in 1..MOST_BEHIND - ROOM_BEHIND {
+        told_and_waiting(&follower).await;
+        follower.heard(Followed::default());
+    }
+    told_and_waiting(&follower).await;
+    assert!(follower.has_room() && !slowed.is_finished());
+    follower.heard(Followed::default());
+    told_and_waiting(&follower).await;
+    assert!(slowed.is_finished());
+}

@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoAnswer {
     /// Too little data to say anything.
-    #[error("there are {found} {of}; needs {needed}")]
+    #[error("it takes {needed} {of}, and has {found}")]
     TooFew {
         /// Of what, in the plural: people, experts, sessions.
         of: &'static str,
