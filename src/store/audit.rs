@@ -57,8 +57,22 @@ impl Audit<'_> {
                  WHEN 'task' THEN (SELECT name FROM task WHERE id = subject)
                  WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
                  WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)
+                 WHEN 'token' THEN (SELECT name FROM token WHERE id = subject)
+                 WHEN 'standard' THEN (SELECT name FROM task JOIN standard ON task_id = task.id WHERE standard.id = subject)
+                 WHEN 'rescoring' THEN (SELECT name FROM task JOIN rescoring ON task_id = task.id WHERE rescoring.id = subject)
+                 WHEN 'skill_model' THEN
+                     (SELECT name FROM task JOIN skill_model ON task_id = task.id WHERE skill_model.id = subject)
                  WHEN 'session' THEN
                      (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id WHERE session.id = subject)
+                 WHEN 'rating' THEN
+                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
+                         JOIN rating ON session_id = session.id WHERE rating.id = subject)
+                 WHEN 'comment' THEN
+                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
+                         JOIN comment ON session_id = session.id WHERE comment.id = subject)
+                 WHEN 'session_edit' THEN
+                     (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
+                         JOIN session_edit ON session_id = session.id WHERE session_edit.id = subject)
                  END AS called
              FROM audit
              LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)

@@ -130,7 +130,7 @@ export function SelfTestForm({ box, camera, isFirst, onChange }) {
         <ol class="numbered">${words.steps.map(step => html`<li key=${step}>${step}</li>`)}</ol>
       </details>
       <h3>${words.send}</h3>
-      <p class="small muted">${namesBoard ? words.boardKnown(camera.board, camera.square_mm) : words.boardUnknown}</p>
+      <p class="small muted">${namesBoard ? words.boardKnown(camera.board.replace('x', ' × '), camera.square_mm) : words.boardUnknown}</p>
       <${Form} fields=${fields} onSave=${send} submit=${words.submit} busyWords=${t.box.sending} />
       ${job && html`<${JobProgress} key=${job} id=${job} done=${words.done} onDone=${onChange} />`}
     </section>`;

@@ -28,7 +28,7 @@ export function useEditing({
     (open.removing
       ? html`<${Confirm} title=${removeTitle(item.name)} body=${removeBody} yes=${t.form.remove}
         onYes=${() => remove(item).then(onChange)} onClose=${close} />` : html`
-      <${Dialog} title=${item ? editTitle : addTitle} onClose=${close}>
+      <${Dialog} title=${item ? `${editTitle}: ${item.name}` : addTitle} onClose=${close}>
         <${Form} fields=${fields(item)} onSave=${values => save(item, values).then(finish)} onCancel=${close} />
       <//>`);
   return {

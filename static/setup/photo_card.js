@@ -29,7 +29,7 @@ export function PhotoCard({ photo, usual, onRemove, onRetry }) {
 /** What to do comes first; what the search says of it stands below. */
 const Why = ({ check }) => html`
   ${check.hints.map(hint => html`<p key=${hint} class="small">${words.hint(hint, check.cut_off)}</p>`)}
-  <p class="small muted" lang=${theirs}>${check.reason}</p>`;
+  <p class="small muted begins" lang=${theirs}>${check.reason}</p>`;
 
 /** Corners of a whole board come row by row, and are joined so; of a part, in no order. */
 function Corners({ check: { width, height, corners, found } }) {

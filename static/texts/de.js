@@ -1378,7 +1378,7 @@ export default {
     },
     test: {
       title: 'Selbsttest',
-      lead: 'Eine Minute mit dem Schachbrett und einem umklebten Stab zeigt, ob diese Box misst, was sie soll.',
+      lead: 'Der letzte Schritt zeigt, ob alle gelungen sind. Er lässt sich jederzeit wiederholen, am besten jeden Morgen.',
       needs: { calibration: 'Kalibrieren Sie zuerst die Kamera', colours: 'Markieren Sie zuerst die Bandfarben' },
       needsBody: 'Der Test misst mit beidem.',
       older: 'Kamera oder Farben sind neuer als dieser Test',

@@ -145,8 +145,8 @@ async fn a_child_waits_until_that_of_another_box_is_done() {
 async fn a_child_that_is_behind_leaves_others_their_turn() {
     let turns = Arc::new(Turns::new(1));
     let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
-    key_frames(&one, 6);
-    assert_eq!(told_and_waiting(&one).await, (MOST_IN_A_TURN, 6 - MOST_IN_A_TURN));
+    key_frames(&one, 2 + MOST_IN_A_TURN as u64);
+    assert_eq!(told_and_waiting(&one).await, (MOST_IN_A_TURN, 2));
     key_frames(&other, 1);
     (0..MOST_IN_A_TURN).for_each(|_| one.heard(Followed::default()));
     assert_eq!(told_and_waiting(&other).await, (1, 0));
@@ -176,6 +176,7 @@ async fn a_child_that_is_behind_lets_another_begin_at_its_last_frame() {
     let turns = Arc::new(Turns::new(1));
     let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
     key_frames(&one, 1 + MOST_IN_A_TURN as u64);
+    assert_eq!(told_and_waiting(&one).await, (MOST_IN_A_TURN, 1));
     key_frames(&other, 1);
     (2..MOST_IN_A_TURN).for_each(|_| one.heard(Followed::default()));
     assert_eq!(told_and_waiting(&other).await, (0, 1));

@@ -204,6 +204,7 @@ struct Answers {
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn answers(normal: [Unknowns; UNKNOWNS], residuals: Unknowns, taught: Option<Unknowns>) -> Option<Answers> {
     let factor = Factor::of(normal)?;
+    #[expect(clippy::manual_map, reason = "a closure would not be of this instruction set")]
     let through = match taught {
         Some(taught) => Some(factor.solve(taught)),
         None => None,

@@ -2,6 +2,7 @@
 
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
+use crate::domain::standard::{ChartDesign, Definition};
 use crate::domain::text::Key;
 use crate::store::PageRequest;
 use crate::store::testing::Centre;
@@ -19,6 +20,8 @@ async fn changes_are_told_under_todays_names() {
     let ina = centre.person("ina", Role::Instructor, None).await;
     centre.group("Mondays", &[&ina], &[&ada]).await;
     centre.session(ada.id, "a clip").await;
+    let standard = Definition { targets: Vec::new(), rule: None, charts: ChartDesign::default() };
+    centre.store.standards().add(&ina.scope(), centre.task.id, standard).await.unwrap();
     let trail = trail(&centre).await;
     for (noun, called) in [
         ("session", "Ada"),
@@ -26,6 +29,7 @@ async fn changes_are_told_under_todays_names() {
         ("person", "ina"),
         ("trainee", "Ada"),
         ("task", "Peg transfer"),
+        ("standard", "Peg transfer"),
         ("box", "Box 1"),
     ] {
         let of: Vec<_> = trail.iter().filter(|(of, _)| of == noun).map(|(_, called)| called.as_deref()).collect();
