@@ -6,7 +6,7 @@ SHELL := /bin/bash
 
 BUILD_PACKAGES := build-essential pkg-config clang libclang-dev libavcodec-dev libavformat-dev libavutil-dev \
                   libswscale-dev libswresample-dev
-TEST_PACKAGES  := ffmpeg chromium nodejs curl jq strace
+TEST_PACKAGES  := ffmpeg chromium nodejs curl jq openssl strace
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 

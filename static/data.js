@@ -10,29 +10,47 @@ export function asProblem(error) {
   return new Problem({ title: t.problems.broken, status: 0, detail: t.problems.brokenDetail });
 }
 
+/** What is under way is waited for so long, ms, when it is asked for again; then its line may be gone, and it is begun anew. */
+const PATIENCE_MS = 10_000;
+
 /**
- * `load(signal)` runs at first, when `deps` change and on `reload()`; old `data` stays up until the new is there. `current` is
- * that data only while it answers the question that is asked now: for whatever would else stand under another choice.
+ * `load(signal)` runs at first, when `deps` change and on `reload()`; old `data` stays up until the new is there. A `reload()` while
+ * one is under way runs behind it: events that come faster than answers hold no page up. `current` is that data only while it answers
+ * the question that is asked now: for whatever would else stand under another choice.
  */
 export function useData(load, deps) {
   const [{ data, problem, of }, setState] = useState({ data: undefined, problem: null, of: null });
-  const running = useRef(null);
+  const running = useRef(null); // { controller, since, isAsked: once more, whole: what is told when nothing more is to be read }
   const latest = useRef(null);
   latest.current = { load, deps };
-  const reload = useCallback(async () => {
-    running.current?.abort();
-    const controller = (running.current = new AbortController());
+  const begin = useCallback(() => {
+    running.current?.controller.abort();
+    const run = (running.current = { controller: new AbortController(), since: Date.now(), isAsked: false });
+    run.whole = read(run);
+    return run.whole;
+  }, []);
+  async function read(run) {
+    const { signal } = run.controller;
     const { load, deps } = latest.current;
     try {
-      const data = await load(controller.signal);
-      if (!controller.signal.aborted) setState({ data, problem: null, of: deps });
+      const data = await load(signal);
+      if (!signal.aborted) setState({ data, problem: null, of: deps });
     } catch (error) {
-      if (!controller.signal.aborted) setState(before => ({ ...before, problem: asProblem(error) }));
+      if (!signal.aborted) setState(before => ({ ...before, problem: asProblem(error) }));
     }
+    if (signal.aborted) return undefined;
+    running.current = null;
+    return run.isAsked ? begin() : undefined;
+  }
+  const reload = useCallback(() => {
+    const run = running.current;
+    if (!run || Date.now() - run.since > PATIENCE_MS) return begin();
+    run.isAsked = true;
+    return run.whole;
   }, []);
   useEffect(() => {
-    reload();
-    return () => running.current?.abort();
+    begin();
+    return () => running.current?.controller.abort();
   }, deps);
   const isCurrent = of?.every((dep, at) => Object.is(dep, deps[at]));
   return { data, current: isCurrent ? data : undefined, problem, reload };

@@ -20,6 +20,7 @@
       parts/skill_model.js parts/spread.js parts/spread_plot.js parts/standard.js parts/standard_form.js
       parts/standard_target.js parts/status.js`,
   };
+  const ROOT = new URL('.', document.currentScript.src).pathname; // Of this version's files.
   const LANGUAGES = ['en', 'de'];
   // As texts.js chooses: were it not the same, a file would come in vain.
   const wanted = [chosen(), ...navigator.languages.map(one => one.split('-')[0].toLowerCase()), 'en'];
@@ -27,7 +28,7 @@
   const [first, second, third] = location.pathname.split('/').filter(Boolean);
   const page = third ? null : !first ? 'today' : second && { sessions: 'session', trainees: 'trainee', tasks: 'task' }[first];
   for (const name of [words, ...(MODULES[page]?.trim().split(/\s+/) ?? [])])
-    document.head.append(Object.assign(document.createElement('link'), { rel: 'modulepreload', href: `/${name}` }));
+    document.head.append(Object.assign(document.createElement('link'), { rel: 'modulepreload', href: ROOT + name }));
 
   function chosen() {
     try {

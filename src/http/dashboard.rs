@@ -1,13 +1,20 @@
 //! The pages: files under `static/`, embedded in the program, with an ETag each (a weak one: they also travel squeezed).
 //!
+//! The first page names its files under `kept/VERSION/`, where the version is that of all files together: a browser keeps them and
+//! asks for nothing again before the program changes. Modules import each other by relative paths, which stay below it.
+//!
 //! In debug builds they are read from the source tree at each request, so that a page's author sees a change at once.
+
+use std::borrow::Cow;
+use std::sync::LazyLock;
 
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
-use rust_embed::{EmbeddedFile, RustEmbed};
+use rust_embed::RustEmbed;
+use sha2::{Digest, Sha256};
 
 use super::error::{Problem, Refusal};
 
@@ -18,6 +25,18 @@ struct Pages;
 /// The page of the dashboard; its own script decides by the address what it shows.
 const INDEX: &str = "index.html";
 
+/// What the files of one version lie below.
+const KEPT: &str = "kept/";
+
+/// The version, as the dashboard's page names it.
+const NAMED: &str = "kept/VERSION/";
+
+/// Of a file that is the same for as long as its address is.
+const FOR_GOOD: &str = "public, max-age=31536000, immutable";
+
+/// Ask again each time: answers are 304 mostly, and a new version of the program shows at once.
+const ASK_AGAIN: &str = "no-cache";
+
 /// Answers everything that no route of the interface does: a file, or the dashboard for an address of its own.
 pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     let path = uri.path().trim_start_matches('/');
@@ -27,11 +46,13 @@ pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     if method != Method::GET && method != Method::HEAD {
         return Refusal::MethodNotAllowed.with("Pages are read with GET.").into_response();
     }
+    if let Some((of, path)) = path.strip_prefix(KEPT).and_then(|rest| rest.split_once('/')) {
+        let Some(file) = File::at(path) else { return Problem::not_found().into_response() };
+        return file.answer(&headers, if of == version() { FOR_GOOD } else { ASK_AGAIN });
+    }
     let path = if path.is_empty() { INDEX } else { path };
-    match Pages::get(path) {
-        Some(file) => answer(path, file, &headers),
-        None if is_view(path) => Pages::get(INDEX)
-            .map_or_else(|| Problem::not_found().into_response(), |index| answer(INDEX, index, &headers)),
+    match File::at(path).or_else(|| is_view(path).then(|| File::at(INDEX)).flatten()) {
+        Some(file) => file.answer(&headers, ASK_AGAIN),
         None => Problem::not_found().into_response(),
     }
 }
@@ -46,22 +67,62 @@ fn is_view(path: &str) -> bool {
     !path.rsplit('/').next().unwrap_or_default().contains('.')
 }
 
-fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
-    let etag = format!("W/\"{}\"", URL_SAFE_NO_PAD.encode(&file.metadata.sha256_hash()[..16]));
-    let known = headers.get(header::IF_NONE_MATCH).and_then(|v| v.to_str().ok()).is_some_and(|v| v.contains(&etag));
-    let mut response = if known {
-        StatusCode::NOT_MODIFIED.into_response()
-    } else {
-        let mut response = Body::from(file.data).into_response();
-        response.headers_mut().insert(header::CONTENT_TYPE, media_type(path, file.metadata.mimetype()));
-        response
-    };
-    // Ask again each time: answers are 304 mostly, and a new version of the program shows at once.
-    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    if let Ok(etag) = HeaderValue::try_from(etag) {
-        response.headers_mut().insert(header::ETAG, etag);
+/// A file as it is sent.
+struct File {
+    bytes: Cow<'static, [u8]>,
+    hash: [u8; 32],
+    media_type: HeaderValue,
+}
+
+impl File {
+    /// The one at a path below `static/`; the dashboard's page names the version.
+    fn at(path: &str) -> Option<Self> {
+        let file = Pages::get(path)?;
+        let media_type = media_type(path, file.metadata.mimetype());
+        let (bytes, hash) = (file.data, file.metadata.sha256_hash());
+        if path != INDEX {
+            return Some(Self { bytes, hash, media_type });
+        }
+        let page = String::from_utf8_lossy(&bytes).replace(NAMED, &format!("{KEPT}{}/", version()));
+        Some(Self { hash: Sha256::digest(&page).into(), bytes: page.into_bytes().into(), media_type })
     }
-    response
+
+    fn answer(self, headers: &HeaderMap, lifetime: &'static str) -> Response {
+        let etag = format!("W/\"{}\"", short(&self.hash));
+        let known = headers.get(header::IF_NONE_MATCH).and_then(|v| v.to_str().ok()).is_some_and(|v| v.contains(&etag));
+        let mut response = if known {
+            StatusCode::NOT_MODIFIED.into_response()
+        } else {
+            let mut response = Body::from(self.bytes).into_response();
+            response.headers_mut().insert(header::CONTENT_TYPE, self.media_type);
+            response
+        };
+        response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static(lifetime));
+        if let Ok(etag) = HeaderValue::try_from(etag) {
+            response.headers_mut().insert(header::ETAG, etag);
+        }
+        response
+    }
+}
+
+/// Of all files together: changes with any of them.
+fn version() -> Cow<'static, str> {
+    static EMBEDDED: LazyLock<String> = LazyLock::new(measured_version);
+    if cfg!(debug_assertions) { measured_version().into() } else { EMBEDDED.as_str().into() }
+}
+
+fn measured_version() -> String {
+    let mut paths: Vec<_> = Pages::iter().collect();
+    paths.sort();
+    let mut all = Sha256::new();
+    for file in paths.iter().filter_map(|path| Pages::get(path)) {
+        all.update(file.metadata.sha256_hash());
+    }
+    short(&all.finalize())
+}
+
+fn short(hash: &[u8]) -> String {
+    URL_SAFE_NO_PAD.encode(&hash[..16])
 }
 
 fn media_type(path: &str, guessed: &str) -> HeaderValue {

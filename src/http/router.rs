@@ -2,6 +2,7 @@
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
+use axum::handler::Handler;
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::get;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -9,7 +10,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::auth::{origin, sign_in};
-use super::compress::compress;
+use super::compress::{compress, compress_well};
 use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{attention, service};
@@ -130,7 +131,7 @@ pub fn routes(app: App) -> Router {
         .route("/docs", get(docs::entry))
         .route("/docs/", get(docs::index))
         .route("/docs/{*path}", get(docs::asset))
-        .fallback(dashboard::page)
+        .fallback(dashboard::page.layer(compress_well()))
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::disable()) // each reader of a body has a limit of its own
         .layer(axum::Extension(openapi::Document::new(&document)))

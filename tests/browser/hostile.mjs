@@ -69,8 +69,8 @@ export const HOSTILE = [
 /** What a page holds that none of ours holds: traces of text that became elements. */
 export const strangers = page =>
   page.evaluate(() => {
-    const ours = new Set(['/app.js', '/theme_first.js', '/modules_first.js']);
-    const scripts = [...document.scripts].filter(({ src }) => !ours.has(new URL(src || 'about:blank').pathname));
+    const ours = /^\/kept\/[\w-]+\/(app|theme_first|modules_first)\.js$/;
+    const scripts = [...document.scripts].filter(({ src }) => !ours.test(new URL(src || 'about:blank').pathname));
     const elements = document.querySelectorAll(
       'iframe, object, embed, base, marquee, math, form[action], [formaction], a[href^="javascript:" i], body ~ *, main style',
     );

@@ -102,6 +102,34 @@ async fn the_pages_come_from_the_program_and_are_not_sent_twice() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_browser_keeps_the_files_of_a_version_and_asks_again_for_all_others() {
+    let service = Service::start().await;
+    let stranger = service.stranger();
+    let page = stranger.get("/").await.text().await.unwrap();
+    let kept: Vec<_> = page.split('"').filter(|word| word.starts_with("/kept/")).collect();
+    assert!(kept.len() > 20 && !page.contains("VERSION"), "{page}");
+    let version = kept[0].split('/').nth(2).unwrap();
+    for path in &kept {
+        let file = stranger.get(path).await;
+        assert_eq!(file.status(), StatusCode::OK, "{path}");
+        assert_eq!(file.headers()[header::CACHE_CONTROL], "public, max-age=31536000, immutable", "{path}");
+    }
+    let script = stranger.get("/app.js").await;
+    assert_eq!(script.headers()[header::CACHE_CONTROL], "no-cache");
+    let script = script.text().await.unwrap();
+    let of_another = stranger.get("/kept/another/app.js").await;
+    assert_eq!(
+        of_another.headers()[header::CACHE_CONTROL],
+        "no-cache",
+        "who asked for an earlier version gets this one once"
+    );
+    assert_eq!(of_another.text().await.unwrap(), script);
+    assert_eq!(stranger.get(&format!("/kept/{version}/app.js")).await.text().await.unwrap(), script);
+    problem(stranger.get(&format!("/kept/{version}/missing.js")).await, 404, "not-found").await;
+    problem(stranger.get(&format!("/kept/{version}/sessions")).await, 404, "not-found").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_is_read_often_travels_squeezed_where_the_client_takes_it() {
     let service = Service::start().await;
     let stranger = service.stranger();
