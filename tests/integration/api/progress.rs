@@ -88,7 +88,7 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
     assert_eq!((&refused["withheld"]["reason"], &refused["withheld"]["missing"]), (&json!("too_few"), &json!(1)));
     let set = json!({"targets": [{"feature": "duration", "by": few}]});
     let refused = problem(centre.administrator.post(STANDARDS, set).await, 422, "invalid").await;
-    assert!(refused["detail"].as_str().unwrap().contains("there are 9 novices; needs 10"), "{refused}");
+    assert!(refused["detail"].as_str().unwrap().contains("it takes 10 novices, and has 9"), "{refused}");
 
     // Whom the values are of could be found by their fingerprint: administrators alone are told it, wherever the target is shown.
     let by = json!({"method": "trimmed_experts", "experts": "expert"});
