@@ -66,16 +66,20 @@ async function opened(address, shows, storageState) {
     requestAnimationFrame(look);
   }, shows);
   const abandoned = [];
-  page.on('requestfailed', request => request.resourceType() === 'fetch' && abandoned.push(request.url()));
+  let isLeaving = false; // Then what is still under way is given up, and rightly.
+  page.on('requestfailed', request => !isLeaving && request.resourceType() === 'fetch' && abandoned.push(request.url()));
   const visits = [];
   for (const _ of ['first', 'again']) {
+    isLeaving = true;
     await page.goto('about:blank'); // Else the second were a reload, which asks for everything.
+    isLeaving = false;
     await page.goto(address);
     await page.locator(shows).first().waitFor();
     await page.waitForFunction(() => !document.querySelector('main .loading'));
     await page.waitForTimeout(SETTLED_MS); // What comes later may still push something aside.
     visits.push(await page.evaluate(measure));
   }
+  isLeaving = true;
   await context.close();
   assert.deepEqual(abandoned, [], 'was asked for, and given up');
   return visits;
