@@ -31,6 +31,8 @@ const SILENCE: Duration = Duration::from_secs(30);
 const PING_EVERY: Duration = Duration::from_secs(5);
 /// Longest word of the server, bytes: 4096 ranges have less.
 const MOST_WORD: usize = 1 << 18;
+/// Read at once: what the service says is short, and each read clears this much first.
+const READ_BYTES: usize = 4096;
 
 type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
@@ -119,7 +121,8 @@ impl Server {
             .map_err(|_| Parting::Refused(format!("{shown} holds no token")))?;
         let mut request = self.address.as_str().into_client_request().map_err(|error| again(error.to_string()))?;
         request.headers_mut().insert(header::AUTHORIZATION, token);
-        let config = WebSocketConfig::default().max_message_size(Some(MOST_WORD)).max_frame_size(Some(MOST_WORD));
+        let words = WebSocketConfig::default().max_message_size(Some(MOST_WORD)).max_frame_size(Some(MOST_WORD));
+        let config = words.read_buffer_size(READ_BYTES);
         match connect_async_with_config(request, Some(config), true).await {
             Ok((socket, _)) => Ok(socket),
             Err(Error::Http(answer)) => Err(parting_at_the_door(answer.status().as_u16(), &shown.to_string())),

@@ -30,9 +30,9 @@ impl Turns {
 }
 
 impl Default for Turns {
-    /// One more than there are processors: none stands still while a child says what it saw and another is told.
+    /// As many as there are processors: with more, those with key frames are overtaken by all others and come last.
     fn default() -> Self {
-        Self::new(std::thread::available_parallelism().map_or(1, usize::from) + 1)
+        Self::new(std::thread::available_parallelism().map_or(1, usize::from))
     }
 }
 

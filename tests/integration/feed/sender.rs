@@ -9,8 +9,9 @@ use reqwest::header::HeaderMap;
 use serde_json::{Value, json};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 use tokio_tungstenite::tungstenite::{Error, Message};
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
 use trocar::domain::feed::record::{Body, GapReason, Record};
 
 use crate::support::{Client, Service, soon};
@@ -44,11 +45,16 @@ pub async fn open_at(host: &str, headers: &HeaderMap, in_box: &str) -> Result<Se
     let address = format!("ws://{host}/api/v1/boxes/{in_box}/feed");
     let mut request = address.into_client_request().unwrap();
     request.headers_mut().extend(headers.clone());
-    match soon("the connection", connect_async(request)).await {
+    match soon("the connection", connect_async_with_config(request, Some(short_words()), false)).await {
         Ok((socket, _)) => Ok(Sender { socket, epoch: 0 }),
         Err(Error::Http(answer)) => Err(answer.status().as_u16()),
         Err(error) => panic!("{error}"),
     }
+}
+
+/// What is heard is short: each read clears the whole buffer first.
+pub fn short_words() -> WebSocketConfig {
+    WebSocketConfig::default().read_buffer_size(4096)
 }
 
 /// A hello for the box of the small centre.
