@@ -34,12 +34,13 @@ export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
     if (!uPlot) return undefined;
     const shown = { track, playback, span, kept, ghost, loader, tools: track.tools.filter(tool => !hidden.has(tool.name)) };
     const plots = [];
-    let pending = 0;
-    // One in each picture: four at once would hold the page up.
+    let [pending, filled] = [0, 0];
+    // In each picture one is made, or its curves are drawn: four at once would hold the page up.
     const next = () => {
-      const [name, field] = AXES[plots.length];
-      plots.push(makePlot(uPlot, places.current[name], field, shown));
-      pending = plots.length < AXES.length ? requestAnimationFrame(next) : 0;
+      const [name, field] = AXES[filled];
+      if (filled < plots.length) turnPage(plots[filled++], shown);
+      else plots.push(makePlot(uPlot, places.current[name], field, shown));
+      pending = filled < AXES.length ? requestAnimationFrame(next) : 0;
     };
     pending = requestAnimationFrame(next);
     const resize = new ResizeObserver(() =>
@@ -67,7 +68,7 @@ export function Plots({ track, playback, hidden, span, kept, ghost, loader }) {
 }
 
 function makePlot(uPlot, place, field, shown) {
-  const { track, tools, ghost, playback, span } = shown;
+  const { track, tools, ghost, playback } = shown;
   const { muted, line } = inkOf();
   const axis = {
     stroke: muted,
@@ -81,7 +82,7 @@ function makePlot(uPlot, place, field, shown) {
     {
       width: Math.max(place.clientWidth, 50),
       height: HEIGHT,
-      padding: [16, 8, isLast ? 0 : 4, 0],
+      padding: [16, 18, isLast ? 0 : 4, 0], // On the right, room for half of the last time.
       legend: { show: false },
       hooks: { draw: [chart => placeAll(chart, shown)] }, // At first, and after every change of size or span.
       cursor: { drag: { x: false, y: false }, points: { show: false }, y: false },
@@ -99,8 +100,7 @@ function makePlot(uPlot, place, field, shown) {
       ],
       series: [{}, ...(ghost ? tools.map(faint) : []), ...tools.flatMap(tool => [stroke(tool, false), stroke(tool, true)])],
     },
-    span ? [[track.times[0], track.times[track.frames - 1]], ...tools.flatMap(() => (ghost ? [[], [], []] : [[], []]))]
-      : curves(track, tools, field, { ghost }),
+    [[track.times[0], track.times[track.frames - 1]], ...tools.flatMap(() => (ghost ? [[], [], []] : [[], []]))],
     place,
   );
   const parts = ['trimmed before', 'trimmed after', 'marked', 'playhead'].map(name =>
@@ -109,7 +109,6 @@ function makePlot(uPlot, place, field, shown) {
   chart.over.append(...parts);
   const plot = { chart, place, field, drawn: null, end: connect(chart, playback) };
   placeAll(chart, shown);
-  turnPage(plot, shown);
   return plot;
 }
 
@@ -154,13 +153,17 @@ function connect(chart, playback) {
   return () => chart.destroy();
 }
 
-/** Moves the line; with a span, also the part of the time axis that is shown, and what is drawn in it. */
+/** Moves the line; with a span, also the part of the time axis that is shown, and what is drawn in it. Without one, all is drawn once. */
 function turnPage(plot, shown) {
   const { track, playback, span, tools, ghost, loader } = shown;
   const { chart } = plot;
   const { time } = playback;
   placeAll(chart, shown);
-  if (!span) return;
+  if (!span) {
+    if (plot.drawn === null) chart.setData(curves(track, tools, plot.field, { ghost }));
+    plot.drawn = track.version;
+    return;
+  }
   const [first, last] = [track.times[0], track.times[track.times.length - 1]];
   const { min, max } = chart.scales.x;
   const near = time > min + span * EDGE && time < max - span * EDGE;
