@@ -1,7 +1,7 @@
 //! A box's feed over WebSocket, as `docs/feed.md` has it: words in text messages, records in binary ones.
 //!
-//! One task for each connection, and nothing waits in it: a record is read, appended, forgotten. While the disk is slow
-//! nothing is read, and the sender is held up by its own socket.
+//! One task for each connection, and nothing waits in it: a record is read, appended, forgotten. What came is made durable
+//! beside that. While nothing can be written nothing is read, and the sender is held up by its own socket.
 
 use std::future::ready;
 use std::pin::pin;
@@ -12,6 +12,8 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
+use futures_util::FutureExt;
+use futures_util::future::{Fuse, FusedFuture};
 use tokio::time::{Instant, sleep_until, timeout};
 
 use super::auth::origin;
@@ -133,6 +135,7 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
     }
     let settings = app.feeds.settings();
     let mut ack_at = None;
+    let mut syncing = pin!(Fuse::terminated());
     let mut signed_out = pin!(SignedIn::ended(app, headers));
     let mut silent_at = Instant::now() + settings.silent();
     let mut present_ms = app.clock.now_ms();
@@ -142,9 +145,13 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
             biased;
             farewell = feed.over() => return Err(farewell.into()),
             () = &mut signed_out => return Err(Farewell::signed_out().into()),
-            () = sleep_until(ack_at.unwrap_or(silent_at)), if ack_at.is_some() => {
+            durable = &mut syncing, if !syncing.is_terminated() => {
+                say(socket, &FromServer::Ack { durable: durable? }).await?;
+                continue;
+            }
+            () = sleep_until(ack_at.unwrap_or(silent_at)), if ack_at.is_some() && syncing.is_terminated() => {
                 ack_at = None;
-                say(socket, &feed.sync().await?).await?;
+                syncing.set(feed.begin_sync().await?.fuse());
                 continue;
             }
             () = feed.room(), if !has_room => {

@@ -7,11 +7,12 @@ use bytes::Bytes;
 use tokio::sync::watch;
 
 use super::recording::{Ending, Finished};
-use super::{Feed, Feeds, State, failed};
+use super::{Feed, Feeds, failed};
 use crate::domain::feed::farewell::{Code, Farewell};
 use crate::domain::feed::record::{Body, NotARecord, Record};
 use crate::domain::feed::words::FromServer;
 use crate::domain::feed::{FrameCodec, TimeBase};
+use crate::vault::VaultResult;
 
 /// The connection that may send a recording.
 pub struct Connection {
@@ -45,7 +46,7 @@ impl Connection {
         Ok(FromServer::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
     }
 
-    /// Takes a record; it is durable after the next [`Connection::sync`], and tracked after that or [`Connection::write`].
+    /// Takes a record; it is durable after the next [`Connection::begin_sync`], and tracked after that or [`Connection::write`].
     pub async fn take(&mut self, message: Bytes) -> Result<(), Farewell> {
         let record = Record::read(&message).map_err(not_a_record)?;
         self.check(&record)?;
@@ -72,7 +73,6 @@ impl Connection {
             return Err(Farewell::new(Code::TooMuch, format!("a recording of more than {most} bytes")));
         }
         state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
-        state.is_unsynced = true;
         let (offset, bytes) = (state.log.bytes(), message.len());
         let appended = state.log.append(message).await;
         self.or_close(appended).await?;
@@ -123,14 +123,42 @@ impl Connection {
         self.feed.follower.room().await;
     }
 
-    /// Is there anything that has not been acknowledged?
+    /// Is there anything that is not on its way to being acknowledged?
     pub fn is_unsynced(&self) -> bool {
         self.is_unsynced
     }
 
-    /// Makes what came durable, and acknowledges it.
-    pub async fn sync(&mut self) -> Result<FromServer, Farewell> {
-        Ok(FromServer::Ack { durable: self.make_durable().await? })
+    /// Begins to make what came durable; the future resolves once it is, with the numbers that are. More may come meanwhile: a
+    /// disk that is busy holds no frame up.
+    pub async fn begin_sync(
+        &mut self,
+    ) -> Result<impl Future<Output = Result<Vec<[u64; 2]>, Farewell>> + use<>, Farewell> {
+        let feed = self.feed.clone();
+        let mut state = feed.state.lock().await;
+        self.may_send()?;
+        if state.ended.is_some() {
+            return Err(Farewell::new(Code::Done, "the recording has ended"));
+        }
+        let (bytes, durable) = (state.log.bytes(), state.numbers.ranges().to_vec());
+        let syncing = match state.synced < bytes {
+            true => {
+                let begun = state.log.begin_sync().await;
+                let begun = self.or_close(begun).await?;
+                feed.follower.wrote(state.log.written());
+                Some(begun)
+            }
+            false => None,
+        };
+        drop(state);
+        self.is_unsynced = false;
+        Ok(async move {
+            if let Some(syncing) = syncing {
+                syncing.end().await.map_err(failed)?;
+                let mut state = feed.state.lock().await;
+                state.synced = state.synced.max(bytes);
+            }
+            Ok(durable)
+        })
     }
 
     /// The recording has so many frames: `Missing` what has not come, or else `Ended` once it is a session.
@@ -177,29 +205,20 @@ impl Connection {
         self.feed.heard_ms.store(self.feeds.0.clock.passed_ms(), Ordering::Release);
     }
 
+    /// Makes what came durable before anything else comes.
     async fn make_durable(&mut self) -> Result<Vec<[u64; 2]>, Farewell> {
-        let feed = self.feed.clone();
-        let mut state = feed.state.lock().await;
-        self.may_send()?;
-        if state.ended.is_some() {
-            return Err(Farewell::new(Code::Done, "the recording has ended"));
-        }
-        if state.is_unsynced {
-            let State { log, .. } = &mut *state;
-            let synced = log.sync().await;
-            self.or_close(synced).await?;
-            feed.follower.wrote(log.written());
-            state.is_unsynced = false;
-        }
-        self.is_unsynced = false;
-        Ok(state.numbers.ranges().to_vec())
+        self.begin_sync().await?.await
     }
 
     /// A log that could not be written is closed; the next hello reads it through.
-    async fn or_close(&self, done: crate::vault::VaultResult<()>) -> Result<(), Farewell> {
-        let Err(error) = done else { return Ok(()) };
-        self.feeds.close(&self.feed).await;
-        Err(failed(error))
+    async fn or_close<T>(&self, done: VaultResult<T>) -> Result<T, Farewell> {
+        match done {
+            Ok(done) => Ok(done),
+            Err(error) => {
+                self.feeds.close(&self.feed).await;
+                Err(failed(error))
+            }
+        }
     }
 
     fn may_send(&self) -> Result<(), Farewell> {

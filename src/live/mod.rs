@@ -139,8 +139,8 @@ struct State {
     log: FeedLog,
     /// Frames and gaps in the log.
     numbers: Numbers,
-    /// Has anything been appended since the last sync?
-    is_unsynced: bool,
+    /// Bytes of the log that are known to be durable.
+    synced: u64,
     /// The session, once the recording is whole.
     ended: Option<SessionId>,
 }
@@ -246,7 +246,7 @@ impl Feeds {
             time_base,
             connections: AtomicU32::new(0),
             heard_ms: AtomicI64::new(self.0.clock.passed_ms()),
-            state: Mutex::new(State { log, numbers, is_unsynced: false, ended: None }),
+            state: Mutex::new(State { synced: log.bytes(), log, numbers, ended: None }),
             failures: AtomicU32::new(0),
             is_finishing: AtomicBool::new(false),
             is_gone: AtomicBool::new(false),

@@ -17,7 +17,8 @@ use std::pin::pin;
 use std::time::Duration;
 
 use bytes::Bytes;
-use futures_util::{Stream, StreamExt};
+use futures_util::future::{Fuse, FusedFuture};
+use futures_util::{FutureExt, Stream, StreamExt};
 use metrics::counter;
 use tokio::io::AsyncWriteExt;
 use tokio::net::unix::pipe::Sender;
@@ -147,8 +148,10 @@ impl<'a> Taken<'a> {
         let mut pouring = pin!(pour(body, pipe, self.feeds.0.settings.silent()));
         let mut signed_out = pin!(signed_out);
         let mut poured = None;
+        let mut syncing = pin!(Fuse::terminated());
         loop {
             let has_room = self.connection.as_ref().is_none_or(Connection::has_room);
+            let sync_at = self.sync_at.filter(|_| syncing.is_terminated());
             tokio::select! {
                 biased;
                 farewell = self.over() => return Err(farewell.into()),
@@ -157,7 +160,13 @@ impl<'a> Taken<'a> {
                     self.is_cut = end.is_err();
                     poured = Some(end);
                 }
-                () = sleep_until(self.sync_at.unwrap_or_else(Instant::now)), if self.sync_at.is_some() => self.sync().await?,
+                durable = &mut syncing, if !syncing.is_terminated() => drop(durable?),
+                () = sleep_until(sync_at.unwrap_or_else(Instant::now)), if sync_at.is_some() => {
+                    self.sync_at = None;
+                    if let Some(connection) = &mut self.connection {
+                        syncing.set(connection.begin_sync().await?.fuse());
+                    }
+                }
                 () = self.room(), if !has_room => {}
                 news = demuxer.news.recv(), if has_room => match news {
                     Some(News::Stream(info)) => self.begin(info).await?,
@@ -245,14 +254,6 @@ impl<'a> Taken<'a> {
             self.sync_at = Some(Instant::now() + self.feeds.0.settings.ack());
         }
         Ok(())
-    }
-
-    async fn sync(&mut self) -> Result<(), Farewell> {
-        self.sync_at = None;
-        match &mut self.connection {
-            Some(connection) => connection.sync().await.map(drop),
-            None => Ok(()),
-        }
     }
 
     /// Makes a session of what came. What cannot be ended now, because the service ends, is ended at its next start.

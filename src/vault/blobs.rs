@@ -204,7 +204,7 @@ impl Incoming {
         let bytes = self.waiting.take();
         let (part, bytes) = on_a_blocking_thread(move || {
             part.hash.update(&bytes);
-            disk::write(&mut part.file, &bytes, &part.path)?;
+            disk::write(&part.file, &bytes, &part.path)?;
             Ok((part, bytes))
         })
         .await?;

@@ -64,7 +64,7 @@ pub(super) fn open_to_write(path: &Path) -> VaultResult<File> {
     OpenOptions::new().write(true).open(path).map_err(failed("opening", path))
 }
 
-pub(super) fn write(file: &mut File, bytes: &[u8], path: &Path) -> VaultResult<()> {
+pub(super) fn write(mut file: &File, bytes: &[u8], path: &Path) -> VaultResult<()> {
     file.write_all(bytes).map_err(failed("writing", path))
 }
 

@@ -1,13 +1,14 @@
 //! Logs of feeds: records one after the other in the order in which they came, a file each.
 //!
-//! The order that makes an acknowledged frame a durable one: append → [`FeedLog::sync`] → the answer. What lies behind the
-//! last sync was never acknowledged: opening a log reads it through and cuts off the tail in which no whole record lies. How far
+//! The order that makes an acknowledged frame a durable one: append → [`FeedLog::begin_sync`] → [`Syncing::end`] → the answer;
+//! more is appended meanwhile. What lies behind the last sync was never acknowledged: opening a log reads it through and cuts off the tail in which no whole record lies. How far
 //! the last sync reached is not written down: of damage with whole records behind it nobody can tell here whether it was
 //! acknowledged, and the sender, who knows, sends again what was not.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bytes::Bytes;
 
@@ -32,8 +33,27 @@ pub struct FeedLog {
 #[derive(Debug)]
 struct Open {
     path: PathBuf,
-    file: File,
+    file: Arc<File>,
     written: u64,
+}
+
+/// What was written of a feed's log before this was made, on its way to the disk.
+#[derive(Debug)]
+#[must_use = "nothing is durable before its end"]
+pub struct Syncing {
+    path: PathBuf,
+    file: Arc<File>,
+}
+
+impl Syncing {
+    /// Resolves once it is durable; the process ends where it cannot be.
+    pub async fn end(self) -> VaultResult<()> {
+        on_a_blocking_thread(move || {
+            disk::sync(&self.file, &self.path);
+            Ok(())
+        })
+        .await
+    }
 }
 
 impl Vault {
@@ -52,7 +72,7 @@ impl Vault {
             // What was read may lie in the system's cache alone, left there by a process that was killed.
             disk::sync(&file, &path);
             path.parent().into_iter().for_each(disk::sync_folder);
-            let open = Some(Box::new(Open { path, file, written }));
+            let open = Some(Box::new(Open { path, file: Arc::new(file), written }));
             Ok((FeedLog { open, waiting: Vec::new() }, numbers))
         })
         .await
@@ -90,11 +110,10 @@ impl Vault {
 }
 
 impl FeedLog {
-    /// Appends a record. Others can read it only after [`FeedLog::write_waiting`], and it is durable only after
-    /// [`FeedLog::sync`].
+    /// Appends a record. Others can read it only after [`FeedLog::write_waiting`], and it is durable only after a sync.
     pub async fn append(&mut self, record: Bytes) -> VaultResult<()> {
         if self.waiting.len() + record.len() > MOST_WAITING {
-            return self.write(record, false).await; // as it is: a copy of the largest would take as much again
+            return self.write(record).await; // as it is: a copy of the largest would take as much again
         }
         self.waiting.extend_from_slice(&record);
         Ok(())
@@ -112,28 +131,33 @@ impl FeedLog {
 
     /// Writes what waits, all in one visit to a blocking thread, so that others can read it.
     pub async fn write_waiting(&mut self) -> VaultResult<()> {
-        if self.waiting.is_empty() { Ok(()) } else { self.write(Bytes::new(), false).await }
+        if self.waiting.is_empty() { Ok(()) } else { self.write(Bytes::new()).await }
     }
 
-    /// Makes everything appended durable. After an error everything since the last sync may be lost: open it again.
+    /// Begins to make everything appended so far durable; more may be appended meanwhile. After an error everything since the
+    /// last sync may be lost: open it again.
+    pub async fn begin_sync(&mut self) -> VaultResult<Syncing> {
+        self.write_waiting().await?;
+        let open = self.open.as_ref().ok_or(VaultError::NotFound)?;
+        Ok(Syncing { path: open.path.clone(), file: open.file.clone() })
+    }
+
+    /// Makes everything appended durable.
     pub async fn sync(&mut self) -> VaultResult<()> {
-        self.write(Bytes::new(), true).await
+        self.begin_sync().await?.end().await
     }
 
     /// Writes what waits, and a record behind it.
-    async fn write(&mut self, record: Bytes, sync: bool) -> VaultResult<()> {
+    async fn write(&mut self, record: Bytes) -> VaultResult<()> {
         let mut open = self.open.take().ok_or(VaultError::NotFound)?;
         let mut bytes = std::mem::take(&mut self.waiting);
         let (open, bytes) = on_a_blocking_thread(move || {
-            let mut write = |bytes: &[u8]| disk::write(&mut open.file, bytes, &open.path);
+            let write = |bytes: &[u8]| disk::write(&open.file, bytes, &open.path);
             if let Err(error) = write(&bytes).and_then(|()| write(&record)) {
                 open.file.set_len(open.written).map_err(failed("cutting", &open.path))?;
                 return Err(error);
             }
             open.written += (bytes.len() + record.len()) as u64;
-            if sync {
-                disk::sync(&open.file, &open.path);
-            }
             bytes.clear();
             Ok((open, bytes))
         })

@@ -39,7 +39,7 @@ use std::sync::Arc;
 
 pub use blobs::{Incoming, Removal};
 pub use error::{VaultError, VaultResult};
-pub use feeds::FeedLog;
+pub use feeds::{FeedLog, Syncing};
 pub use made::Made;
 pub use pins::Kept;
 pub use uploads::UploadFile;

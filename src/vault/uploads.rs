@@ -159,7 +159,7 @@ impl OpenFile {
         if !self.cut {
             self.cut_off()?;
         }
-        let written = disk::write(&mut self.file, bytes, &self.path);
+        let written = disk::write(&self.file, bytes, &self.path);
         match &written {
             Ok(()) => self.written += bytes.len() as u64,
             Err(_) => self.cut_off()?,

@@ -56,3 +56,21 @@ async fn whoever_comes_while_the_recording_is_being_ended_is_told_its_session() 
     connection.feed.state.lock().await.ended = Some(session);
     assert_eq!(connection.welcome().await.unwrap(), FromServer::Ended { session, durable: None });
 }
+
+#[tokio::test]
+async fn frames_that_come_while_others_are_made_durable_are_acknowledged_after_them() {
+    let centre = Centre::new().await;
+    let mut connection = connected(&centre).await;
+    assert!(matches!(connection.welcome().await.unwrap(), FromServer::Welcome { .. }));
+    let frame = |number: u64| Body::Frame { time: 3600 * number as i64, is_key: true, payload: b"jpeg" };
+    connection.take_own(0, frame(0)).await.unwrap();
+    let first = connection.begin_sync().await.unwrap();
+    assert!(!connection.is_unsynced());
+    connection.take_own(1, frame(1)).await.unwrap();
+    assert!(connection.is_unsynced(), "it came behind what is on its way");
+    let second = connection.begin_sync().await.unwrap();
+    assert_eq!(second.await.unwrap(), [[0, 1]]);
+    assert_eq!(first.await.unwrap(), [[0, 0]], "an acknowledgement speaks of what came before its sync began");
+    let state = connection.feed.state.lock().await;
+    assert_eq!(state.synced, state.log.bytes(), "a sync that ends late takes nothing back");
+}
