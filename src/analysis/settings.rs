@@ -48,7 +48,7 @@ impl AnalysisSettings {
     /// The budget of a child for whom somebody waits.
     pub fn glance_budget(&self) -> Budget {
         let longest = Duration::from_secs(self.glance_s);
-        Budget { cpu: longest, wall: longest, silence: longest, ..self.budget() }
+        Budget { cpu: longest, slice: Budget::SHORT_SLICE, wall: longest, silence: longest, ..self.budget() }
     }
 
     /// A child's budget.

@@ -346,7 +346,13 @@ impl Follower {
         let (log, _) = feeds.0.vault.read_feed(row.id).await.map_err(|error| lost(&error))?;
         let (theirs, ours) = pipe().map_err(|error| lost(&error))?;
         let inputs = vec![log, File::from(OwnedFd::from(theirs))];
-        let budget = Budget { wall: LONGEST, cpu: LONGEST, output_bytes: OUTPUT_BYTES, ..feeds.0.analysis.budget() };
+        let budget = Budget {
+            cpu: LONGEST,
+            slice: Budget::SHORT_SLICE,
+            wall: LONGEST,
+            output_bytes: OUTPUT_BYTES,
+            ..feeds.0.analysis.budget()
+        };
         let stop = PulledWhenGone(Stop::new().map_err(|error| lost(&error))?);
         let (program, stopping, follower) = (feeds.0.program.clone(), stop.0.clone(), self.clone());
         self.child().begin(ours);

@@ -286,6 +286,7 @@ impl Feeds {
         let inputs = vec![File::from(OwnedFd::from(theirs))];
         let settings = &self.0.settings;
         let budget = Budget {
+            slice: Budget::SHORT_SLICE,
             wall: Duration::from_secs_f64(LONGEST_S) + BEGINNING_AND_END,
             silence: settings.silent() + AFTER_THE_SENDER,
             output_bytes: settings.max_bytes.saturating_mul(2),

@@ -53,22 +53,23 @@ pub(super) struct Preamble {
 }
 
 impl Preamble {
-    const WORDS: usize = 6;
+    const WORDS: usize = 7;
     const BYTES: usize = Self::WORDS * 8;
 
     pub(super) fn to_bytes(self) -> Vec<u8> {
-        let Confinement { parent, memory_bytes, cpu_s, file_bytes, landlock } = self.confinement;
+        let Confinement { parent, memory_bytes, cpu_s, slice_ns, file_bytes, landlock } = self.confinement;
         let required = u64::from(landlock == LandlockPolicy::Required);
         let words: [u64; Self::WORDS] =
-            [u64::from(parent), self.request_bytes, memory_bytes, cpu_s, required, file_bytes];
+            [u64::from(parent), self.request_bytes, memory_bytes, cpu_s, required, file_bytes, slice_ns];
         words.iter().flat_map(|word| word.to_le_bytes()).collect()
     }
 
     fn from_bytes(bytes: &[u8; Self::BYTES]) -> Self {
         let word = |i: usize| u64::from_le_bytes(bytes.as_chunks().0[i]);
         let landlock = if word(4) == 1 { LandlockPolicy::Required } else { LandlockPolicy::IfAvailable };
-        let (parent, memory_bytes, cpu_s, file_bytes) = (word(0) as u32, word(2), word(3), word(5));
-        Self { confinement: Confinement { parent, memory_bytes, cpu_s, file_bytes, landlock }, request_bytes: word(1) }
+        let (parent, memory_bytes, cpu_s, file_bytes, slice_ns) = (word(0) as u32, word(2), word(3), word(5), word(6));
+        let confinement = Confinement { parent, memory_bytes, cpu_s, slice_ns, file_bytes, landlock };
+        Self { confinement, request_bytes: word(1) }
     }
 }
 
@@ -98,8 +99,14 @@ mod tests {
     #[test]
     fn a_preamble_survives_its_bytes() {
         let landlock = LandlockPolicy::Required;
-        let confinement =
-            Confinement { parent: 4711, memory_bytes: 1 << 30, cpu_s: 3600, file_bytes: 1 << 33, landlock };
+        let confinement = Confinement {
+            parent: 4711,
+            memory_bytes: 1 << 30,
+            cpu_s: 3600,
+            slice_ns: 20,
+            file_bytes: 1 << 33,
+            landlock,
+        };
         let preamble = Preamble { confinement, request_bytes: 99 };
         let bytes = preamble.to_bytes().try_into().unwrap();
         assert_eq!(Preamble::from_bytes(&bytes), preamble);

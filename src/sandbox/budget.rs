@@ -20,6 +20,10 @@ pub struct Budget {
     pub memory_bytes: u64,
     /// Processor time of all its threads together.
     pub cpu: Duration,
+    /// How long it computes at a time. Whoever wakes and takes shorter slices goes before it, on Linux 6.12 and newer: the service
+    /// always, whose threads take what the system gives, a few milliseconds; a child for whom somebody waits before one
+    /// for whom nobody does.
+    pub slice: Duration,
     /// Time on the wall from start to end.
     pub wall: Duration,
     /// Time on the wall without a single record: a child that still works says so more often.
@@ -34,11 +38,17 @@ pub struct Budget {
     pub landlock: LandlockPolicy,
 }
 
+impl Budget {
+    /// A [`Budget::slice`] for a child for whom somebody waits: what a frame takes.
+    pub const SHORT_SLICE: Duration = Duration::from_millis(20);
+}
+
 impl Default for Budget {
     fn default() -> Self {
         Self {
             memory_bytes: 448 << 20,
             cpu: Duration::from_secs(4 * 3600),
+            slice: Duration::from_millis(100),
             wall: Duration::from_secs(4 * 3600),
             silence: Duration::from_secs(60),
             record_bytes: 4 << 20,

@@ -10,6 +10,7 @@ use rustix::thread::set_no_new_privs;
 
 use super::budget::LandlockPolicy;
 use super::footprint;
+use super::slice;
 use super::syscalls;
 use crate::heap;
 
@@ -25,6 +26,8 @@ pub(super) struct Confinement {
     pub(super) memory_bytes: u64,
     /// Processor time, s.
     pub(super) cpu_s: u64,
+    /// Slices of processor time that it takes, ns.
+    pub(super) slice_ns: u64,
     /// Length that a file may grow to, bytes; 0 where it has none to write.
     pub(super) file_bytes: u64,
     /// What to do without Landlock.
@@ -84,6 +87,7 @@ impl Confinement {
     pub(super) fn enter(&self) -> Result<Enforced, ConfinementError> {
         self.check_parent()?;
         set_no_new_privs(true).map_err(system("giving up new privileges"))?;
+        slice::take(self.slice_ns);
         self.limit_resources()?;
         let enforced = self.enter_landlock()?;
         limit(Resource::Nofile, 0, 0)?; // what is open stays; entering Landlock needed one more

@@ -26,6 +26,7 @@ mod kernel;
 mod outcome;
 mod parent;
 mod record;
+mod slice;
 mod stop;
 mod syscalls;
 

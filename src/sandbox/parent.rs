@@ -315,6 +315,7 @@ struct Outgoing {
 impl Outgoing {
     fn new(socket: UnixStream, request: Vec<u8>, inputs: Vec<File>, budget: &Budget) -> Self {
         let confinement = Confinement {
+            slice_ns: budget.slice.as_nanos() as u64, // checked: a fraction of a second
             parent: std::process::id(),
             memory_bytes: budget.memory_bytes,
             cpu_s: budget.cpu.as_secs().max(1),
