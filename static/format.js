@@ -27,6 +27,12 @@ export function number(value) {
 /** All digits that it has: for the steps of an axis. */
 export const exact = value => minus(whole.format(value));
 
+/** Numbers that stand beside each other, all with so many digits after the point. */
+export function withDigits(digits) {
+  const format = new Intl.NumberFormat(language, { minimumFractionDigits: digits, maximumFractionDigits: digits });
+  return value => minus(format.format(value));
+}
+
 /** An error: two telling digits. */
 export const uncertain = value => (Number.isFinite(value) ? telling.format(value) : '–');
 

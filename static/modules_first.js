@@ -13,10 +13,11 @@
       parts/seconds.js parts/skill.js parts/space_painter.js parts/span_bar.js parts/status.js parts/track.js
       parts/verdict.js parts/with_error.js watch.js`,
     trainee: `
-      format.js pages/trainee.js parts/balance.js parts/course_state.js parts/monitor_chart.js
-      parts/own_courses.js parts/progress_plot.js parts/progress_words.js parts/standard.js parts/status.js parts/with_error.js`,
+      format.js pages/trainee.js parts/axis.js parts/balance.js parts/course_state.js parts/monitor_chart.js
+      parts/own_courses.js parts/progress_plot.js parts/progress_words.js parts/standard.js parts/status.js
+      parts/with_error.js`,
     task: `
-      format.js pages/task.js parts/dialog.js parts/focus.js parts/raters.js parts/rescorings.js
+      format.js pages/task.js parts/axis.js parts/dialog.js parts/focus.js parts/raters.js parts/rescorings.js
       parts/skill_model.js parts/spread.js parts/spread_plot.js parts/standard.js parts/standard_form.js
       parts/standard_target.js parts/status.js`,
   };

@@ -14,6 +14,7 @@ import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/not
 import { Review } from '../parts/review.js';
 import { Skill } from '../parts/skill.js';
 import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
+import { Prose } from '../parts/prose.js';
 import { Verdict } from '../parts/verdict.js';
 
 const words = t.session;
@@ -123,7 +124,7 @@ function Loaded({ session, person, edits, start, onEdited }) {
   if (!done && !session.video) return null;
   return html`
     ${problem && html`<${ProblemNotice}
-      problem=${{ title: words.noPath, detail: html`${problem.title}. <span lang=${problem.lang}>${problem.detail}</span>` }} onRetry=${reload} />`}
+      problem=${{ title: words.noPath, detail: html`${problem.title}. <${Prose} text=${problem.detail} lang=${problem.lang} />` }} onRetry=${reload} />`}
     ${data !== undefined || problem ? html`<${Review} session=${session} person=${person} trajectory=${data}
       edits=${edits} start=${start} onEdited=${onEdited} />` : html`<${Loading} />`}`;
 }

@@ -13,6 +13,7 @@ import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/noti
 import { OwnCourses } from '../parts/own_courses.js';
 import { traineeId } from '../parts/shell.js';
 import { isMoving, ProgressBar, StatusPill, stateOf } from '../parts/status.js';
+import { Prose } from '../parts/prose.js';
 
 const words = t.today;
 const DAY_MS = 86_400_000;
@@ -141,7 +142,7 @@ const Failed = ({ session }) => html`
   <li>
     <${Name} session=${session} />
     <${StatusPill} state=${stateOf(session)} />
-    ${session.error && html`<p class="why">${session.error.title}. <span lang=${session.error.lang}>${session.error.detail}</span></p>`}
+    ${session.error && html`<p class="why">${session.error.title}. <${Prose} text=${session.error.detail} lang=${session.error.lang} /></p>`}
   </li>`;
 
 const Done = ({ session }) => html`<li><${Name} session=${session} /><${StatusPill} state=${stateOf(session)} /></li>`;

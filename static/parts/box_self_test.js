@@ -5,6 +5,7 @@ import { date, dateTime, fixed } from '../format.js';
 import { t } from '../texts.js';
 import { Form } from './form.js';
 import { jobIdOf, JobProgress } from './job.js';
+import { Prose } from './prose.js';
 
 const words = t.selfTest;
 /** Never colour alone: each light has its word, and in the row of days its sign. */
@@ -47,7 +48,7 @@ export function SelfTestSummary({ tests }) {
       ${last.parts.map(part => html`
         <li key=${part.part} class="stack tight">
           <div><${LightPill} light=${part.light} name=${words.parts[part.part]} /></div>
-          <p class="small" lang=${part.lang}>${part.finding}</p>
+          <p class="small"><${Prose} text=${part.finding} lang=${part.lang} /></p>
           ${part.advice && html`<p class="small muted">${words.todo}: <span lang=${part.lang}>${part.advice}</span></p>`}
         </li>`)}
     </ul>

@@ -8,6 +8,7 @@ import { t } from '../texts.js';
 import { EditDialog } from './edit_dialog.js';
 import { Notice, ProblemNotice } from './notice.js';
 import { spanName, useMarked } from './span_bar.js';
+import { Prose } from './prose.js';
 
 const words = t.session.edits;
 
@@ -67,7 +68,7 @@ function Score({ edits, mayEdit, onAgain }) {
   if (edits.score === 'current') return null;
   if (edits.score !== 'failed') return html`<${Notice} title=${words.making}>${words.makingBody}<//>`;
   const again = mayEdit && edits.job ? () => api.jobs.retry(edits.job).then(onAgain, onAgain) : undefined;
-  const why = edits.error && html`${edits.error.title}. <span lang=${edits.error.lang}>${edits.error.detail}</span>`;
+  const why = edits.error && html`${edits.error.title}. <${Prose} text=${edits.error.detail} lang=${edits.error.lang} />`;
   return html`<${ProblemNotice} problem=${{ title: words.failed, detail: why }} onRetry=${again} />`;
 }
 

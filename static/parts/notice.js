@@ -2,6 +2,9 @@
 import { html } from './preact.js';
 import { t } from '../texts.js';
 import { icons } from './icons.js';
+import { Prose } from './prose.js';
+
+const words = ({ detail, lang }) => (typeof detail === 'string' ? html`<${Prose} text=${detail} lang=${lang} />` : detail);
 
 /** A problem: what happened (title) and what to do (detail). */
 export function ProblemNotice({ problem, onRetry, onDismiss }) {
@@ -11,7 +14,7 @@ export function ProblemNotice({ problem, onRetry, onDismiss }) {
       <${icons.warning} />
       <div>
         <strong>${problem.title}</strong>
-        ${problem.detail && html`<p lang=${problem.lang}>${problem.detail}</p>`}
+        ${problem.detail && html`<p>${words(problem)}</p>`}
         ${onRetry && html`<p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
       </div>
       ${onDismiss && html`<button class="button bare" type="button" aria-label=${t.problems.dismiss}

@@ -1,5 +1,6 @@
 // One feature over a trainee's sessions: values with their error bars, the limit, the learning curve with its band. Each point
 // leads to its session.
+import { axisSteps } from './axis.js';
 import { html } from './preact.js';
 import { date, number, unit } from '../format.js';
 import { href } from '../router.js';
@@ -28,9 +29,9 @@ export function ProgressPlot({ series, sessions }) {
   return html`
     <svg class="progress-plot" viewBox="0 0 ${WIDTH} ${HEIGHT}" role="group"
       aria-label=${words.spark(name, points.length)}>
-      ${steps(low, high).map(value => html`<g key=${value}>
+      ${axisSteps(low, high).map(([value, read]) => html`<g key=${value}>
         <line class="grid-line" x1=${LEFT} x2=${WIDTH - RIGHT} y1=${y(value)} y2=${y(value)} />
-        <text class="axis" x=${LEFT - 8} y=${y(value) + 4} text-anchor="end">${number(value)}</text></g>`)}
+        <text class="axis" x=${LEFT - 8} y=${y(value) + 4} text-anchor="end">${read}</text></g>`)}
       <text class="axis" x=${LEFT} y=${TOP - 5}>${unit(series.unit)}</text>
       <text class="axis" x=${x(first)} y=${HEIGHT - 18} text-anchor="middle">${first}</text>
       ${last > first && html`<text class="axis" x=${x(last)} y=${HEIGHT - 18} text-anchor="middle">${last}</text>`}
@@ -63,13 +64,4 @@ function limits(values) {
   const [low, high] = [Math.min(...known), Math.max(...known)];
   const room = (high - low || Math.abs(high) || 1) * 0.08;
   return [low >= 0 && low < high / 2 ? 0 : low - room, high + room];
-}
-
-/** Three to six round numbers between two ends. */
-function steps(low, high) {
-  const rough = (high - low) / 4;
-  const ten = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map(of => of * ten).find(of => of >= rough);
-  const first = Math.ceil(low / step);
-  return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, i) => (first + i) * step);
 }

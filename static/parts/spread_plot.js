@@ -1,4 +1,5 @@
 // One dot a person on a line of values, a row for each group; dots that would cover each other are stacked. The limit stands across.
+import { axisSteps } from './axis.js';
 import { html } from './preact.js';
 import { number, unit } from '../format.js';
 import { t } from '../texts.js';
@@ -20,8 +21,8 @@ export function SpreadPlot({ told, limit, ends: [low, high] }) {
         ${stacked(group.values, x).map(([value, level], i) => html`<circle key=${i} class=${side(value, limit, told.better)} r=${DOT}
           cx=${x(value)} cy=${(at + 1) * ROW - DOT - 2 - level}><title>${number(value)} ${unit(told.unit)}</title></circle>`)}
       </g>`)}
-      ${marks(low, high).map(value => html`<text key=${value} class="axis" x=${x(value)} y=${height - 14} text-anchor="middle">
-        ${number(value)}</text>`)}
+      ${axisSteps(low, high).map(([value, read]) => html`<text key=${value} class="axis" x=${x(value)} y=${height - 14} text-anchor="middle">
+        ${read}</text>`)}
       <text class="axis" x=${WIDTH - RIGHT} y=${height - 1} text-anchor="end">${unit(told.unit)}</text>
       ${limit !== null && html`<line class="limit" x1=${x(limit)} x2=${x(limit)} y1="14" y2=${height - BOTTOM} />
         <text class="axis" x=${x(limit)} y="10" text-anchor="middle">${words.line(`${number(limit)} ${unit(told.unit)}`.trim())}</text>`}
@@ -46,13 +47,4 @@ function stacked(values, x) {
     placed.push([value, level]);
   }
   return placed;
-}
-
-/** Three to six round numbers between two ends. */
-function marks(low, high) {
-  const rough = (high - low) / 4;
-  const ten = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map(of => of * ten).find(of => of >= rough);
-  const first = Math.ceil(low / step);
-  return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, i) => (first + i) * step);
 }

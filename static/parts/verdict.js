@@ -2,6 +2,7 @@
 import { html } from './preact.js';
 import { t } from '../texts.js';
 import { icons } from './icons.js';
+import { Prose } from './prose.js';
 
 const words = t.session.verdict;
 const LOOKS = {
@@ -37,8 +38,8 @@ const Reasons = ({ reasons, mixed }) => reasons.length > 0 && html`
     ${reasons.map(reason => html`
       <li key=${`${reason.name} ${reason.tool}`}>
         ${mixed && html`<span class=${`pill ${TONES[reason.severity]}`}>${words.severities[reason.severity]}</span>${' '}`}
-        ${reason.tool ? reason.finding : capital(reason.finding)}.
-        <span class="small muted"> ${capital(reason.advice)}.</span>
+        <${Prose} text=${`${reason.tool ? reason.finding : capital(reason.finding)}.`} />
+        <span class="small muted"> <${Prose} text=${`${capital(reason.advice)}.`} /></span>
       </li>`)}
   </ul>`;
 

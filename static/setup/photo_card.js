@@ -1,6 +1,7 @@
 // One photo of the board: what was found in it is drawn over it; where that is not enough, why, where and what to do.
 import { html } from '../parts/preact.js';
 import { t, theirs } from '../texts.js';
+import { Prose } from '../parts/prose.js';
 import { sizeOf } from './photos.js';
 
 const words = t.setup.photos;
@@ -20,7 +21,7 @@ export function PhotoCard({ photo, usual, onRemove, onRetry }) {
         <p class="small code">${name}</p>
         ${isOther && html`<p class="small">${words.otherSize(sizeOf(check), usual)}</p>`}
         ${check && !check.found && html`<${Why} check=${check} />`}
-        ${problem && html`<p class="small">${problem.title}. <span lang=${problem.lang}>${problem.detail}</span></p>
+        ${problem && html`<p class="small">${problem.title}. <${Prose} text=${problem.detail} lang=${problem.lang} /></p>
           <p><button class="button" type="button" onClick=${onRetry}>${t.retry}</button></p>`}
       </div>
     </li>`;
