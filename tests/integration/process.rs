@@ -1,6 +1,8 @@
 //! The real program as a process of its own, which can be killed, and whose workers can start children.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
+use std::iter::successors;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
@@ -48,6 +50,40 @@ impl Process {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).unwrap();
         let line = status.lines().find_map(|line| line.strip_prefix(field)?.strip_prefix(':'));
         line.unwrap().trim().trim_end_matches(" kB").to_owned()
+    }
+
+    /// Seconds of the processors that it has taken, and all children that run.
+    pub fn processors_s(&self) -> f64 {
+        let names = std::fs::read_dir("/proc").unwrap().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        let all: BTreeMap<u32, Processors> =
+            names.filter_map(|name| Some((name.parse().ok()?, Processors::of(&name)?))).collect();
+        let is_ours = |id: &u32| {
+            let up = successors(Some(*id), |id| Some(all.get(id)?.parent));
+            up.take_while(|id| *id != 0).any(|id| id == self.id())
+        };
+        all.iter().filter(|(id, _)| is_ours(id)).map(|(_, taken)| taken.own_s).sum()
+    }
+}
+
+/// What a process has taken of the processors.
+pub struct Processors {
+    parent: u32,
+    own_s: f64,
+    /// Of children that have ended and were waited for.
+    pub of_ended_s: f64,
+}
+
+impl Processors {
+    /// By a process's id, or `self`. `None` if there is no such process.
+    pub fn of(process: &str) -> Option<Self> {
+        /// Ticks in a second, in which the kernel tells it on every machine.
+        const TICKS: f64 = 100.0;
+        let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+        // Fields by their numbers in proc(5); the second is a name with any characters.
+        let fields: Vec<&str> = stat.rsplit_once(") ")?.1.split(' ').collect();
+        let field = |number: usize| fields.get(number - 3)?.parse::<f64>().ok();
+        let sum_s = |user, system| Some((field(user)? + field(system)?) / TICKS);
+        Some(Self { parent: field(4)? as u32, own_s: sum_s(14, 15)?, of_ended_s: sum_s(16, 17)? })
     }
 }
 
