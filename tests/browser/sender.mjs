@@ -14,6 +14,7 @@ export function endFeed(page) {
 /** Runs in the page. */
 async function send({ recording, box, trainee, task }) {
   const HEAD = 32;
+  const FRAME_MS = 40;
   const table = Uint32Array.from({ length: 256 }, (_, n) => {
     for (let bit = 0; bit < 8; bit++) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
     return n;
@@ -56,7 +57,9 @@ async function send({ recording, box, trainee, task }) {
   const { session, epoch } = await answer('welcome');
 
   let [frames, began, ends] = [0, null, false];
-  const capture = async now => {
+  // By a timer: frames of a page that another one is opened over are not called back for.
+  const capture = async () => {
+    const now = performance.now();
     began ??= now;
     pen.drawImage(video, 0, 0);
     const jpeg = await new Promise(made => canvas.toBlob(made, 'image/jpeg', 0.92));
@@ -73,10 +76,10 @@ async function send({ recording, box, trainee, task }) {
     if (ends || socket.readyState !== WebSocket.OPEN) return;
     socket.send(record);
     frames++;
-    video.requestVideoFrameCallback(capture);
+    setTimeout(capture, Math.max(0, now + FRAME_MS - performance.now()));
   };
-  video.requestVideoFrameCallback(capture);
   await video.play();
+  capture();
 
   window.endFeed = async () => {
     ends = true;
