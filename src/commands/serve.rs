@@ -30,7 +30,7 @@ use crate::http::places::Places;
 use crate::http::state::{App, InForce, Parts};
 use crate::http::{router, server};
 use crate::intake::Intake;
-use crate::live::{self, Feeds, OpenFeeds, Turns};
+use crate::live::{self, Feeds, OpenFeeds};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::queue::Queue;
 use crate::rescoring::{self, RescoringSettings};
@@ -210,7 +210,7 @@ pub async fn start(
         analysis: settings.analysis.clone(),
         program: child.clone(),
         open: OpenFeeds::default(),
-        turns: Turns::default(),
+        turns: Arc::default(),
     });
     let parts = Parts {
         throttle: Throttle::new(settings.http.attempts_per_min, clock.clone()),

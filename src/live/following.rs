@@ -8,24 +8,25 @@
 //! another goes on from the next frame, three times in all. A slow watcher loses old news, never the feed.
 
 mod telling;
+mod watching;
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{PipeWriter, pipe};
 use std::os::fd::OwnedFd;
-use std::pin::pin;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use metrics::{counter, histogram};
 use tokio::sync::{Notify, broadcast, watch};
 use tokio::task::JoinHandle;
-use tokio::time::{interval, timeout};
+use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use telling::Telling;
+pub use watching::{Viewer, Watch};
 
-use super::turns::Turns;
+use super::turns::{self, Stands, Turn, Turns};
 use super::{Feed, Feeds};
 use crate::analysis::protocol::{FollowWork, Followed, Request, RunningRow, Work, live_features};
 use crate::analysis::{self, Attempt, Failure, LiveOrders, attempt};
@@ -88,12 +89,10 @@ struct Parts {
     following: watch::Sender<Following>,
     /// Watchers that want pictures.
     viewers: Arc<AtomicUsize>,
-    /// Records wait for the child's turn.
-    came: Notify,
+    /// The line in which its child stands with those of others.
+    turns: Arc<Turns>,
     /// Another record may come.
     room: Notify,
-    /// The child is done with all it was told of.
-    done: Notify,
     child: Mutex<Child>,
 }
 
@@ -101,6 +100,7 @@ struct Parts {
 #[derive(Default)]
 struct Child {
     telling: Telling,
+    place: InLine,
     /// Frames that came and that nobody can read in the log yet: where they lie, and whether a child can begin with them.
     unwritten: VecDeque<((u64, u32), bool)>,
     /// Where the frames since the last key frame lie, bytes: what a child needs to begin with.
@@ -121,55 +121,28 @@ struct Child {
     task: Option<JoinHandle<()>>,
 }
 
-/// A watcher's end.
-pub struct Watch {
-    /// The recording.
-    pub row: store::Feed,
-    /// The clock of its frames.
-    pub time_base: TimeBase,
-    /// Whether it is tracked.
-    pub following: watch::Receiver<Following>,
-    /// What its frames show.
-    pub news: broadcast::Receiver<Arc<Followed>>,
-    /// Whether pictures are wanted.
-    pub viewer: Option<Viewer>,
-    feed: Weak<Feed>, // weak: whoever watches does not keep a recording open
-}
-
-impl Watch {
-    /// Does anybody send the recording?
-    pub fn is_sent(&self) -> bool {
-        self.feed.upgrade().is_some_and(|feed| feed.is_sent())
-    }
-}
-
-/// One that wants pictures, for as long as it is kept.
-pub struct Viewer(Arc<AtomicUsize>); // not the follower itself: its news would never end
-
-impl Viewer {
-    fn new(of: &Follower) -> Self {
-        of.0.viewers.fetch_add(1, Ordering::AcqRel);
-        Self(of.0.viewers.clone())
-    }
-}
-
-impl Drop for Viewer {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
-    }
+/// Where a child is in the line.
+#[derive(Default)]
+enum InLine {
+    /// Not in it: nothing waits for a turn.
+    #[default]
+    Away,
+    /// Some way behind its head.
+    Waits,
+    /// It has this turn.
+    Has(Turn),
 }
 
 impl Follower {
     /// Of a recording of which nothing has come yet, or some.
-    pub(super) fn new(is_fresh: bool) -> Self {
+    pub(super) fn new(is_fresh: bool, turns: Arc<Turns>) -> Self {
         let child = Child { is_whole: is_fresh, ..Child::default() };
         Self(Arc::new(Parts {
             news: broadcast::Sender::new(NEWS_KEPT),
             following: watch::Sender::new(Following::NotYet),
             viewers: Arc::default(),
-            came: Notify::new(),
+            turns,
             room: Notify::new(),
-            done: Notify::new(),
             child: Mutex::new(child),
         }))
     }
@@ -218,16 +191,12 @@ impl Follower {
     /// So many bytes of the log can be read: the frames in them wait for the child's turn.
     pub(super) fn wrote(&self, bytes: u64) {
         let mut child = self.child();
-        let mut any = false;
         while let Some((place, is_key)) =
             child.unwritten.pop_front_if(|((offset, length), _)| *offset + u64::from(*length) <= bytes)
         {
             child.take_place(place, is_key);
-            any = true;
         }
-        if any {
-            self.0.came.notify_one();
-        }
+        self.0.take_turns(child);
     }
 
     /// Is there a child, or will there be one soon, that waits for frames to be written?
@@ -295,7 +264,7 @@ impl Follower {
             time_base: feed.time_base,
             following: self.0.following.subscribe(),
             news: self.0.news.subscribe(),
-            viewer: wants_pictures.then(|| Viewer::new(self)),
+            viewer: wants_pictures.then(|| Viewer::new(&self.0.viewers)),
             feed: Arc::downgrade(feed),
         }
     }
@@ -317,7 +286,7 @@ impl Follower {
         child.telling.end();
         child.telling.forget();
         self.0.room.notify_waiters();
-        self.0.done.notify_waiters();
+        self.0.take_turns(child);
     }
 
     /// Runs children until one comes to its end, or tells why there is none.
@@ -355,8 +324,7 @@ impl Follower {
         };
         let stop = PulledWhenGone(Stop::new().map_err(|error| lost(&error))?);
         let (program, stopping, follower) = (feeds.0.program.clone(), stop.0.clone(), self.clone());
-        self.child().begin(ours);
-        self.0.came.notify_one();
+        self.begin_child(ours);
         self.0.following.send_replace(Following::Tools(tools));
         let mut child = tokio::task::spawn_blocking(move || {
             let what = Attempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
@@ -368,53 +336,32 @@ impl Follower {
             .0
         });
         let mut beat = interval(BEAT);
-        let mut telling = pin!(self.tell_in_turn(&feeds.0.turns));
+        let mut look = interval(turns::LONGEST);
+        look.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let ended = loop {
             tokio::select! {
                 ended = &mut child => break ended,
                 () = feeds.0.shutdown.begun() => { stop.0.pull(); break child.await }
                 _ = beat.tick() => self.child().telling.beat(),
-                () = &mut telling => {}
+                _ = look.tick() => self.0.turns.go_on(),
             }
         };
         self.let_go();
         ended.map_err(|panic| Failure::Crashed(panic.to_string()))?.map(drop)
     }
 
-    /// Tells the child of what came, whenever its turn has come.
-    async fn tell_in_turn(&self, turns: &Turns) {
-        loop {
-            self.0.came.notified().await;
-            while self.child().telling.untold() > 0 {
-                let begin = || {
-                    let is_watched = self.0.viewers.load(Ordering::Acquire) > 0;
-                    self.child().telling.next(MOST_IN_A_TURN, is_watched);
-                    self.done()
-                };
-                turns.take(begin).await;
-            }
-        }
-    }
-
-    /// Waits until the child is done with all it was told of.
-    async fn done(&self) {
-        loop {
-            let changed = self.0.done.notified();
-            if self.child().is_nearly_done() {
-                return;
-            }
-            changed.await;
-        }
+    /// A child that is told through this pipe begins.
+    fn begin_child(&self, places: PipeWriter) {
+        let mut child = self.child();
+        child.begin(places);
+        self.0.take_turns(child);
     }
 
     /// The child is done with a record, and this is what it showed.
     fn heard(&self, mut followed: Followed) {
         let mut child = self.child();
         if let Some(came) = child.telling.done() {
-            // Only when they have something to do: each awakening takes a processor from a child.
-            if child.is_nearly_done() {
-                self.0.done.notify_waiters();
-            }
+            // Only when somebody has something to do: each awakening takes a processor from a child.
             if child.behind() <= ROOM_BEHIND {
                 self.0.room.notify_waiters();
             }
@@ -426,16 +373,64 @@ impl Follower {
         if let Some(rows) = &followed.running {
             child.last = Some(rows.clone());
         }
-        drop(child);
+        self.0.take_turns(child);
         let _ = self.0.news.send(Arc::new(followed)); // an error means only that nobody watches
     }
 
     fn child(&self) -> MutexGuard<'_, Child> {
-        self.0.child.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.child()
+    }
+}
+
+impl Parts {
+    /// Gives back a turn that is over, and stands in line with what waits.
+    fn take_turns(self: &Arc<Self>, mut child: MutexGuard<'_, Child>) {
+        let over = child.gives_back();
+        let stands = child.stands();
+        drop(child); // whoever is next may be this child
+        if let Some(turn) = over {
+            self.turns.over(turn);
+        }
+        if stands {
+            self.turns.stand(self.clone());
+        }
+    }
+
+    fn child(&self) -> MutexGuard<'_, Child> {
+        self.child.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Stands for Parts {
+    /// Tells the child of what waits.
+    fn begin(&self, turn: Turn) -> bool {
+        let is_watched = self.viewers.load(Ordering::Acquire) > 0;
+        let mut child = self.child();
+        child.place = InLine::Has(turn);
+        child.telling.next(MOST_IN_A_TURN, is_watched);
+        child.gives_back().is_none()
     }
 }
 
 impl Child {
+    /// The turn that it has, if it is over.
+    fn gives_back(&mut self) -> Option<Turn> {
+        let InLine::Has(turn) = self.place else { return None };
+        self.is_nearly_done().then(|| {
+            self.place = InLine::Away;
+            turn
+        })
+    }
+
+    /// Shall it be put in line?
+    fn stands(&mut self) -> bool {
+        let stands = matches!(self.place, InLine::Away) && self.telling.untold() > 0;
+        if stands {
+            self.place = InLine::Waits;
+        }
+        stands
+    }
+
     fn is_running(&self) -> bool {
         self.task.as_ref().is_some_and(|task| !task.is_finished())
     }

@@ -85,7 +85,7 @@ pub struct Parts {
     /// Recordings that are known to this service and not ended.
     pub open: OpenFeeds,
     /// In which order their frames are looked at.
-    pub turns: Turns,
+    pub turns: Arc<Turns>,
 }
 
 /// Recordings that are known to a service and not ended.
@@ -240,7 +240,7 @@ impl Feeds {
     async fn enter(&self, row: store::Feed) -> Result<Arc<Feed>, Farewell> {
         let time_base = row.time_base().map_err(|error| Farewell::new(Code::Failed, error.to_string()))?;
         let (log, numbers) = self.0.vault.open_feed(row.id).await.map_err(failed)?;
-        let follower = Follower::new(numbers.ranges().is_empty());
+        let follower = Follower::new(numbers.ranges().is_empty(), self.0.turns.clone());
         Ok(Arc::new(Feed {
             epoch: watch::Sender::new(row.epoch),
             time_base,

@@ -7,6 +7,7 @@ import { useLive } from '../live.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/notice.js';
+import { Prose } from '../parts/prose.js';
 
 const words = t.service;
 const DAY_MS = 86_400_000;
@@ -41,7 +42,7 @@ function Stands({ told: { version, pipeline, started_at, storage, queue, last_ba
         [words.free, bytes(storage.free_bytes)],
       ]} />
       <div class="stack"><${Facts} title=${words.backup} rows=${[[words.last, backup ? words.backupOf(dateTime(backup.at), backup.files) : words.noBackup]]}>
-        ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}>${words.noBackupBody}<//>`}<//>
+        ${(!backup || days >= OLD_DAYS) && html`<${Notice} tone="warn" title=${backup ? words.old(days) : words.noBackup}><${Prose} text=${words.noBackupBody} /><//>`}<//>
       <${Facts} title=${words.queue} rows=${[[words.waiting, queue.queued], [words.running, queue.running], [words.quarantined, queue.quarantined]]} /></div>
       <${Facts} title=${words.retention} rows=${[
         [words.kept, words.keptFor],

@@ -1913,7 +1913,7 @@ export default {
     last: 'Letzte Sicherung',
     backupOf: (when, n) => `${when}, ${plural(n, 'Datei', 'Dateien')}, alle geprüft`,
     noBackup: 'Keine bekannt',
-    noBackupBody: 'Führen Sie auf diesem Rechner „trocar admin backup ORDNER“ aus, am besten jede Nacht, und bewahren Sie den Ordner anderswo auf.',
+    noBackupBody: 'Führen Sie auf diesem Rechner `trocar admin backup ORDNER` aus, am besten jede Nacht, und bewahren Sie den Ordner anderswo auf.',
     old: days => `${plural(days, 'Tag', 'Tage')} alt`,
     queue: 'Warteschlange',
     waiting: 'Wartet',

@@ -1824,7 +1824,7 @@ export default {
     last: 'Last backup',
     backupOf: (when, n) => `${when}, ${plural(n, 'file', 'files')}, all verified`,
     noBackup: 'None is known',
-    noBackupBody: 'Run “trocar admin backup FOLDER” on this machine, best every night, and keep the folder elsewhere.',
+    noBackupBody: 'Run `trocar admin backup FOLDER` on this machine, best every night, and keep the folder elsewhere.',
     old: days => `${plural(days, 'day', 'days')} old`,
     queue: 'Queue',
     waiting: 'Waiting',

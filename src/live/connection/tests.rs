@@ -6,7 +6,7 @@ use crate::domain::scope::Scope;
 use crate::domain::text::Key;
 use crate::events::Events;
 use crate::ids::FeedId;
-use crate::live::{Connected, LiveSettings, OpenFeeds, Parts, Turns};
+use crate::live::{Connected, LiveSettings, OpenFeeds, Parts};
 use crate::queue::{Queue, QueueSettings};
 use crate::sandbox::Program;
 use crate::shutdown::Shutdown;
@@ -28,7 +28,7 @@ async fn connected(centre: &Centre) -> Connection {
         analysis: AnalysisSettings::default(),
         program: Program::at("/bin/false", &[]),
         open: OpenFeeds::default(),
-        turns: Turns::default(),
+        turns: Arc::default(),
     });
     let hello = Hello {
         protocol: PROTOCOL,

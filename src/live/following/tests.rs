@@ -5,22 +5,25 @@ use tokio::task::yield_now;
 use super::*;
 use crate::analysis::protocol::Place;
 
+/// In a line of its own.
+fn follower(is_fresh: bool) -> Follower {
+    Follower::new(is_fresh, Arc::default())
+}
+
 /// Begins a child; returns how many places it is told of at once.
 fn begin(follower: &Follower) -> usize {
     let (mut theirs, ours) = pipe().unwrap();
-    follower.child().begin(ours);
+    follower.begin_child(ours);
     follower.child().telling.end();
     let mut told = Vec::new();
     theirs.read_to_end(&mut told).unwrap();
     told.len() / Place::Beat.to_bytes().len()
 }
 
+/// As if they had been written together.
 fn key_frames(follower: &Follower, count: u64) {
-    let come = |number| {
-        follower.came(100 * number, 100, true);
-        follower.wrote(100 * (number + 1));
-    };
-    (0..count).for_each(come);
+    (0..count).for_each(|number| follower.came(100 * number, 100, true));
+    follower.wrote(100 * count);
 }
 
 fn is_whole(follower: &Follower) -> bool {
@@ -29,7 +32,7 @@ fn is_whole(follower: &Follower) -> bool {
 
 #[test]
 fn the_first_child_is_told_of_all_that_came_before_it() {
-    let follower = Follower::new(true);
+    let follower = follower(true);
     key_frames(&follower, 5);
     assert_eq!(begin(&follower), 5);
     assert!(is_whole(&follower));
@@ -37,7 +40,7 @@ fn the_first_child_is_told_of_all_that_came_before_it() {
 
 #[test]
 fn features_of_a_child_that_began_later_are_not_the_recordings() {
-    let follower = Follower::new(true);
+    let follower = follower(true);
     assert_eq!(begin(&follower), 0);
     key_frames(&follower, 5);
     assert!(is_whole(&follower));
@@ -47,18 +50,18 @@ fn features_of_a_child_that_began_later_are_not_the_recordings() {
 
 #[test]
 fn features_of_a_recording_that_an_earlier_service_began_are_none() {
-    let follower = Follower::new(false);
+    let follower = follower(false);
     begin(&follower);
     assert!(!is_whole(&follower));
 }
 
 #[test]
 fn a_child_that_begins_at_the_end_is_told_what_came_and_no_more() {
-    let follower = Follower::new(true);
+    let follower = follower(true);
     key_frames(&follower, 2);
     let (mut theirs, ours) = pipe().unwrap();
     follower.child().is_ending = true;
-    follower.child().begin(ours);
+    follower.begin_child(ours);
     let mut told = Vec::new();
     theirs.read_to_end(&mut told).unwrap(); // would wait for ever
     assert_eq!(told.len(), 2 * Place::Beat.to_bytes().len());
@@ -66,7 +69,7 @@ fn a_child_that_begins_at_the_end_is_told_what_came_and_no_more() {
 
 #[tokio::test]
 async fn a_recording_that_has_to_be_ended_again_has_the_same_features() {
-    let follower = Follower::new(true);
+    let follower = follower(true);
     begin(&follower);
     key_frames(&follower, 3);
     follower.0.following.send_replace(Following::Tools(Vec::new()));
@@ -86,7 +89,7 @@ fn with_a_task(follower: &Follower) {
 
 #[tokio::test]
 async fn a_sender_that_comes_while_its_child_is_let_go_gets_another() {
-    let follower = Follower::new(true);
+    let follower = follower(true);
     with_a_task(&follower);
     assert!(follower.child().is_begun(), "the first child is about to begin");
     assert!(!follower.goes_on(Ok(())), "and was enough");
@@ -100,9 +103,9 @@ async fn a_sender_that_comes_while_its_child_is_let_go_gets_another() {
 
 #[tokio::test]
 async fn a_child_is_not_let_go_of_a_sender_that_came_before_it_was() {
-    let follower = Follower::new(true);
+    let follower = follower(true);
     let (_theirs, ours) = pipe().unwrap();
-    follower.child().begin(ours);
+    follower.begin_child(ours);
     follower.let_go_if(|| false);
     assert!(follower.child().telling.goes_on());
     follower.let_go_if(|| true);
@@ -110,85 +113,79 @@ async fn a_child_is_not_let_go_of_a_sender_that_came_before_it_was() {
 }
 
 /// A box whose child is told in turn, and the child's end.
-async fn in_turn(turns: &Arc<Turns>) -> (Follower, PipeReader) {
-    let follower = Follower::new(true);
+fn in_turn(turns: &Arc<Turns>) -> (Follower, PipeReader) {
+    let follower = Follower::new(true, turns.clone());
     let (theirs, ours) = pipe().unwrap();
-    follower.child().begin(ours);
-    let (telling, turns) = (follower.clone(), turns.clone());
-    tokio::spawn(async move { telling.tell_in_turn(&turns).await });
-    yield_now().await;
+    follower.begin_child(ours);
     (follower, theirs)
 }
 
-/// Records that its child is told of and those that wait, once everybody else has had the time to act.
-async fn told_and_waiting(follower: &Follower) -> (usize, usize) {
-    for _ in 0..8 {
-        yield_now().await;
-    }
+/// Records that its child is told of and those that wait.
+fn told_and_waiting(follower: &Follower) -> (usize, usize) {
     let child = follower.child();
     (child.telling.told(), child.telling.untold())
 }
 
-#[tokio::test]
-async fn a_child_waits_until_that_of_another_box_is_done() {
+#[test]
+fn a_child_waits_until_that_of_another_box_is_done() {
     let turns = Arc::new(Turns::new(1));
-    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
+    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns), in_turn(&turns));
     key_frames(&one, 1);
-    assert_eq!(told_and_waiting(&one).await, (1, 0));
+    assert_eq!(told_and_waiting(&one), (1, 0));
     key_frames(&other, 1);
-    assert_eq!(told_and_waiting(&other).await, (0, 1));
+    assert_eq!(told_and_waiting(&other), (0, 1));
     one.heard(Followed::default());
-    assert_eq!(told_and_waiting(&other).await, (1, 0));
+    assert_eq!(told_and_waiting(&other), (1, 0));
 }
 
-#[tokio::test]
-async fn a_child_that_is_behind_leaves_others_their_turn() {
+#[test]
+fn a_child_that_is_behind_leaves_others_their_turn() {
     let turns = Arc::new(Turns::new(1));
-    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
+    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns), in_turn(&turns));
     key_frames(&one, 2 + MOST_IN_A_TURN as u64);
-    assert_eq!(told_and_waiting(&one).await, (MOST_IN_A_TURN, 2));
+    assert_eq!(told_and_waiting(&one), (MOST_IN_A_TURN, 2));
     key_frames(&other, 1);
     (0..MOST_IN_A_TURN).for_each(|_| one.heard(Followed::default()));
-    assert_eq!(told_and_waiting(&other).await, (1, 0));
-    assert_eq!(told_and_waiting(&one).await, (0, 2));
+    assert_eq!(told_and_waiting(&other), (1, 0));
+    assert_eq!(told_and_waiting(&one), (0, 2));
 }
 
-#[tokio::test]
-async fn a_child_is_told_of_no_frame_before_it_is_written() {
+#[test]
+fn a_child_is_told_of_no_frame_before_it_is_written() {
     let turns = Arc::new(Turns::new(1));
-    let (follower, _keeps) = in_turn(&turns).await;
+    let (follower, _keeps) = in_turn(&turns);
     for number in 0..3 {
         follower.came(100 * number, 100, true);
     }
-    assert_eq!(told_and_waiting(&follower).await, (0, 0));
+    assert_eq!(told_and_waiting(&follower), (0, 0));
     assert!(follower.waits_for_log());
     follower.wrote(250);
-    assert_eq!(told_and_waiting(&follower).await, (2, 0), "half of a record is none");
+    assert_eq!(told_and_waiting(&follower), (2, 0), "half of a record is none");
     follower.wrote(300);
     assert!(!follower.waits_for_log());
     follower.heard(Followed::default());
     follower.heard(Followed::default());
-    assert_eq!(told_and_waiting(&follower).await, (1, 0));
+    assert_eq!(told_and_waiting(&follower), (1, 0));
 }
 
-#[tokio::test]
-async fn a_child_that_is_behind_lets_another_begin_at_its_last_frame() {
+#[test]
+fn a_child_that_is_behind_lets_another_begin_at_its_last_frame() {
     let turns = Arc::new(Turns::new(1));
-    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns).await, in_turn(&turns).await);
+    let ((one, _keeps_one), (other, _keeps_other)) = (in_turn(&turns), in_turn(&turns));
     key_frames(&one, 1 + MOST_IN_A_TURN as u64);
-    assert_eq!(told_and_waiting(&one).await, (MOST_IN_A_TURN, 1));
+    assert_eq!(told_and_waiting(&one), (MOST_IN_A_TURN, 1));
     key_frames(&other, 1);
     (2..MOST_IN_A_TURN).for_each(|_| one.heard(Followed::default()));
-    assert_eq!(told_and_waiting(&other).await, (0, 1));
+    assert_eq!(told_and_waiting(&other), (0, 1));
     one.heard(Followed::default());
-    assert_eq!(told_and_waiting(&other).await, (1, 0));
-    assert_eq!(told_and_waiting(&one).await, (1, 1));
+    assert_eq!(told_and_waiting(&other), (1, 0));
+    assert_eq!(told_and_waiting(&one), (1, 1));
 }
 
 #[tokio::test]
 async fn a_feed_that_was_slowed_goes_on_once_there_is_room_for_several() {
     let turns = Arc::new(Turns::new(1));
-    let (follower, _keeps) = in_turn(&turns).await;
+    let (follower, _keeps) = in_turn(&turns);
     let frames = MOST_BEHIND as u64;
     (0..frames).for_each(|number| follower.came(100 * number, 100, true));
     assert!(!follower.has_room(), "frames that are not written yet count");
@@ -197,12 +194,12 @@ async fn a_feed_that_was_slowed_goes_on_once_there_is_room_for_several() {
     let slowed = follower.clone();
     let slowed = tokio::spawn(async move { slowed.room().await });
     for _ in 1..MOST_BEHIND - ROOM_BEHIND {
-        told_and_waiting(&follower).await;
+        yield_now().await;
         follower.heard(Followed::default());
     }
-    told_and_waiting(&follower).await;
+    yield_now().await;
     assert!(follower.has_room() && !slowed.is_finished());
     follower.heard(Followed::default());
-    told_and_waiting(&follower).await;
+    yield_now().await;
     assert!(slowed.is_finished());
 }

@@ -1,63 +1,76 @@
-use std::sync::{Arc, Mutex};
-use std::time::Instant;
-
-use tokio::sync::Notify;
-use tokio::task::yield_now;
-
 use super::*;
 
-/// Children that stand in one line, and in which order they began.
-#[derive(Clone)]
-struct Line {
-    turns: Arc<Turns>,
-    begun: Arc<Mutex<Vec<char>>>,
+/// A line, and in which order children in it began.
+struct Children {
+    turns: Turns,
+    begun: Arc<Mutex<Vec<(char, Turn)>>>,
 }
 
-impl Line {
+struct Named {
+    name: char,
+    has_something: bool,
+    begun: Arc<Mutex<Vec<(char, Turn)>>>,
+}
+
+impl Stands for Named {
+    fn begin(&self, turn: Turn) -> bool {
+        self.begun.lock().unwrap().push((self.name, turn));
+        self.has_something
+    }
+}
+
+impl Children {
     fn new(at_a_time: usize) -> Self {
-        Self { turns: Arc::new(Turns::new(at_a_time)), begun: Arc::default() }
+        Self { turns: Turns::new(at_a_time), begun: Arc::default() }
     }
 
-    /// A child that stands behind all others and is done when it is told so.
-    async fn joined_by(&self, name: char) -> Arc<Notify> {
-        let (line, done) = (self.clone(), Arc::new(Notify::new()));
-        let until = done.clone();
-        tokio::spawn(async move {
-            line.turns
-                .take(|| {
-                    line.begun.lock().unwrap().push(name);
-                    async move { until.notified().await }
-                })
-                .await;
-        });
-        yield_now().await;
-        done
+    fn stand(&self, name: char, has_something: bool) {
+        self.turns.stand(Arc::new(Named { name, has_something, begun: self.begun.clone() }));
     }
 
     fn begun(&self) -> String {
-        self.begun.lock().unwrap().iter().collect()
+        self.begun.lock().unwrap().iter().map(|(name, _)| name).collect()
+    }
+
+    fn turn_of(&self, name: char) -> Turn {
+        self.begun.lock().unwrap().iter().find(|begun| begun.0 == name).unwrap().1
     }
 }
 
-#[tokio::test]
-async fn who_came_first_is_first_and_no_more_at_a_time_than_may() {
-    let line = Line::new(2);
-    let first = line.joined_by('a').await;
-    for name in ['b', 'c', 'd'] {
-        line.joined_by(name).await;
-    }
-    assert_eq!(line.begun(), "ab");
-    first.notify_one();
-    yield_now().await;
-    yield_now().await;
-    assert_eq!(line.begun(), "abc");
+#[test]
+fn who_came_first_is_first_and_no_more_at_a_time_than_may() {
+    let children = Children::new(2);
+    "abcd".chars().for_each(|name| children.stand(name, true));
+    assert_eq!(children.begun(), "ab");
+    children.turns.over(children.turn_of('a'));
+    assert_eq!(children.begun(), "abc");
+    children.turns.over(children.turn_of('a'));
+    assert_eq!(children.begun(), "abc", "a turn is over once");
 }
 
-#[tokio::test]
-async fn nobody_waits_for_a_child_that_is_stuck() {
-    let line = Line::new(1);
-    line.joined_by('a').await;
+#[test]
+fn who_has_nothing_to_do_leaves_the_turn_to_the_next() {
+    let children = Children::new(1);
+    children.stand('a', true);
+    children.stand('b', false);
+    children.stand('c', true);
+    children.turns.over(children.turn_of('a'));
+    assert_eq!(children.begun(), "abc");
+    children.stand('d', true);
+    assert_eq!(children.begun(), "abc", "it is the turn of c");
+}
+
+#[test]
+fn nobody_waits_for_a_child_that_is_stuck() {
+    let children = Children::new(1);
     let began = Instant::now();
-    line.turns.take(|| async {}).await;
+    children.stand('a', true);
+    children.stand('b', true);
+    while children.begun() == "a" {
+        children.turns.go_on();
+    }
     assert!(began.elapsed() >= LONGEST);
+    children.stand('c', true);
+    children.turns.over(children.turn_of('a'));
+    assert_eq!(children.begun(), "ab", "what was taken from a is not given back");
 }

@@ -252,7 +252,7 @@ fn place(findings: &Findings) -> Option<PartVerdict> {
 /// As they were marked, and in today's picture. Without the second the light is not known, unless the first is red.
 fn colours(findings: &Findings) -> PartVerdict {
     const CLEAR: &str = "take what has the tape's colour out of the box, and hold the light as it was; if it stays, mark the \
-                         tapes again or take other tape (trocar palette --advise)";
+                         tapes again or take other tape (`trocar palette --advise`)";
     let today = findings.false_regions.iter().map(|(colour, of_tape)| Check {
         figure: *of_tape,
         limits: limits::FALSE_TAPE,
@@ -268,8 +268,10 @@ fn colours(findings: &Findings) -> PartVerdict {
     });
     match largest {
         Some(of_tape) if part.unit == "steps" => {
-            part.finding +=
-                &format!("; today no region of the empty box beyond {of_tape:.2} of a tape has their colours");
+            part.finding += &match format!("{of_tape:.2}").as_str() {
+                "0.00" => "; today nothing in the empty box has their colours".to_owned(),
+                size => format!("; today the largest region of the empty box that has one of them is {size} × a tape"),
+            };
         }
         None if part.signal < Signal::NotMeasured => {
             part.signal = Signal::NotMeasured;
@@ -283,7 +285,7 @@ fn colours(findings: &Findings) -> PartVerdict {
 
 fn marked_colours(findings: &Findings) -> Vec<Check> {
     const OTHER_TAPE: &str =
-        "mark the tapes again in today's light; if it stays, take other tape (trocar palette --advise)";
+        "mark the tapes again in today's light; if it stays, take other tape (`trocar palette --advise`)";
     let checks = findings.colours.iter().flat_map(|(tool, apart)| {
         let margins = [(Cause::ColourBackground, &apart.from_background), (Cause::ColourPair, &apart.from_tools)];
         margins.into_iter().filter_map(move |(cause, margin)| {
