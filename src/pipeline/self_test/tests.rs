@@ -283,7 +283,9 @@ fn a_box_in_which_something_has_the_tapes_colour_today_is_not_green_however_well
     let tape_px = wide().fx * wide().fy / 230f64.powi(2) * 5.0 * 25.0;
     let clean = colours(Some(0.02 * tape_px));
     assert_eq!((clean.signal, clean.unit, clean.figure), (Signal::Green, "steps", Some(12.0)));
-    assert!(clean.finding.contains("beyond 0.02 of a tape"), "{}", clean.finding);
+    assert!(clean.finding.contains("is 0.02 × a tape"), "{}", clean.finding);
+    let nothing = colours(Some(0.0)).finding;
+    assert!(nothing.contains("today nothing in the empty box has their colours"), "{nothing}");
     let [some, much] = [0.3, 0.7].map(|share| colours(Some(share * tape_px)));
     assert_eq!((some.signal, much.signal), (Signal::Yellow, Signal::Red));
     assert!((much.figure.unwrap() - 0.7).abs() < 1e-6 && much.advice.contains("out of the box"), "{much:?}");
