@@ -1,9 +1,10 @@
-//! Advice: what to work on next, said by rules where a feature surely misses its task's limit.
+//! Advice: what to work on next, given by rules where a feature certainly misses the limit of its task's standard.
 //!
-//! A rule speaks of a feature only where all of this holds: the task's standard sets it a limit; the value's whole error bar
-//! breaks that limit ([`Judgement::Fail`]), so that no advice rests on chance; and there are seconds to look at that are the
-//! hand's own doing. One rule speaks once for each tool, [`MOST`] speak in all, the feature farthest from its limit first: by
-//! the difference as a share of the larger of value and limit, which is the same whatever the unit.
+//! A rule gives advice on a feature only if the task's standard sets a limit for it; if the value's whole error bar
+//! breaks that limit ([`Judgement::Fail`]), so that no advice rests on chance; and if the recording has stretches to
+//! look at that the trainee's hand caused. Each rule applies at most once per tool, and a session gets at most
+//! [`MAX_ADVICE`] pieces of advice, the feature farthest from its limit first. The distance is the difference as a
+//! share of the larger of value and limit, which does not depend on the unit.
 
 mod rules;
 
@@ -18,15 +19,15 @@ use super::session::{FeatureError, FeatureRow};
 use super::standard::{Better, Definition, Judgement, Target, ToJudge};
 use super::trainee::Handedness;
 
-/// Pieces of advice for one session, at most: nobody works on four things at once.
+/// Maximum pieces of advice for one session: a trainee cannot work on four things at once.
 pub const MOST: usize = 3;
 
 /// One piece of advice.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Advice {
-    /// Which rule speaks: its stable id.
+    /// Stable id of the rule.
     pub rule: &'static str,
-    /// Of which feature.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
     /// The feature's title for people.
@@ -35,34 +36,34 @@ pub struct Advice {
     pub unit: String,
     /// The value.
     pub value: f64,
-    /// How far it may be off: all of it breaks the limit.
+    /// The value's error bar: all of it breaks the limit.
     pub error: FeatureError,
-    /// The limit that the task's standard sets.
+    /// The limit in the task's standard.
     pub limit: f64,
-    /// Which side of it is better.
+    /// Which side of the limit is better.
     pub better: Better,
-    /// How far from the limit, as a share of the larger of value and limit.
+    /// Distance from the limit, as a share of the larger of value and limit.
     pub distance: f64,
-    /// What the stretches are.
+    /// What the stretches show, such as `rest` or `detour`.
     pub what: Option<String>,
     /// Unit of their amounts.
     pub amount_unit: Option<String>,
-    /// What to look at, the weightiest first.
+    /// The stretches to look at, the one with the largest contribution first.
     pub stretches: Vec<StretchRow>,
-    /// All of it in plain words.
+    /// The advice as text.
     pub sentence: String,
 }
 
-/// A session's measured features, and what they are held against.
+/// A session's measured features, with their evidence and the data needed to judge them.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured<'m> {
     /// The features.
     pub features: &'m [FeatureRow],
-    /// Where they come from.
+    /// The stretches that made the features.
     pub evidence: &'m [EvidenceRow],
     /// Version of the program that measured them.
     pub pipeline: &'m str,
-    /// The hand that the person prefers, if said.
+    /// The trainee's preferred hand, if known.
     pub handedness: Option<Handedness>,
 }
 
@@ -72,8 +73,8 @@ pub fn advise(definition: &Definition, measured: Measured<'_>) -> Vec<Advice> {
     all.sort_by(|a, b| b.distance.total_cmp(&a.distance));
     let mut chosen: Vec<Advice> = Vec::new();
     for advice in all {
-        let is_said = chosen.iter().any(|said| said.rule == advice.rule && said.of.tool == advice.of.tool);
-        if !is_said && chosen.len() < MOST {
+        let is_given = chosen.iter().any(|given| given.rule == advice.rule && given.of.tool == advice.of.tool);
+        if !is_given && chosen.len() < MOST {
             chosen.push(advice);
         }
     }
@@ -112,7 +113,7 @@ fn of_target(target: &Target, measured: Measured<'_>) -> Option<Advice> {
     })
 }
 
-/// Words, feature, value, limit and the place to look at.
+/// The rule's words, then feature, value, limit and the seconds to look at.
 fn sentence(rule: &Rule, target: &Target, row: &FeatureRow, error: FeatureError, first: &StretchRow) -> String {
     let whose = target.of.tool.as_ref().map_or(String::new(), |tool| format!(" of {tool}"));
     let unit = if row.unit == "1" || row.unit.is_empty() { String::new() } else { format!(" {}", row.unit) };
@@ -131,7 +132,7 @@ fn sentence(rule: &Rule, target: &Target, row: &FeatureRow, error: FeatureError,
     )
 }
 
-/// Three telling digits.
+/// A number with three significant digits.
 fn digits(value: f64) -> String {
     let places = if value == 0.0 { 0 } else { 2 - value.abs().log10().floor() as i32 };
     format!("{value:.*}", places.clamp(0, 6) as usize)

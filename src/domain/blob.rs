@@ -1,4 +1,4 @@
-//! Files by their content: a blob is named by the SHA-256 of its bytes and never changes.
+//! Files named by their content: a blob's name is the SHA-256 of its bytes, and a blob never changes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::text::Invalid;
 
-/// SHA-256 of a file's bytes; as text 64 small hexadecimal digits.
+/// SHA-256 of a file's bytes; as text, 64 lower-case hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct BlobHash(pub [u8; 32]);
@@ -16,14 +16,14 @@ pub struct BlobHash(pub [u8; 32]);
 /// A file in the vault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Blob {
-    /// What it is called: its content.
+    /// The hash of its content, which is its name.
     pub hash: BlobHash,
-    /// Its length, bytes.
+    /// Length, bytes.
     pub bytes: u64,
 }
 
 impl Blob {
-    /// The blob that these bytes make.
+    /// The blob of these bytes.
     pub fn of(content: &[u8]) -> Self {
         Self { hash: BlobHash(Sha256::digest(content).into()), bytes: content.len() as u64 }
     }
@@ -45,7 +45,7 @@ impl FromStr for BlobHash {
     type Err = Invalid;
 
     fn from_str(text: &str) -> Result<Self, Invalid> {
-        let refused = || Invalid::new("hash", "expected 64 small hexadecimal digits");
+        let refused = || Invalid::new("hash", "expected 64 lower-case hexadecimal digits");
         let small_hex = |b: u8| b.is_ascii_digit() || (b'a'..=b'f').contains(&b);
         if text.len() != 64 || !text.bytes().all(small_hex) {
             return Err(refused());

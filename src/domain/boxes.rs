@@ -1,4 +1,4 @@
-//! A box trainer: a camera that looks into it from one side, and tools marked with coloured tape.
+//! A box trainer: a box with a camera and with tools marked with coloured tape.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,17 +9,17 @@ use super::text::{Code, Name, Paragraphs};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewBox {
-    /// What people call it.
+    /// Name for people.
     pub name: Name,
-    /// Its short unique name; made from `name` if absent.
+    /// Short unique name; derived from `name` if absent.
     pub code: Option<Code>,
-    /// From where the camera looks, if known before tools are marked.
+    /// The camera's viewpoint, if known before tools are marked.
     pub view: Option<View>,
-    /// Anything worth knowing about it.
+    /// Free notes.
     pub notes: Option<Paragraphs>,
 }
 
-/// Changes to a box; what is absent stays.
+/// Changes to a box; absent fields stay as they are.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxChange {
@@ -33,15 +33,15 @@ pub struct BoxChange {
     pub notes: Option<Paragraphs>,
 }
 
-/// A tool as it is known in a box.
+/// A tool of a box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct BoxTool {
-    /// The tool's name: its colour, such as `orange`, or one of its own.
+    /// The tool's name: its tape's colour, such as `orange`, or a name of its own.
     pub name: String,
-    /// Colour of its tape, where that is not its name. Two tools of one colour are told apart by their trocars.
+    /// Colour of its tape, where that is not its name. Two tools of one colour are distinguished by their trocars.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<String>,
-    /// The side of the picture on which its hand is, where that is told.
+    /// The side of the picture that the tool's hand is on, where known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub side: Option<Side>,
     /// Outer diameter over the tape, mm.

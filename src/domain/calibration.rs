@@ -1,4 +1,4 @@
-//! One version of a box's camera: never changed, only followed by the next.
+//! One version of a box's camera. A version never changes; a new one replaces it.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,9 +7,9 @@ use super::named;
 use super::text::Invalid;
 
 named! {
-    /// Where a calibration came from.
+    /// The source of a calibration.
     CalibrationSource: "source" {
-        /// Somebody sent a camera.json.
+        /// An uploaded camera.json.
         File = "file",
         /// Photos of a checkerboard.
         Photos = "photos",
@@ -21,13 +21,13 @@ named! {
 /// A calibration to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewCalibration {
-    /// The camera, with what the calibration says of itself.
+    /// The camera, with the calibration's own figures.
     pub camera: CameraFile,
-    /// Where it came from.
+    /// The source of the calibration.
     pub source: CalibrationSource,
 }
 
-/// A checkerboard, counted in inner corners, as on the command line: `9x6`.
+/// Size of a checkerboard in inner corners, written as on the command line: `9x6`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct BoardSize {

@@ -1,4 +1,4 @@
-//! Who is in a reference group: a list, or everybody whom a description fits.
+//! Members of a reference group: a list of people, or all people who match a description.
 
 use serde::Deserialize;
 
@@ -6,13 +6,13 @@ use super::text::{Code, Invalid, Name};
 use super::trainee::{Handedness, Level};
 use crate::ids::{GroupId, TraineeId};
 
-/// A cohort to be made, or what an existing one becomes.
+/// A cohort to be created, or the new content of an existing one.
 #[derive(Clone, Debug, PartialEq, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewCohort {
-    /// What people call it.
+    /// Name for people.
     pub name: Name,
-    /// Its short unique name; made from `name` if absent.
+    /// Short unique name; derived from `name` if absent.
     pub code: Option<Code>,
     /// Only people of this level.
     pub level: Option<Level>,
@@ -20,18 +20,18 @@ pub struct NewCohort {
     pub handedness: Option<Handedness>,
     /// Only people of this training group.
     pub group: Option<GroupId>,
-    /// Exactly these people, instead of a description.
+    /// A list of exactly these people, instead of a description.
     pub members: Option<Vec<TraineeId>>,
 }
 
 impl NewCohort {
-    /// The same, if it says one thing: a list without repeats or a description, not both.
+    /// Returns the cohort if it has either a list without repeats or a description, not both.
     pub fn checked(self) -> Result<Self, Invalid> {
         let Some(members) = &self.members else { return Ok(self) };
         if self.level.is_some() || self.handedness.is_some() || self.group.is_some() {
             return Err(Invalid::new(
                 "members",
-                "stands beside level, handedness or group; give a list or a description",
+                "cannot be combined with level, handedness or group; give a list or a description",
             ));
         }
         if members.is_empty() {
@@ -60,7 +60,7 @@ mod tests {
         for (body, why) in [
             (serde_json::json!({ "name": "x", "members": [] }), "is empty"),
             (serde_json::json!({ "name": "x", "members": [id, id] }), "twice"),
-            (serde_json::json!({ "name": "x", "members": [id], "level": "expert" }), "beside"),
+            (serde_json::json!({ "name": "x", "members": [id], "level": "expert" }), "combined"),
         ] {
             assert!(of(body.clone()).unwrap_err().to_string().contains(why), "{body}");
         }

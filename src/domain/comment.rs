@@ -1,32 +1,32 @@
-//! Comments: what somebody says about a second of a session, or about a stretch of it.
+//! Comments on a moment of a session, or on a stretch of it.
 
 use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::text::{Invalid, Remark};
 
-/// Latest second that can be meant: no recording is longer than a day.
+/// Latest accepted second: no recording is longer than a day.
 const LATEST_S: f64 = 86_400.0;
 
 /// A comment to be stored.
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewComment {
-    /// About which second of the recording.
+    /// The second of the recording that the comment is about.
     pub from_s: f64,
-    /// The end of the stretch that is meant; absent: that one moment.
+    /// End of the stretch that the comment is about; absent: one moment.
     #[serde(default)]
     pub to_s: Option<f64>,
-    /// What is said: 1 to 2000 characters, in lines.
+    /// The comment: 1 to 2000 characters; line breaks are allowed.
     #[schema(value_type = String)]
     pub text: Remark,
 }
 
 impl NewComment {
-    /// From when to when it is about, s.
+    /// Start and end of the stretch, s.
     ///
     /// # Errors
-    /// Seconds that no recording has.
+    /// Seconds outside any recording.
     pub fn span(&self) -> Result<[f64; 2], Invalid> {
         let to_s = self.to_s.unwrap_or(self.from_s);
         let is_second = |second: f64| (0.0..=LATEST_S).contains(&second);

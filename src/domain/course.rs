@@ -1,58 +1,56 @@
-//! What a course asks for: tasks in an order, each with what counts as done and by when.
+//! Course plans: an ordered list of tasks, each with a condition for being done and a due date.
 //!
-//! A step is done when the task's standard is passed, or, where it asks for sessions, when so many were recorded. How far somebody has
-//! come is worked out from their sessions each time it is asked (`cohorts`): nobody's state is kept.
+//! A step is done when the task's standard is passed or, if the step requires a number of sessions, when that many were
+//! recorded. A trainee's progress is computed from their sessions at each request (`cohorts`); no progress is stored.
 
 use serde::Deserialize;
 
 use super::text::{Invalid, Key, Name};
 
-/// Most steps of a plan: more of them are no table that somebody reads.
+/// Maximum number of steps of a plan: a longer table is unreadable.
 pub const MOST_STEPS: usize = 40;
-/// Latest day that a step may be due on, days after the beginning: ten years.
+/// Latest due day of a step, days after the beginning: ten years.
 pub const MOST_DAYS: u32 = 3650;
-/// Most sessions that a step may ask for.
+/// Maximum number of sessions that a step may require.
 pub const MOST_SESSIONS: u32 = 200;
 
-/// A course plan to be made, or what an existing one becomes.
+/// A course plan to be created, or the new content of an existing one.
 #[derive(Clone, Debug, PartialEq, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewCourse {
-    /// What people call it.
+    /// Name for people.
     pub name: Name,
     /// Its steps in their order, 1 to 40.
     pub steps: Vec<NewStep>,
 }
 
-/// A step of it.
+/// A step of a course plan.
 #[derive(Clone, Debug, PartialEq, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewStep {
-    /// What to train, by id or code.
+    /// The task, by id or code.
     pub task: Key,
-    /// Due so many days after the course's beginning, 0 to 3650; 0: on its first day; absent: at any time.
+    /// Due date, days after the course's beginning, 0 to 3650; 0: the first day; absent: no due date.
     pub within_days: Option<u32>,
-    /// So many sessions of the course are asked for, 1 to 200; absent: that the task's standard is passed.
+    /// Required number of sessions during the course, 1 to 200; absent: the task's standard must be passed.
     pub sessions: Option<u32>,
 }
 
 impl NewCourse {
-    /// The same, if its figures are within their limits.
+    /// Returns the plan if its numbers are within their limits.
     pub fn checked(self) -> Result<Self, Invalid> {
         if !(1..=MOST_STEPS).contains(&self.steps.len()) {
             return Err(Invalid::new("steps", format!("are {}; expected 1 to {MOST_STEPS}", self.steps.len())));
         }
         for (number, step) in (1..).zip(&self.steps) {
             if let Some(days) = step.within_days.filter(|days| *days > MOST_DAYS) {
-                let why = format!("has {days} in step {number}; expected 0 to {MOST_DAYS} days");
+                let why = format!("is {days} in step {number}; expected 0 to {MOST_DAYS} days");
                 return Err(Invalid::new("within_days", why));
             }
             if let Some(sessions) = step.sessions.filter(|of| !(1..=MOST_SESSIONS).contains(of)) {
                 return Err(Invalid::new(
                     "sessions",
-                    format!(
-                        "has {sessions} in step {number}; expected 1 to {MOST_SESSIONS}, or nothing for the standard"
-                    ),
+                    format!("is {sessions} in step {number}; expected 1 to {MOST_SESSIONS}, or none for the standard"),
                 ));
             }
         }

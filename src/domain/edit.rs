@@ -1,5 +1,5 @@
-//! What people change about a scored session: cut off its ends, exchange two tools' names, let it not count. Nothing that was measured
-//! is touched; scores are made anew of what is left, and each change can be undone.
+//! Edits of a scored session: trim its ends, swap two tools' names, or set it aside so that it does not count. Measured
+//! data are never changed: the session is scored again from what remains, and each edit can be undone.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -7,67 +7,68 @@ use utoipa::ToSchema;
 use super::named;
 use super::text::{Invalid, Remark};
 
-/// Latest second that can be meant: no recording is longer than a day.
+/// Latest accepted second: no recording is longer than a day.
 const LATEST_S: f64 = 86_400.0;
 
 named! {
-    /// What kind of change.
+    /// Kind of edit.
     EditKind: "kind" {
-        /// What lies before and after a stretch counts no more.
+        /// Only a stretch counts; the recording before and after it is ignored.
         Trim = "trim",
-        /// Two tools change names over a stretch.
+        /// Two tools exchange names over a stretch.
         Swap = "swap",
-        /// The session counts in nothing: no progress, cohort, standard, model or correlation.
+        /// The session is excluded from progress, cohorts, standards, models and correlations.
         SetAside = "set_aside",
     }
 }
 
 named! {
-    /// How the score stands to a session's edits.
+    /// Whether the score reflects the session's edits.
     ScoreState: "state" {
-        /// It is made with the edits that are in force.
+        /// It was computed with the edits that are in force.
         Current = "current",
-        /// It is of before the last edit; the new one waits for its turn.
+        /// It predates the last edit; the new score waits in the queue.
         Waiting = "waiting",
-        /// The new one is being made.
+        /// The new score is being computed.
         Working = "working",
-        /// The new one could not be made; the problem says why.
+        /// The new score could not be computed; the problem says why.
         Failed = "failed",
     }
 }
 
-/// A change to be made.
+/// An edit as requested.
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewEdit {
-    /// What is changed.
+    /// Kind of edit.
     pub kind: EditKind,
-    /// `trim`: from which second of the recording it counts; `swap`: from which the names are exchanged. Not of `set_aside`.
+    /// First second of the stretch: the part that counts (`trim`) or that has the names exchanged (`swap`). Absent for
+    /// `set_aside`.
     #[serde(default)]
     pub from_s: Option<f64>,
-    /// To which second.
+    /// Last second of the stretch.
     #[serde(default)]
     pub to_s: Option<f64>,
-    /// `swap`: the names of the two tools.
+    /// For `swap`: the names of the two tools.
     #[serde(default)]
     pub tools: Option<[String; 2]>,
-    /// Why, for who reads it later: 1 to 2000 characters.
+    /// The reason, for later readers: 1 to 2000 characters.
     #[schema(value_type = String)]
     pub why: Remark,
-    /// `revision` of the list that it was decided by. If somebody else has edited the session since, nothing is done; without it, the
-    /// edit is made all the same.
+    /// `revision` of the list that the decision is based on. If another user has edited the session since, the edit is
+    /// refused. Absent: the edit is made in any case.
     #[serde(default)]
     pub revision: Option<u64>,
 }
 
-/// A change, checked as far as it can be without the session.
+/// An edit after all checks that do not need the session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Change {
-    /// Only what lies within counts, s.
+    /// Only this span counts, s.
     Trim([f64; 2]),
-    /// These two change names within, s.
+    /// These two tools exchange names within the span, s.
     Swap([String; 2], [f64; 2]),
-    /// The session counts in nothing.
+    /// The session does not count.
     SetAside,
 }
 
@@ -81,7 +82,7 @@ impl Change {
         }
     }
 
-    /// From when to when, s; `None` of what is about the whole session.
+    /// Start and end, s; `None` for an edit of the whole session.
     pub fn span(&self) -> Option<[f64; 2]> {
         match self {
             Change::Trim(span) | Change::Swap(_, span) => Some(*span),
@@ -91,21 +92,21 @@ impl Change {
 }
 
 impl NewEdit {
-    /// What is to be changed.
+    /// Checks the request and returns the edit.
     ///
     /// # Errors
-    /// Seconds that no recording has, or fields that do not go with the kind.
+    /// Seconds outside any recording, or fields that do not belong to the kind.
     pub fn change(&self) -> Result<Change, Invalid> {
         match (self.kind, self.tools.clone()) {
-            (EditKind::Swap, None) => Err(Invalid::new("tools", "is missing: say which two tools change names")),
+            (EditKind::Swap, None) => Err(Invalid::new("tools", "is missing: name the two tools to swap")),
             (EditKind::Swap, Some([one, other])) if one == other => {
                 Err(Invalid::new("tools", format!("names `{one}` twice; expected two tools")))
             }
             (EditKind::Swap, Some(tools)) => Ok(Change::Swap(tools, self.within()?)),
-            (_, Some(_)) => Err(Invalid::new("tools", "is only of a `swap`")),
+            (_, Some(_)) => Err(Invalid::new("tools", "belongs only to a `swap`")),
             (EditKind::Trim, None) => Ok(Change::Trim(self.within()?)),
             (EditKind::SetAside, None) if self.from_s.or(self.to_s).is_some() => {
-                Err(Invalid::new("from_s", "and `to_s` are not of `set_aside`, which is about the whole session"))
+                Err(Invalid::new("from_s", "and `to_s` do not belong to `set_aside`, which covers the whole session"))
             }
             (EditKind::SetAside, None) => Ok(Change::SetAside),
         }
@@ -113,7 +114,7 @@ impl NewEdit {
 
     fn within(&self) -> Result<[f64; 2], Invalid> {
         let second = |field: &'static str, value: Option<f64>| {
-            let value = value.ok_or_else(|| Invalid::new(field, "is missing: say from which second to which"))?;
+            let value = value.ok_or_else(|| Invalid::new(field, "is missing: give the first and last second"))?;
             if (0.0..=LATEST_S).contains(&value) {
                 return Ok(value);
             }
@@ -127,16 +128,16 @@ impl NewEdit {
     }
 }
 
-/// The trims and swaps that are in force, in the order in which they were made, and which state of the session's edits that is.
+/// The trims and swaps that are in force, in the order they were made, with the revision of the session's edits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EditsInForce {
-    /// Trims and swaps made and undone so far.
+    /// Number of trims and swaps made and undone so far.
     pub revision: u64,
-    /// Those that are in force.
+    /// The edits in force.
     pub changes: Vec<Change>,
 }
 
-/// What is left of a recording by these changes: what lies within all of its trims, s. `None`: all of it.
+/// The span of a recording that remains after these edits: the intersection of its trims, s. `None`: all of it.
 pub fn kept(changes: &[Change]) -> Option<[f64; 2]> {
     let trims = changes.iter().filter_map(|change| match change {
         Change::Trim(span) => Some(*span),

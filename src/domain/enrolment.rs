@@ -1,4 +1,5 @@
-//! Many trainees at once: rows of a list as people keep them, each checked for itself, so that all that is wrong is told at once.
+//! Enrolling many trainees at once: the rows of a list are each checked on their own, so that all problems are reported
+//! together.
 
 use std::collections::HashMap;
 use std::str::FromStr;
@@ -9,52 +10,52 @@ use utoipa::ToSchema;
 use super::text::{Code, Invalid, Name};
 use super::trainee::{Handedness, Level};
 
-/// Most rows of one list.
+/// Maximum number of rows in one list.
 pub const MOST_ROWS: usize = 500;
 
-/// A row as it stands in a list. Empty text is the same as none.
+/// A row of a list as sent. Empty text counts as absent.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct EnrolmentRow {
-    /// Their name.
+    /// The trainee's name.
     pub name: String,
-    /// Their short unique name; made from the name if it is empty.
+    /// Short unique name; derived from the name if empty.
     pub code: Option<String>,
     /// `novice`, `intermediate` or `expert`.
     pub level: Option<String>,
     /// `left`, `right` or `both`.
     pub handedness: Option<String>,
-    /// The name of the group that they join.
+    /// The name of the group to join.
     pub group: Option<String>,
 }
 
-/// Somebody to enrol, as far as the row itself tells.
+/// A trainee to enrol, as read from a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Enrolled {
-    /// Their name.
+    /// The trainee's name.
     pub name: Name,
-    /// Their code, if the row has one.
+    /// The code, if the row has one.
     pub code: Option<Code>,
     /// Experience.
     pub level: Option<Level>,
     /// Preferred hand.
     pub handedness: Option<Handedness>,
-    /// The name of their group.
+    /// The name of the group.
     pub group: Option<String>,
 }
 
-/// What is wrong with a row.
+/// A problem with a field of a row.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct RowProblem {
-    /// Which row, from 1.
+    /// Row number, from 1.
     pub row: usize,
-    /// Which of its fields.
+    /// The field.
     pub field: &'static str,
     /// What is wrong, and what is expected.
     pub message: String,
 }
 
-/// Reads the rows; all that is wrong with them themselves, or all of them.
+/// Reads the rows: all trainees, or all problems found in the rows.
 pub fn read(rows: &[EnrolmentRow]) -> Result<Vec<Enrolled>, Vec<RowProblem>> {
     let mut problems = Vec::new();
     let enrolled: Vec<Option<Enrolled>> =
@@ -66,7 +67,7 @@ pub fn read(rows: &[EnrolmentRow]) -> Result<Vec<Enrolled>, Vec<RowProblem>> {
             problems.push(problem(
                 index + 1,
                 "code",
-                format!("`{code}` is that of row {first}, too; a code is one person's"),
+                format!("`{code}` is already used in row {first}; give each trainee a code of their own"),
             ));
         }
     }
@@ -74,7 +75,7 @@ pub fn read(rows: &[EnrolmentRow]) -> Result<Vec<Enrolled>, Vec<RowProblem>> {
     if problems.is_empty() { Ok(enrolled.into_iter().flatten().collect()) } else { Err(problems) }
 }
 
-/// A problem of a row.
+/// Creates the problem of a row.
 pub fn problem(row: usize, field: &'static str, message: impl Into<String>) -> RowProblem {
     RowProblem { row, field, message: message.into() }
 }
@@ -138,8 +139,8 @@ mod tests {
             row(["Ann", "ana", "", "third", ""]),
         ];
         let problems = read(&rows).unwrap_err();
-        let told: Vec<(usize, &str)> = problems.iter().map(|problem| (problem.row, problem.field)).collect();
-        assert_eq!(told, [(1, "name"), (1, "code"), (1, "level"), (3, "handedness")]);
+        let found: Vec<(usize, &str)> = problems.iter().map(|problem| (problem.row, problem.field)).collect();
+        assert_eq!(found, [(1, "name"), (1, "code"), (1, "level"), (3, "handedness")]);
         let twice = read(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
         assert_eq!((twice.len(), twice[0].row, twice[0].field), (1, 2, "code"));
         assert!(twice[0].message.contains("row 1"), "{twice:?}");

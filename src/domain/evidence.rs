@@ -1,4 +1,4 @@
-//! The seconds that made a session's features, as they are kept and told.
+//! The stretches of a recording that made a session's features, as stored and as sent.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -8,20 +8,20 @@ use super::named;
 use crate::pipeline::evidence::{Evidence, MOST_STRETCHES, NoStretches, Stretch};
 use crate::pipeline::features::view::Cause;
 
-/// Rows of one session, at most: more than there are features, tools and spaces.
+/// Maximum number of rows of one session: more than there are combinations of features, tools and spaces.
 pub const MOST_ROWS: usize = 2_000;
 
-/// Where one feature of a session comes from.
+/// The stretches that made one feature of a session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct EvidenceRow {
-    /// Of which feature.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
-    /// What the stretches are, such as `rest` or `detour`; `null` where the feature has no place in time.
+    /// What the stretches show, such as `rest` or `detour`; `null` where the feature has no place in time.
     pub what: Option<String>,
     /// Unit of their amounts; `1` for counts and ratios.
     pub unit: Option<String>,
-    /// The stretches, at most three, the weightiest first; they do not overlap.
+    /// The stretches, at most three, the one with the largest contribution first; they do not overlap.
     pub stretches: Vec<StretchRow>,
     /// Why there are none; `null` where there are.
     pub none: Option<NoEvidence>,
@@ -34,11 +34,11 @@ pub struct StretchRow {
     pub from_s: f64,
     /// End, s.
     pub to_s: f64,
-    /// How much of it there was, in the row's unit.
+    /// The stretch's contribution, in the row's unit.
     pub amount: f64,
-    /// The share of the feature's value as measured that it made, 0 to 1; `null` of what does not add up.
+    /// The contribution as a share of the feature's measured value, 0 to 1; `null` for features that are not sums.
     pub share: Option<f64>,
-    /// Where the tool was not seen: whose doing that was.
+    /// If the tool was not seen: the cause.
     pub cause: Option<AbsenceCause>,
 }
 
@@ -52,19 +52,19 @@ pub struct NoEvidence {
 }
 
 named! {
-    /// Whose doing it was that a tool was not seen.
+    /// What caused that a tool was not seen.
     AbsenceCause: "cause" {
-        /// The hand's: it left the picture.
+        /// The hand: the tool left the picture.
         LeftView = "left_view",
-        /// The other tool's: it was in the way.
+        /// The other tool: it was in the way.
         Hidden = "hidden",
-        /// The tracker's.
+        /// The tracker: it lost the tool.
         Lost = "lost",
     }
 }
 
 impl EvidenceRow {
-    /// As the pipeline found it, with tools of these names.
+    /// The pipeline's evidence with the tools' names.
     pub fn of(evidence: &Evidence, tools: &[String]) -> Self {
         let (stretches, none) = match &evidence.stretches {
             Ok(stretches) => (stretches.iter().take(MOST_STRETCHES).map(StretchRow::from).collect(), None),
@@ -85,7 +85,7 @@ impl EvidenceRow {
 }
 
 impl From<&Stretch> for StretchRow {
-    /// Numbers with as many digits as they are worth.
+    /// Rounds the numbers to their meaningful digits.
     fn from(stretch: &Stretch) -> Self {
         Self {
             from_s: rounded(stretch.from_s, 3),

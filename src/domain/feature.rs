@@ -1,4 +1,4 @@
-//! Which features there are, and which one of them is meant.
+//! The list of features, and the key that identifies one feature of a session.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -25,7 +25,7 @@ impl From<&FeatureRow> for FeatureKey {
     }
 }
 
-/// What can be measured.
+/// A feature that can be measured.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct FeatureInfo {
     /// Stable name, such as `path_length`.
@@ -34,7 +34,7 @@ pub struct FeatureInfo {
     pub title: &'static str,
     /// Unit; `1` for shares, counts and ratios.
     pub unit: &'static str,
-    /// What is better: `lower`, `higher` or `neither`.
+    /// Which values are better: `lower`, `higher` or `neither`.
     pub better: &'static str,
     /// Definition, in one or two sentences.
     pub description: &'static str,
@@ -42,9 +42,9 @@ pub struct FeatureInfo {
     pub source: &'static str,
     /// Where it is measured.
     pub spaces: Vec<FeatureSpace>,
-    /// Has each tool a value of its own?
+    /// Whether each tool has a value of its own.
     pub of_tools: bool,
-    /// Has the session as a whole one?
+    /// Whether the session as a whole has a value.
     pub of_session: bool,
 }
 
@@ -58,7 +58,7 @@ impl From<&'static Feature> for FeatureInfo {
 }
 
 impl FeatureInfo {
-    /// All features, in the order in which people read them.
+    /// All features, in display order.
     pub fn all() -> Vec<Self> {
         features::FEATURES.iter().map(Self::from).collect()
     }
@@ -73,24 +73,24 @@ impl From<Space> for FeatureSpace {
     }
 }
 
-/// The feature of a name.
+/// Finds a feature by its name.
 pub fn named(name: &str) -> Result<&'static Feature, Invalid> {
     features::find(name)
-        .ok_or_else(|| Invalid::new("feature", format!("`{name}` is none; GET /api/v1/features lists all of them")))
+        .ok_or_else(|| Invalid::new("feature", format!("`{name}` is not a feature; see GET /api/v1/features")))
 }
 
-/// The space in which a feature is meant: the one that is named, or the first in which it is measured.
+/// The space to use for a feature: the named one, or the first space that the feature is measured in.
 pub fn space_of(feature: &Feature, named: Option<FeatureSpace>) -> Result<FeatureSpace, Invalid> {
     let measured: Vec<FeatureSpace> = feature.spaces.iter().map(|space| (*space).into()).collect();
     match (named, measured.first()) {
         (Some(space), _) if measured.contains(&space) => Ok(space),
         (None, Some(first)) => Ok(*first),
-        _ => Err(Invalid::new("space", format!("{} is not measured there", feature.name))),
+        _ => Err(Invalid::new("space", format!("{} is not measured in this space", feature.name))),
     }
 }
 
-/// Is a value along or across the camera's own axes, or of what it had in view, so that another camera would give another one? Lengths, times and
-/// volumes of hulls in three dimensions are the same from everywhere.
+/// True if another camera position would give another value: features in the image, along the camera's axes, and of the
+/// field of view. Lengths, times and hull volumes in three dimensions do not depend on the camera.
 pub fn is_of_one_camera(key: &FeatureKey) -> bool {
     let name = key.feature.as_str();
     key.space == FeatureSpace::Image

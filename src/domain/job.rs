@@ -1,4 +1,4 @@
-//! Pieces of work: what they are about and how they stand.
+//! Jobs: their inputs, kinds and states.
 //!
 //! ```text
 //!            claim                finish
@@ -9,8 +9,8 @@
 //!   │                    └─ crash, 3rd ──▶ quarantined ─────┤
 //!   └───────────────────── retry by a person ───────────────┘
 //! ```
-//! `failed` means that the work itself says why it cannot be done (not a video, no marker colour); `quarantined` that
-//! whoever worked on it died or fell silent, three times.
+//! `failed`: the job cannot be done, and the problem says why (not a video, no marker colour). `quarantined`: the
+//! process that ran the job crashed or stopped responding three times.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,25 +22,25 @@ use super::text::TrackerName;
 use crate::ids::{BoxId, CalibrationId, PaletteId, PersonId, ResultId, SessionId};
 
 named! {
-    /// What kind of work.
+    /// Kind of job.
     JobKind: "job kind" {
         /// Track a session's recording and score it.
         Track = "track",
-        /// Score a path that another tracker measured.
+        /// Score a trajectory that another tracker measured.
         Import = "import",
-        /// Score a session's stored path again.
+        /// Score a session's stored trajectory again.
         Rescore = "rescore",
         /// Make a box's next calibration from pictures of a checkerboard.
         Calibrate = "calibrate",
-        /// Collect a box's next colour samples from marked frames, or find out which tapes suit it.
+        /// Collect a box's next colour samples from marked frames, or find suitable tapes for it.
         Palette = "palette",
-        /// Test whether a box still measures what it should.
+        /// Test whether a box still measures correctly.
         SelfTest = "self_test",
     }
 }
 
 named! {
-    /// How a job stands.
+    /// State of a job.
     JobState: "job state" {
         /// Waits for a worker.
         Queued = "queued",
@@ -48,17 +48,17 @@ named! {
         Running = "running",
         /// Its result is stored.
         Done = "done",
-        /// The work cannot be done; the problem says why.
+        /// The job cannot be done; the problem says why.
         Failed = "failed",
-        /// Whoever worked on it died or fell silent too often.
+        /// The process that ran it crashed or stopped responding too often.
         Quarantined = "quarantined",
     }
 }
 
-/// Whose turn comes first; among equals, who has waited longest.
+/// Priority of a job in the queue; within one priority, the oldest job runs first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Turn {
-    /// Work about boxes: sessions wait for it.
+    /// Jobs about boxes: sessions wait for them.
     Box = 0,
     /// New sessions: people wait for them.
     Session = 1,
@@ -66,66 +66,67 @@ pub enum Turn {
     Again = 2,
 }
 
-/// What a job works on, as it is stored.
+/// A job's input, as stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum JobInput {
     /// Track a session.
     Track(TrackInput),
-    /// Score a path that came alone.
+    /// Score an imported trajectory.
     Import(ImportInput),
-    /// Score a stored path again.
+    /// Score a stored trajectory again.
     Rescore(RescoreInput),
     /// Calibrate a box's camera.
     Calibrate(CalibrateInput),
     /// Collect a box's colour samples.
     Palette(PaletteInput),
-    /// Find out which tapes suit a box.
+    /// Find suitable tapes for a box.
     Advice(AdviceInput),
     /// Test a box.
     #[serde(rename = "self_test")]
     SelfTest(SelfTestInput),
 }
 
-/// A recording, and the versions it is tracked with.
+/// A recording, and the versions to track it with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackInput {
-    /// Whose recording.
+    /// The session.
     pub session: SessionId,
     /// The recording.
     pub video: Blob,
-    /// With which camera.
+    /// The camera's calibration.
     pub calibration: CalibrationId,
-    /// With which colour samples.
+    /// The colour samples.
     pub palette: PaletteId,
 }
 
-/// Rows of another tracker.
+/// A table of another tracker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImportInput {
-    /// Whose.
+    /// The session.
     pub session: SessionId,
     /// The table as it was sent.
     pub table: Blob,
-    /// Who measured it.
+    /// The tracker that measured it.
     pub tracker: TrackerName,
 }
 
-/// A session's result, whose path is scored as the present program does.
+/// A session's result, whose trajectory is scored again with the present program version.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RescoreInput {
-    /// Whose.
+    /// The session.
     pub session: SessionId,
-    /// Which of its results.
+    /// The result.
     pub result: ResultId,
-    /// The paths of that result.
+    /// The stored trajectory of that result.
     pub trajectory: Blob,
-    /// For which state of the session's edits it was ordered.
+    /// Revision of the session's edits that the job was created for.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub edits: u64,
 }
 
-/// Of a session that was never edited the work is written as ever, so that it is the same work.
+/// Leaves `edits` out for a session without edits, so that the stored input equals that of older jobs and counts as the
+/// same.
 fn is_zero(edits: &u64) -> bool {
     *edits == 0
 }
@@ -133,7 +134,7 @@ fn is_zero(edits: &u64) -> bool {
 /// Pictures of a checkerboard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibrateInput {
-    /// Whose camera.
+    /// The box.
     #[serde(rename = "box")]
     pub of: BoxId,
     /// The board.
@@ -142,59 +143,59 @@ pub struct CalibrateInput {
     pub square_mm: f64,
     /// Photos, or one video.
     pub files: Vec<NamedBlob>,
-    /// Is the one file a video?
+    /// Whether the only file is a video.
     pub is_video: bool,
 }
 
 /// Marked frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PaletteInput {
-    /// Whose colours.
+    /// The box.
     #[serde(rename = "box")]
     pub of: BoxId,
-    /// What is marked, and the tools' sizes.
+    /// The marked rectangles and the tools' sizes.
     pub annotations: AnnotationsFile,
-    /// The clip in which `frame` counts, or one picture per frame.
+    /// The clip that `frame` refers to, or one picture per frame.
     pub files: Vec<NamedBlob>,
-    /// Is the one file a video? Otherwise file `n` shows frame [`PaletteInput::frames`]`[n]`.
+    /// Whether the only file is a video. Otherwise file `n` shows frame [`PaletteInput::frames`]`[n]`.
     pub is_video: bool,
-    /// Which frame each picture shows; empty for a video.
+    /// The frame number of each picture; empty for a video.
     pub frames: Vec<u64>,
 }
 
 /// A picture of a box without tools.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AdviceInput {
-    /// Of which box.
+    /// The box.
     #[serde(rename = "box")]
     pub of: BoxId,
-    /// A photo, or a recording that begins with it.
+    /// A photo, or a video whose first frame is used.
     pub picture: NamedBlob,
 }
 
-/// A recording of a printed board and a rod, and the versions that it tests.
+/// A recording of a printed board and a rod, and the versions to test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SelfTestInput {
-    /// Which box.
+    /// The box.
     #[serde(rename = "box")]
     pub of: BoxId,
-    /// Who asks for it.
+    /// The person who requested the test.
     pub person: Option<PersonId>,
-    /// Which camera is tested.
+    /// The calibration to test.
     pub calibration: CalibrationId,
-    /// Which colour samples are tested.
+    /// The colour samples to test.
     pub palette: PaletteId,
     /// The board that lies in the box.
     pub board: BoardSize,
     /// Side of a square, mm.
     pub square_mm: f64,
-    /// How far beyond the tape the tool's point lies, mm.
+    /// Distance from the tape to the tool's point, mm.
     pub reach_mm: f64,
     /// The recording.
     pub file: NamedBlob,
 }
 
-/// A file that came with a request, under the name that it had there.
+/// A file sent with a request, under its original name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedBlob {
     /// Its name, for reports.
@@ -204,7 +205,7 @@ pub struct NamedBlob {
 }
 
 impl JobInput {
-    /// Its kind.
+    /// The job's kind.
     pub fn kind(&self) -> JobKind {
         match self {
             JobInput::Track(_) => JobKind::Track,
@@ -216,7 +217,7 @@ impl JobInput {
         }
     }
 
-    /// Whose turn it is for.
+    /// The job's priority in the queue.
     pub fn turn(&self) -> Turn {
         match self {
             JobInput::Track(_) | JobInput::Import(_) => Turn::Session,
@@ -225,7 +226,7 @@ impl JobInput {
         }
     }
 
-    /// The session it is about, if it is about one.
+    /// The session that the job is about, if any.
     pub fn session(&self) -> Option<SessionId> {
         match self {
             JobInput::Track(track) => Some(track.session),
@@ -235,7 +236,7 @@ impl JobInput {
         }
     }
 
-    /// The box it is about, if it is about one.
+    /// The box that the job is about, if any.
     pub fn of_box(&self) -> Option<BoxId> {
         match self {
             JobInput::Track(_) | JobInput::Import(_) | JobInput::Rescore(_) => None,
@@ -246,7 +247,7 @@ impl JobInput {
         }
     }
 
-    /// The files it reads.
+    /// The files that the job reads.
     pub fn blobs(&self) -> Vec<Blob> {
         match self {
             JobInput::Track(track) => vec![track.video],

@@ -1,36 +1,36 @@
-//! What the centre's people talk about, parsed once at the rim: a value of these types is valid.
+//! The centre's domain types. Input is parsed once at the outer layer, so every value of these types is valid.
 //!
 //! | file | holds |
 //! |---|---|
 //! | [`text`] | names, codes, keys, file names: text with limits |
-//! | [`role`] | what somebody is |
-//! | [`scope`] | what somebody may see and change |
-//! | [`secret`] | tokens, cookies and passwords, and what is kept of them |
-//! | [`boxes`] | a box trainer: from where its camera looks |
+//! | [`role`] | roles of users and agents |
+//! | [`scope`] | what a user or agent may see and change |
+//! | [`secret`] | tokens, cookies and passwords, and their stored hashes |
+//! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
-//! | [`enrolment`] | many trainees at once |
+//! | [`enrolment`] | a list of trainees to enrol, checked row by row |
 //! | [`task`] | an exercise's description |
-//! | [`feature`] | which features there are, and which one of them is meant |
-//! | [`evidence`] | the seconds that made a session's features |
+//! | [`feature`] | the list of features, and the key of one of them |
+//! | [`evidence`] | the seconds of a recording that made a session's features |
 //! | [`advice`] | what to work on next, by rules |
-//! | [`rating`] | instructors' forms, and what they give on them |
-//! | [`comment`] | what somebody says about a second |
-//! | [`edit`] | what people change about a scored session |
-//! | [`standard`] | what a task asks for: targets, pass rule, charts |
-//! | [`cohort`] | who is in a reference group |
-//! | [`course`] | what a course asks for: steps, each with a task |
+//! | [`rating`] | rating forms, and instructors' marks on them |
+//! | [`comment`] | comments on a moment or a stretch of a session |
+//! | [`edit`] | edits of a scored session: trim, swap, set aside |
+//! | [`standard`] | a task's requirements: targets, pass rule, charts |
+//! | [`cohort`] | members of a reference group |
+//! | [`course`] | a course plan: steps, each with a task |
 //! | [`calibration`] | a version of a box's camera |
-//! | [`photo_check`] | what one photo of a checkerboard is good for |
+//! | [`photo_check`] | whether one photo of a checkerboard is usable |
 //! | [`palette`] | a version of a box's colour samples |
-//! | [`self_test`] | a box's traffic light |
-//! | [`blob`] | files by their content |
-//! | [`job`] | kinds and states of work, and what it is about |
-//! | [`feed`] | frames that arrive while they are recorded: records, words, numbers |
-//! | [`rescoring`] | scoring sessions again: what is ordered, what changed |
+//! | [`self_test`] | results of a box's self-test |
+//! | [`blob`] | files named by their content |
+//! | [`job`] | kinds, states and inputs of jobs |
+//! | [`feed`] | frames that arrive during the recording: records, messages, frame numbers |
+//! | [`rescoring`] | scoring sessions again: the order, and what changed |
 //! | [`session`] | states of a recording, versions and features of its result |
-//! | [`skill`] | a model of skill: as it is kept, told and read from a file |
+//! | [`skill`] | a model of skill: as stored, as shown, and as a file |
 //! | [`xapi`] | sessions as statements for learning record stores |
-//! | [`problem`] | why something did not work, for people |
+//! | [`problem`] | why something failed, for people |
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, features, truth |
 
 pub mod advice;
@@ -64,7 +64,7 @@ pub mod text;
 pub mod trainee;
 pub mod xapi;
 
-/// An enumeration whose values have one name each, in files, API and database alike.
+/// Defines an enumeration whose variants have one name each, used in files, the API and the database alike.
 macro_rules! named {
     ($(#[$doc:meta])* $name:ident: $what:literal { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)* }) => {
         $(#[$doc])*
@@ -75,7 +75,7 @@ macro_rules! named {
             /// All values.
             pub const ALL: &[$name] = &[$($name::$variant),*];
 
-            /// The value's one name.
+            /// The value's name in files, the API and the database.
             pub fn name(self) -> &'static str {
                 match self { $($name::$variant => $text,)* }
             }

@@ -1,4 +1,4 @@
-//! One version of a box's colour samples: never changed, only followed by the next.
+//! One version of a box's colour samples. A version never changes; a new one replaces it.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,19 +13,19 @@ use crate::pipeline::segmentation::palette::{FalseArea, Grade, Margin, Verdict, 
 /// Colour samples to be stored as a box's next version.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewPalette {
-    /// What the instructor marked.
+    /// The instructor's marks.
     pub annotations: AnnotationsFile,
-    /// The tools that it names, with their sizes.
+    /// The tools that the marks name, with their sizes.
     pub tools: Vec<BoxTool>,
-    /// How many samples each label gave.
+    /// Number of samples for each label.
     pub counts: Vec<LabelCount>,
     /// The samples themselves, in the form that the tracker reads back; opaque to the store.
     pub samples: Vec<u8>,
-    /// What they are worth.
+    /// How well the colours can be relied on.
     pub report: PaletteReport,
 }
 
-/// How many colour samples a label gave.
+/// Number of colour samples for a label.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LabelCount {
     /// Marker's name, or `background`, `shaft`, …
@@ -34,73 +34,74 @@ pub struct LabelCount {
     pub samples: u64,
 }
 
-/// What marks would make of frames, before anything is learned from them.
+/// A preview of what marks would do on frames, before colours are learned from them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PalettePreview {
-    /// The colours of tape, in the order in which masks count them.
+    /// The tape colours, in the order of the masks' classes.
     pub colours: Vec<String>,
-    /// A mask for each frame, in the order in which they were sent.
+    /// A mask for each frame, in the order they were sent.
     pub frames: Vec<FrameMask>,
-    /// What the colours are worth, as it would be told of them once they are learned.
+    /// The report that these colours would get once learned.
     #[serde(flatten)]
     pub report: PaletteReport,
 }
 
-/// What of a frame the tracker takes for tape.
+/// The cells of a frame that the tracker takes for tape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct FrameMask {
-    /// Which frame.
+    /// The frame.
     pub frame: u64,
     /// Columns of the frame, pixels.
     pub width: u32,
     /// Rows of the frame, pixels.
     pub height: u32,
-    /// A cell's side, pixels: the tracker looks once at each.
+    /// Side of a cell, pixels; the tracker samples each cell once.
     pub cell_px: u32,
     /// Cells in a row.
     pub columns: u32,
     /// Rows of cells.
     pub rows: u32,
-    /// The cells, row by row, as runs of `[class, cells]`: class 0 is no tape, 1 the first of `colours`, and so on.
+    /// The cells, row by row, as runs of `[class, cells]`: class 0 is not tape, 1 the first of `colours`, and so on.
     pub runs: Vec<[u32; 2]>,
 }
 
-/// What a palette's colours are worth: found before anything is recorded.
+/// How well a palette's colours can be relied on, determined before anything is recorded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PaletteReport {
-    /// What the marked pixels of each label are taken for when their own rectangle has no say.
+    /// The class given to each label's marked pixels when samples from their own rectangle are excluded.
     pub confusion: Vec<ConfusionRow>,
     /// Each tool's colour, in the tools' order.
     pub verdicts: Vec<ColourVerdict>,
-    /// A line for each colour that is not good: what speaks against it.
+    /// A line for each colour that is not good, with the reason.
     pub warnings: Vec<String>,
 }
 
-/// What one label's pixels are taken for.
+/// Classification of one label's pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ConfusionRow {
     /// Marker's name, or `background`, `shaft`, …
     pub label: String,
-    /// Rectangles that were marked; with only one, its own pixels vote for each other and the shares flatter.
+    /// Number of marked rectangles; with only one, its own pixels vote for each other and the shares are too
+    /// optimistic.
     pub rectangles: u64,
-    /// Pixels asked about.
+    /// Number of pixels classified.
     pub pixels: u64,
-    /// Shares in each light: as marked, and when it changes.
+    /// Shares in each light: as marked, and in changed light.
     pub lights: Vec<LightShares>,
 }
 
-/// What one label's pixels are taken for in one light.
+/// Classification of one label's pixels in one light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LightShares {
     /// `as marked`, `30 % darker`, `30 % brighter`, `500 K warmer`, `500 K cooler`.
     pub light: String,
-    /// Share taken for no tool, 0..1.
+    /// Share classified as no tool, 0..1.
     pub no_tool: f64,
-    /// Share taken for each tool, 0..1; with `no_tool` they add up to 1.
+    /// Share classified as each tool, 0..1; together with `no_tool` they add up to 1.
     pub tools: Vec<ToolShare>,
 }
 
-/// A share of pixels that is taken for a tool.
+/// Share of pixels classified as a tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ToolShare {
     /// Marker's name.
@@ -109,55 +110,55 @@ pub struct ToolShare {
     pub share: f64,
 }
 
-/// Which tapes suit a box, by a picture of it without tools: every tape and every pair, best first.
+/// Suitable tapes for a box, from a picture of it without tools: every tape and every pair, best first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PaletteAdvice {
     /// Every tape.
     pub tapes: Vec<TapeGrade>,
     /// Every pair, for two tools.
     pub pairs: Vec<PairGrade>,
-    /// A line for each tape that is not to be taken.
+    /// A line for each tape that should not be used.
     pub warnings: Vec<String>,
 }
 
-/// One tape against a box.
+/// How well one tape suits a box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct TapeGrade {
     /// The colour's name on the roll.
     pub tape: String,
-    /// The RAL Classic shade that is nearest.
+    /// The nearest RAL Classic shade.
     pub ral: u16,
     /// That shade as `#rrggbb`.
     pub srgb: String,
-    /// Shift of colour that it stands before the box's colours are nearer, steps of 1/255 of the full range.
+    /// Colour shift that the tape tolerates before the box's colours are nearer, steps of 1/255 of the full range.
     pub margin_steps: f64,
     /// Share of the picture that has its colour, 0..1.
     pub in_box: f64,
-    /// What that means.
+    /// The resulting grade.
     pub grade: ColourGrade,
 }
 
-/// Two tapes against a box and each other.
+/// How well two tapes suit a box and differ from each other.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PairGrade {
     /// The tapes.
     pub tapes: [String; 2],
-    /// The least of what they are apart and of both tapes' own margins, steps.
+    /// The smallest of `apart_steps` and both tapes' own margins, steps.
     pub margin_steps: f64,
-    /// Shift of colour that either stands before the other is nearer, steps.
+    /// Colour shift that either tape tolerates before the other is nearer, steps.
     pub apart_steps: f64,
-    /// What that means.
+    /// The resulting grade.
     pub grade: ColourGrade,
 }
 
 named! {
     /// How well a colour can be relied on.
     ColourGrade: "colour grade" {
-        /// Known as itself in every light tried, and nothing else is taken for it.
+        /// Recognised in every light tried, and nothing else is taken for it.
         Good = "good",
         /// Fails in another light, or nearly fails in this one.
         AtRisk = "at_risk",
-        /// Fails in the light in which it was marked.
+        /// Fails in the light that it was marked in.
         Bad = "bad",
     }
 }
@@ -169,26 +170,27 @@ pub struct ColourVerdict {
     pub tool: String,
     /// Good, at risk or bad.
     pub grade: ColourGrade,
-    /// What speaks against it, worst first.
+    /// Reasons against it, worst first.
     pub reasons: Vec<String>,
-    /// How far its colour is from what else was marked; absent where nothing else or only one pixel was.
+    /// Distance of its colour from other marked colours; absent where nothing else or only one pixel was marked.
     pub margin: Option<ColourMargin>,
-    /// What of the marked frames has its colour outside its band, worst frame; absent where its band was not found.
+    /// Area of its colour outside its band, in the worst marked frame; absent where its band was not found.
     pub false_area: Option<ColourFalseArea>,
 }
 
-/// How far a colour is from the others, in steps of 1/255 of the full range.
+/// Distance of a colour from the others, in steps of 1/255 of the full range.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ColourMargin {
-    /// The shift that all but 5 % of its pixels stand before another label is nearer; negative: it is already.
+    /// The shift that all but 5 % of its pixels tolerate before another label is nearer; negative: another is nearer
+    /// already.
     pub margin_steps: f64,
     /// RMS distance of its pixels from their mean.
     pub spread_steps: f64,
-    /// The label that is nearest.
+    /// The nearest label.
     pub nearest: String,
 }
 
-/// What of a frame has a tool's colour and is not the tool.
+/// The area of a frame that has a tool's colour and is not the tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ColourFalseArea {
     /// The frame.
@@ -218,7 +220,7 @@ impl PaletteReport {
 }
 
 impl PaletteReport {
-    /// Every number that can be other than a count.
+    /// All numbers apart from counts.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         let lights = self.confusion.iter().flat_map(|row| &row.lights);
         let shares = lights.flat_map(|light| light.tools.iter().map(|of| of.share).chain([light.no_tool]));
@@ -228,7 +230,7 @@ impl PaletteReport {
         shares.chain(of_margins).chain(areas.flat_map(|area| [area.share, area.largest_of_band]))
     }
 
-    /// Every text.
+    /// All texts.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
         let lights = self.confusion.iter().flat_map(|row| &row.lights);
         let in_lights = lights.flat_map(|light| light.tools.iter().map(|of| &of.tool).chain([&light.light]));
@@ -265,13 +267,13 @@ impl From<&PairAdvice> for PairGrade {
 }
 
 impl PaletteAdvice {
-    /// Every number.
+    /// All numbers.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         let tapes = self.tapes.iter().flat_map(|tape| [tape.margin_steps, tape.in_box]);
         tapes.chain(self.pairs.iter().flat_map(|pair| [pair.margin_steps, pair.apart_steps]))
     }
 
-    /// Every text.
+    /// All texts.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
         let tapes = self.tapes.iter().flat_map(|tape| [&tape.tape, &tape.srgb]);
         tapes.chain(self.pairs.iter().flat_map(|pair| &pair.tapes)).chain(&self.warnings).map(String::as_str)

@@ -1,4 +1,4 @@
-//! What one photo of a checkerboard is good for, told while whoever took it still holds the board.
+//! Immediate feedback on one photo of a checkerboard, while the user still holds the board.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use crate::pipeline::camera::glance;
 use crate::pipeline::camera::{Board, Coverage};
 
 named! {
-    /// A side of a picture, or of a board as it is seen.
+    /// A side of a picture, or of a board in the picture.
     Edge: "edge" {
         /// Left.
         Left = "left",
@@ -21,44 +21,45 @@ named! {
 }
 
 named! {
-    /// What may be the cause that a board was not found.
+    /// A possible reason why a board was not found.
     PhotoHint: "hint" {
         /// Too little light.
         Dark = "dark",
-        /// Burnt out by the light or its reflection.
+        /// Overexposed by the light or its reflection.
         Glare = "glare",
         /// Nothing in the picture is sharp.
         Soft = "soft",
-        /// The board leaves the picture; `cut_off` says where.
+        /// The board reaches beyond the picture; `cut_off` says where.
         CutOff = "cut_off",
     }
 }
 
-/// A photo of a checkerboard at a glance. It says nothing of accuracy: only all photos together do.
+/// Result of a quick check of one checkerboard photo. It says nothing about accuracy, which depends on all photos
+/// together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PhotoCheck {
     /// Columns, pixels.
     pub width: u32,
     /// Rows, pixels.
     pub height: u32,
-    /// Was the board found whole? Then a calibration can use the photo.
+    /// Whether the whole board was found. Only then can a calibration use the photo.
     pub found: bool,
-    /// Column and row of every inner corner, pixels, row by row of the board; of a board that was not found whole those
-    /// that were seen, in no order.
+    /// Column and row of every inner corner, pixels, row by row of the board. If the board was not found whole: the
+    /// corners that were seen, in no order.
     pub corners: Vec<[f64; 2]>,
     /// Why the board was not found whole.
     pub reason: Option<String>,
-    /// What may be the cause.
+    /// Possible causes.
     pub hints: Vec<PhotoHint>,
-    /// The sides of the picture at which what was seen of the board ends.
+    /// The sides of the picture that cut off the board.
     pub cut_off: Vec<Edge>,
     /// The side of the board that is clearly nearer to the camera; null where it faces the camera.
     pub near: Option<Edge>,
-    /// Which parts of the picture its corners fill.
+    /// Which parts of the picture the corners cover.
     pub coverage: PhotoCoverage,
 }
 
-/// Corners in each of equal cells of a picture.
+/// Number of corners in each cell of a grid over the picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PhotoCoverage {
     /// Cells across.
@@ -70,10 +71,10 @@ pub struct PhotoCoverage {
 }
 
 impl PhotoCheck {
-    /// Corners that are shown at most: more than any board has.
+    /// Maximum number of corners in the result: more than any board has.
     pub const MOST_CORNERS: usize = (Board::MOST + 2).pow(2);
 
-    /// Of a photo of this size.
+    /// The check of a photo of this size.
     pub fn new((width, height): (u32, u32), glance: &glance::Glance) -> Self {
         let mut hints: Vec<PhotoHint> = glance.hints.iter().map(hint).collect();
         hints.dedup();
@@ -100,7 +101,7 @@ impl PhotoCheck {
     }
 }
 
-/// For drawing: a calibration finds its corners anew.
+/// Rounds for drawing; a calibration detects the corners again with full precision.
 fn to_hundredth(value: f64) -> f64 {
     (value * 100.0).round() / 100.0
 }

@@ -1,4 +1,4 @@
-//! Why something did not work, in words for people: what, where, and what to do.
+//! Problems: why something failed, in words for people: what happened, where, and what to do.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Nothing in a recording can be decoded.
+    /// No frame of a recording can be decoded.
     pub const NO_FRAMES: &'static str = "no-frames";
     /// The picture changes its size.
     pub const SIZE_CHANGES: &'static str = "size-changes";

@@ -1,8 +1,9 @@
-//! Ratings: what an instructor gives a session on a form.
+//! Ratings: an instructor's marks for a session on a form.
 //!
-//! A rating names every item of its form, with a mark or expressly as not judged; only one that judged everything has a total.
-//! It is never changed: the same rater's next one takes its place, and the older is kept. **Blind:** nobody is told what others
-//! gave or wrote before they have given their own; what a form's agreement and correlations are made of was given so.
+//! A rating names every item of its form, with a mark or explicitly as not judged; only a rating with a mark for every
+//! item has a total. A rating never changes: the same rater's next rating replaces it, and the older one is kept.
+//! **Blind:** a rater sees the marks and comments of others only after submitting their own; agreement and correlations
+//! use only ratings that were given blind.
 
 mod forms;
 
@@ -33,12 +34,12 @@ named! {
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewRating {
-    /// On which form.
+    /// The form.
     pub form: Form,
-    /// In which wording; absent: the present one.
+    /// Version of the form's wording; absent: the present one.
     #[serde(default)]
     pub version: Option<i64>,
-    /// A mark from 1 to 5 for each item of the form, by its name; `null`: not judged.
+    /// A mark from 1 to 5 for each item of the form, by the item's name; `null`: not judged.
     pub items: BTreeMap<String, Option<u8>>,
 }
 
@@ -55,8 +56,7 @@ impl NewRating {
     /// The marks in the form's order.
     ///
     /// # Errors
-    /// Another wording than the present one, an item that is missing, too many or out of range, and a form on which nothing is
-    /// judged.
+    /// Another wording than the present one, a missing or unknown item, a mark out of range, or no item judged.
     pub fn marks(&self) -> Result<Vec<Mark>, Invalid> {
         let form = FormInfo::of(self.form);
         if let Some(version) = self.version.filter(|version| *version != form.version) {
@@ -66,10 +66,10 @@ impl NewRating {
         }
         if let Some(other) = self.items.keys().find(|name| form.items.iter().all(|item| item.name != name.as_str())) {
             let shown: String = other.chars().take(40).collect();
-            return Err(Invalid::new("items", format!("`{shown}` is no item of {}", form.form)));
+            return Err(Invalid::new("items", format!("`{shown}` is not an item of {}", form.form)));
         }
         let mark = |item: &ItemInfo| match self.items.get(item.name) {
-            None => Err(Invalid::new("items", format!("`{}` is missing; null says that it was not judged", item.name))),
+            None => Err(Invalid::new("items", format!("`{}` is missing; send null if it was not judged", item.name))),
             Some(Some(mark)) if !(MARKS.0..=MARKS.1).contains(mark) => Err(Invalid::new(
                 "items",
                 format!("`{}` is {mark}; expected {} to {} or null", item.name, MARKS.0, MARKS.1),
@@ -84,7 +84,7 @@ impl NewRating {
     }
 }
 
-/// The sum of all marks; `None` where an item was not judged, for sums of different items do not compare.
+/// The sum of all marks; `None` where an item was not judged, because sums over different items cannot be compared.
 pub fn total(marks: &[Mark]) -> Option<u32> {
     marks.iter().map(|mark| mark.mark.map(u32::from)).sum()
 }

@@ -1,4 +1,4 @@
-//! Scoring a task's sessions again: what is ordered, how each session stands, what changed.
+//! Scoring a task's sessions again: the order, the state of each session, and the changes.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -7,9 +7,9 @@ use super::feature::FeatureKey;
 use super::named;
 
 named! {
-    /// What is read again.
+    /// The data to score again.
     RescoringSource: "source" {
-        /// The stored path: the features alone are made anew.
+        /// The stored trajectory: only the features are computed again.
         Trajectory = "trajectory",
         /// The recording: it is tracked again, with the box's present camera and colours.
         Recording = "recording",
@@ -17,39 +17,39 @@ named! {
 }
 
 named! {
-    /// How one session of an order stands.
+    /// State of one session of an order.
     RescoringItemState: "state" {
-        /// Its turn has not come.
+        /// Not queued yet.
         Waiting = "waiting",
-        /// Its work is in the queue, or done and not compared yet.
+        /// Its job is in the queue or running, or done and not compared yet.
         Working = "working",
-        /// Old and new are compared.
+        /// The old and new results have been compared.
         Done = "done",
-        /// The work could not be done; the problem says why. The old result stays.
+        /// The job could not be done; the problem says why. The old result stays.
         Failed = "failed",
-        /// The order was called off before its turn came.
+        /// The order was cancelled before its job was queued.
         Cancelled = "cancelled",
     }
 }
 
 named! {
-    /// Which sessions of a task.
+    /// The sessions of a task to score again.
     Which: "which" {
-        /// Those whose result is of another version of the program than the present one.
+        /// Sessions whose result was made by another program version than the present one.
         Older = "older",
-        /// All that have a result.
+        /// All sessions with a result.
         All = "all",
     }
 }
 
-/// What is ordered.
+/// An order as requested.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewRescoring {
-    /// What is read again. Usually `trajectory`.
+    /// The data to score again. Usually `trajectory`.
     #[serde(default = "stored")]
     pub from: RescoringSource,
-    /// Which sessions. Usually `older`.
+    /// The sessions. Usually `older`.
     #[serde(default = "older")]
     pub which: Which,
 }
@@ -63,15 +63,15 @@ fn older() -> Which {
 }
 
 named! {
-    /// What became of a feature.
+    /// How a feature changed.
     Change: "change" {
-        /// The error bars do not overlap: more than the errors of measuring explain.
+        /// The error bars do not overlap: the change is larger than measurement errors explain.
         Apart = "apart",
-        /// It differs beyond rounding, but the error bars overlap, or one of them is not known.
+        /// The values differ by more than rounding, but the error bars overlap or one of them is unknown.
         WithinError = "within_error",
         /// Only the old result has a value.
         Lost = "lost",
-        /// Only the new result has one.
+        /// Only the new result has a value.
         Gained = "gained",
     }
 }
@@ -81,26 +81,26 @@ named! {
 pub struct Barred {
     /// The value, in the feature's unit.
     pub value: f64,
-    /// The true value lies with 95 % between `low`
+    /// Lower end of its 95 % interval; `null` where unknown.
     pub low: Option<f64>,
-    /// and `high`; both `null` where that is not known.
+    /// Upper end of its 95 % interval; `null` where unknown.
     pub high: Option<f64>,
 }
 
-/// A feature that is not what it was.
+/// A feature whose value changed.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct FeatureChange {
-    /// Which.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
     /// Title for people.
     pub title: String,
     /// Unit of the values.
     pub unit: String,
-    /// What became of it.
+    /// How it changed.
     pub change: Change,
-    /// In the old result.
+    /// The value in the old result.
     pub old: Option<Barred>,
-    /// In the new one.
+    /// The value in the new result.
     pub new: Option<Barred>,
 }

@@ -1,17 +1,17 @@
-//! What somebody is.
+//! Roles of users and agents.
 
 use super::named;
 
 named! {
-    /// What a signed-in person, or a program with a token, is.
+    /// The role of a signed-in person, or of a program with a token.
     Role: "role" {
-        /// Runs the centre: sees and changes everything.
+        /// Runs the centre: may see and change everything.
         Administrator = "administrator",
-        /// Teaches: sees the trainees of their groups.
+        /// Teaches: may see the trainees of their groups.
         Instructor = "instructor",
-        /// Trains: sees themselves.
+        /// Trains: may see only their own data.
         Trainee = "trainee",
-        /// A program beside a box: feeds that box, nothing else. Never a person.
+        /// A program at a box: sends that box's recordings, nothing else. Never a person.
         Agent = "agent",
     }
 }

@@ -1,8 +1,8 @@
-//! What somebody may see and change. Every function of the store that touches people's data asks for a [`Scope`].
+//! Scopes: what a caller may see and change. Every store function that touches personal data takes a [`Scope`].
 //!
-//! Only code that has just proved who is asking makes one: the sign-in extractor from a cookie or token, and
-//! [`Scope::service`] for work that the service does on its own behalf. What a scope does not cover does not exist for
-//! its holder: the store answers "not found", never "not yours".
+//! Only code that has just authenticated the caller creates one: the sign-in extractor from a cookie or token, and
+//! [`Scope::service`] for work that the service does on its own behalf. Data outside the scope do not exist for the
+//! caller: the store answers "not found", never "not yours".
 
 use super::role::Role;
 use crate::ids::{BoxId, PersonId, TraineeId};
@@ -14,7 +14,7 @@ pub struct Scope {
     actor: Actor,
 }
 
-/// How far somebody sees.
+/// The data that a scope covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reach {
     Everything,
@@ -23,12 +23,12 @@ enum Reach {
     Box(BoxId),
 }
 
-/// Who is asking, for the audit trail.
+/// The caller, for the audit trail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Actor {
-    /// A person, by cookie or by a token of theirs.
+    /// A person, signed in by cookie or token.
     Person(PersonId),
-    /// The program beside a box.
+    /// The agent at a box.
     Agent(BoxId),
     /// The service itself.
     Service,
@@ -50,7 +50,7 @@ impl Scope {
         Self { reach: Reach::Trainee(trainee), actor: Actor::Person(person) }
     }
 
-    /// The program beside a box: that box.
+    /// The agent at a box: that box.
     pub fn agent(of: BoxId) -> Self {
         Self { reach: Reach::Box(of), actor: Actor::Agent(of) }
     }
@@ -70,7 +70,7 @@ impl Scope {
         }
     }
 
-    /// The id that limits the role: the instructor's, the trainee's or the box's.
+    /// The id of the instructor, trainee or box that limits the scope; `None` for unlimited scopes.
     pub fn subject(&self) -> Option<String> {
         match self.reach {
             Reach::Everything => None,
@@ -80,7 +80,7 @@ impl Scope {
         }
     }
 
-    /// The trainee who is asking, if it is one.
+    /// The caller's trainee id, if the caller is a trainee.
     pub fn own_trainee(&self) -> Option<TraineeId> {
         match self.reach {
             Reach::Trainee(trainee) => Some(trainee),
@@ -88,18 +88,18 @@ impl Scope {
         }
     }
 
-    /// The scope of those whose recordings it may send: a box's agent sends whoever sits in front of it, people send only
-    /// whom they see.
+    /// The scope for uploads: a box's agent may send recordings of any trainee, a person only of trainees in their own
+    /// scope.
     pub fn of_whom_it_sends(&self) -> Self {
         if self.role() == Role::Agent { Self::service() } else { self.clone() }
     }
 
-    /// Who is asking.
+    /// The caller.
     pub fn actor(&self) -> Actor {
         self.actor
     }
 
-    /// The person who is asking, if it is one.
+    /// The calling person, if the caller is a person.
     pub fn person(&self) -> Option<PersonId> {
         match self.actor {
             Actor::Person(person) => Some(person),
@@ -107,12 +107,12 @@ impl Scope {
         }
     }
 
-    /// May it run the centre: people, tokens, groups?
+    /// True if the caller may manage people, tokens and groups.
     pub fn is_administrator(&self) -> bool {
         self.reach == Reach::Everything
     }
 
-    /// May it change boxes, tasks and trainees, and erase?
+    /// True if the caller may change and erase boxes, tasks and trainees.
     pub fn is_staff(&self) -> bool {
         matches!(self.reach, Reach::Everything | Reach::GroupsOf(_))
     }

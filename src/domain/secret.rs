@@ -1,4 +1,4 @@
-//! Secrets: what a program or browser shows to be let in, and the little that is kept of it.
+//! Secrets that programs and browsers present to sign in, and the hashes that are stored.
 //!
 //! A token or cookie is 32 random bytes; only its SHA-256 is stored (it has too much entropy to be guessed, so a slow
 //! hash would protect nothing). A password is guessable, so it is stored as argon2id with a salt of its own.
@@ -13,28 +13,28 @@ use sha2::{Digest, Sha256};
 
 use super::text::Invalid;
 
-/// What a token of a program begins with, so that people and scanners recognise one that leaked.
+/// Prefix of a program's token, so that people and scanners recognise a leaked token.
 pub const TOKEN_PREFIX: &str = "trc_";
 
-/// A random secret. Shown once to whom it is given, never stored, never printed by accident.
+/// A random secret. It is shown once to its owner and never stored; `Debug` does not print it.
 pub struct Secret([u8; 32]);
 
-/// What is stored of a [`Secret`].
+/// The stored hash of a [`Secret`].
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct SecretHash(pub [u8; 32]);
 
 impl Secret {
-    /// A new one, from the operating system's generator by way of the thread's.
+    /// A new secret from the thread's generator, which the operating system seeds.
     pub fn random() -> Self {
         Self(rand::random())
     }
 
-    /// As a cookie's value.
+    /// The secret as a cookie's value.
     pub fn as_cookie(&self) -> String {
         URL_SAFE_NO_PAD.encode(self.0)
     }
 
-    /// As a program's token: `trc_…`.
+    /// The secret as a program's token: `trc_…`.
     pub fn as_token(&self) -> String {
         format!("{TOKEN_PREFIX}{}", self.as_cookie())
     }
@@ -50,8 +50,8 @@ impl Secret {
         Self::from_cookie(text.strip_prefix(TOKEN_PREFIX)?)
     }
 
-    /// What to store, and what to look up. The database's index compares hashes, which tells an attacker nothing
-    /// about the secret.
+    /// The hash to store and to look up. The database index compares hashes, so its timing reveals nothing about the
+    /// secret.
     pub fn hash(&self) -> SecretHash {
         SecretHash(Sha256::digest(self.0).into())
     }
@@ -69,31 +69,32 @@ impl fmt::Debug for SecretHash {
     }
 }
 
-/// A password as a person typed it: 10 to 256 bytes of anything.
+/// A password as typed by a person: 10 to 256 arbitrary bytes.
 pub struct Password(String);
 
 impl Password {
-    /// Fewest bytes.
+    /// Minimum length, bytes.
     pub const LEAST: usize = 10;
-    /// Most bytes, so that nobody makes us hash a book.
+    /// Maximum length, bytes: limits the cost of hashing.
     pub const MOST: usize = 256;
 
-    /// A password to set.
+    /// A password to set; checks its length.
     pub fn new(text: impl Into<String>) -> Result<Self, Invalid> {
         let text = text.into();
         if (Self::LEAST..=Self::MOST).contains(&text.len()) {
             return Ok(Self(text));
         }
-        let (least, most) = (Self::LEAST, Self::MOST);
-        Err(Invalid::new("password", format!("has {} bytes; expected {least} to {most}", text.len())))
+        let (min, max) = (Self::LEAST, Self::MOST);
+        Err(Invalid::new("password", format!("has {} bytes; expected {min} to {max}", text.len())))
     }
 
-    /// A password to try: any text up to the longest, since an old password may break today's rules.
+    /// A password to check at sign-in: any text up to the maximum length, since an old password may break today's
+    /// rules.
     pub fn tried(text: impl Into<String>) -> Option<Self> {
         Some(text.into()).filter(|text: &String| text.len() <= Self::MOST).map(Self)
     }
 
-    /// A new one that a person can type: four groups of five letters and digits (98 bits).
+    /// A new password that is easy to type: four groups of five letters and digits (98 bits).
     pub fn random() -> Self {
         const ALPHABET: &[u8; 31] = b"abcdefghjkmnpqrstuvwxyz23456789"; // without i l o 0 1
         let letter = || char::from(ALPHABET[rand::random_range(0..ALPHABET.len())]);
@@ -106,7 +107,7 @@ impl Password {
         &self.0
     }
 
-    /// Hashes it: about 30 ms and 19 MiB, so not on an async thread.
+    /// Hashes the password: takes about 30 ms and 19 MiB, so do not call it on an async thread.
     pub fn hash(&self) -> PasswordHash {
         let hash = hasher().hash_password(self.0.as_bytes());
         // Fails only for a salt or length outside argon2's limits: ours are fixed or checked above.
@@ -120,17 +121,17 @@ impl fmt::Debug for Password {
     }
 }
 
-/// What is stored of a password: an argon2id string in PHC form, with its salt and costs.
+/// The stored hash of a password: an argon2id string in PHC format, with its salt and costs.
 #[derive(Clone, PartialEq, Eq)]
 pub struct PasswordHash(pub String);
 
 impl PasswordHash {
-    /// Is this the password? About 30 ms, so not on an async thread.
+    /// True if this is the password. Takes about 30 ms, so do not call it on an async thread.
     pub fn matches(&self, password: &Password) -> bool {
         phc::PasswordHash::new(&self.0).is_ok_and(|hash| hasher().verify_password(password.0.as_bytes(), &hash).is_ok())
     }
 
-    /// A hash that no password matches, to spend the same time on a login that does not exist.
+    /// A hash that no password matches, so that a sign-in with an unknown login takes the same time.
     pub fn of_nobody() -> Self {
         Password::random().hash()
     }

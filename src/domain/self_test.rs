@@ -1,4 +1,4 @@
-//! A box's self-test: what it found, as it is stored, sent and shown.
+//! Results of a box's self-test, as stored, sent and shown.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -11,29 +11,29 @@ use crate::pipeline::self_test::{Accuracy, Findings, Part, PartVerdict, Placemen
 named! {
     /// A traffic light.
     Light: "light" {
-        /// As it should be.
+        /// In order.
         Green = "green",
-        /// To be watched.
+        /// Needs watching.
         Yellow = "yellow",
-        /// To be mended before anybody is measured.
+        /// Must be repaired before trainees are measured.
         Red = "red",
-        /// It could not be told: never green.
+        /// Could not be determined; never counts as green.
         NotMeasured = "not_measured",
     }
 }
 
 named! {
-    /// What a self-test tests.
+    /// A part of a self-test.
     TestedPart: "part" {
-        /// Where the tracker sees a rod that touches a corner.
+        /// Whether the tracker measures the right position for a rod that touches a corner.
         Accuracy = "accuracy",
-        /// Whether camera and lens are still those that were calibrated.
+        /// Whether camera and lens are unchanged since the calibration.
         Calibration = "calibration",
-        /// Whether the rod's trocar is where the box's sessions had it; only where both are known.
+        /// Whether the rod's trocar is at the same place as in the box's sessions; only where both are known.
         Place = "place",
-        /// Whether the tapes can be told from all else.
+        /// Whether the tapes' colours differ enough from everything else.
         Colours = "colours",
-        /// Whether brightness and white stay.
+        /// Whether brightness and white stay constant.
         Lighting = "lighting",
     }
 }
@@ -41,20 +41,20 @@ named! {
 named! {
     /// Why a rest of a tool does not count.
     NotCounted: "reason" {
-        /// The board was not seen whole both before and after it.
+        /// The whole board was not seen both before and after it.
         BoardNotSeen = "board_not_seen",
-        /// The board lay elsewhere after it than before.
+        /// The board was moved between before and after it.
         BoardMoved = "board_moved",
-        /// The rod would come from below the board: the hand's end of the tape was taken for the tip.
+        /// The rod seems to come from below the board: the hand's end of the tape was taken for the tip.
         WrongWay = "wrong_way",
         /// No corner is near.
         NoCornerNear = "no_corner_near",
-        /// The tool waited above the board.
+        /// The tool rested above the board.
         AboveBoard = "above_board",
     }
 }
 
-/// What a self-test found. `null` where something was not measured.
+/// The report of a self-test. `null` where something was not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SelfTestReport {
     /// The worst of the parts.
@@ -66,13 +66,13 @@ pub struct SelfTestReport {
     pub board: BoardSize,
     /// Side of a square, mm.
     pub square_mm: f64,
-    /// Where the board lay still, in order of time.
+    /// The positions where the board lay still, in order of time.
     pub placements: Vec<PlacementReport>,
-    /// By how much the focal length seems to differ from the stored camera's, percent.
+    /// Apparent difference of the focal length from the stored camera's, percent.
     pub focal_change_percent: Option<f64>,
-    /// Standard deviation of that, percent.
+    /// Standard deviation of this difference, percent.
     pub focal_sigma_percent: Option<f64>,
-    /// Over all touches that count; `null` with fewer than four.
+    /// Accuracy over all touches that count; `null` with fewer than four touches.
     pub accuracy: Option<AccuracyReport>,
     /// Every rest of a tool, in order of time.
     pub holds: Vec<HoldReport>,
@@ -82,20 +82,20 @@ pub struct SelfTestReport {
     pub white_drift_codes: Option<f64>,
 }
 
-/// How one part stands.
+/// The result of one part.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PartReport {
-    /// Which.
+    /// The part.
     pub part: TestedPart,
-    /// How it stands.
+    /// Its result.
     pub light: Light,
     /// The figure that decided.
     pub figure: Option<f64>,
-    /// The limit that it broke; of a green one, the limit that it kept.
+    /// The limit that the figure broke; for a green part, the limit that it met.
     pub limit: Option<f64>,
     /// Unit of both; `1` for shares.
     pub unit: String,
-    /// What was found, for people.
+    /// The finding, for people.
     pub finding: String,
     /// What to do about it; empty where there is nothing to do.
     pub advice: String,
@@ -104,11 +104,11 @@ pub struct PartReport {
 /// A board that lay still.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PlacementReport {
-    /// First frame that shows it there, s.
+    /// Time of the first frame that shows it there, s.
     pub from_s: f64,
-    /// Last one, s.
+    /// Time of the last one, s.
     pub to_s: f64,
-    /// Frames that agree.
+    /// Number of frames that agree.
     pub looks: u64,
     /// RMS distance of its corners from where the stored camera expects them, pixels.
     pub rms_px: f64,
@@ -116,18 +116,19 @@ pub struct PlacementReport {
     pub depth_mm: f64,
 }
 
-/// What all touches that count tell together.
+/// Accuracy over all touches that count.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct AccuracyReport {
-    /// How many.
+    /// Number of touches.
     pub touches: u64,
     /// Root mean square error in space, mm.
     pub rms_mm: f64,
-    /// Along the line of sight, mm.
+    /// Root mean square error along the line of sight, mm.
     pub along_rms_mm: f64,
-    /// Across it, mm.
+    /// Root mean square error across the line of sight, mm.
     pub across_rms_mm: f64,
-    /// Mean along the line of sight, mm: what all share; positive where tools seem farther than they are.
+    /// Mean error along the line of sight, mm: the systematic part; positive where tools seem farther away than they
+    /// are.
     pub along_mean_mm: f64,
     /// Largest error, mm.
     pub largest_mm: f64,
@@ -137,9 +138,9 @@ pub struct AccuracyReport {
     pub farthest_mm: f64,
     /// Share of the picture between the touched corners.
     pub picture_share: f64,
-    /// Touches whose error lies within the 95 % region that the tracker states.
+    /// Touches whose error lies within the tracker's stated 95 % region.
     pub inside: u64,
-    /// Touches for which it states one.
+    /// Touches with a stated 95 % region.
     pub stated: u64,
 }
 
@@ -148,11 +149,11 @@ pub struct AccuracyReport {
 pub struct HoldReport {
     /// The tool.
     pub tool: String,
-    /// When it came to rest, s.
+    /// Start of the rest, s.
     pub from_s: f64,
-    /// When it left, s.
+    /// End of the rest, s.
     pub to_s: f64,
-    /// On which placement of the board, from 1.
+    /// Number of the board's placement, from 1.
     pub placement: Option<u64>,
     /// Column of the corner, from 1.
     pub column: Option<u64>,
@@ -160,11 +161,11 @@ pub struct HoldReport {
     pub row: Option<u64>,
     /// Error in space, mm.
     pub error_mm: Option<f64>,
-    /// Error along the line of sight, mm; positive where the tool seems farther than it is.
+    /// Error along the line of sight, mm; positive where the tool seems farther away than it is.
     pub along_mm: Option<f64>,
     /// Error across it, mm.
     pub across_mm: Option<f64>,
-    /// Does the error lie within the 95 % region that the tracker states?
+    /// Whether the error lies within the tracker's stated 95 % region.
     pub inside: Option<bool>,
     /// Why it does not count; `null` where it does.
     pub not_counted: Option<NotCounted>,
@@ -173,18 +174,18 @@ pub struct HoldReport {
 /// A self-test to be stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewSelfTest {
-    /// With which camera.
+    /// The tested calibration.
     pub calibration: CalibrationId,
-    /// With which colours.
+    /// The tested colour samples.
     pub palette: PaletteId,
-    /// Who asked for it.
+    /// The person who requested it.
     pub person: Option<PersonId>,
-    /// What it found.
+    /// The results.
     pub report: SelfTestReport,
 }
 
 impl SelfTestReport {
-    /// From the pipeline's findings; `tools` are named in the tracker's order.
+    /// From the pipeline's findings; `tools` are the tools' names in the tracker's order.
     pub fn new(findings: &Findings, verdict: &Verdict, tools: &[String]) -> Self {
         let (columns, rows) = (findings.board.columns() as u32, findings.board.rows() as u32);
         let percent = |share: f64| 100.0 * share;
@@ -203,7 +204,7 @@ impl SelfTestReport {
         }
     }
 
-    /// Every number that can be other than a count.
+    /// All numbers apart from counts.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         let of_part = |part: &PartReport| [part.figure, part.limit];
         let of_placement = |p: &PlacementReport| [p.from_s, p.to_s, p.rms_px, p.depth_mm];
@@ -219,7 +220,7 @@ impl SelfTestReport {
         optional.flatten().chain(always).chain([self.square_mm])
     }
 
-    /// Every text.
+    /// All texts.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
         let of_parts = self.parts.iter().flat_map(|part| [&part.unit, &part.finding, &part.advice]);
         of_parts.chain(self.holds.iter().map(|hold| &hold.tool)).map(String::as_str)

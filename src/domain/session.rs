@@ -1,4 +1,4 @@
-//! One recording of one trainee doing one task in one box, and what the program made of it.
+//! A session: one recording of one trainee doing one task in one box, and its results.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -12,7 +12,7 @@ use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, TaskId, TraineeId};
 use crate::pipeline::{PIPELINE_VERSION, features};
 
 named! {
-    /// How a session stands, for people.
+    /// A session's status, for people.
     SessionStatus: "status" {
         /// Its recording is still arriving.
         Receiving = "receiving",
@@ -28,7 +28,7 @@ named! {
 }
 
 impl From<Option<JobState>> for SessionStatus {
-    /// A session stands as the latest job on it; without one it waits for its box to be ready.
+    /// A session has the state of its latest job; without a job, it waits for its box to be ready.
     fn from(latest_job: Option<JobState>) -> Self {
         match latest_job {
             None | Some(JobState::Queued) => SessionStatus::Queued,
@@ -39,18 +39,18 @@ impl From<Option<JobState>> for SessionStatus {
     }
 }
 
-/// A session to be stored. Its recording lies in the vault already.
+/// A session to be stored. Its recording is in the vault already.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewSession {
-    /// Who trained.
+    /// The trainee.
     pub trainee: TraineeId,
-    /// What they did.
+    /// The task.
     pub task: TaskId,
-    /// Where.
+    /// The box.
     pub in_box: BoxId,
     /// Name of the file as it was sent.
     pub filename: FileName,
-    /// When it was recorded, epoch ms; unknown: when it came.
+    /// Time of the recording, epoch ms; `None` if unknown: the time of arrival is used.
     pub recorded_at_ms: Option<i64>,
     /// The recording.
     pub video: Blob,
@@ -58,36 +58,37 @@ pub struct NewSession {
     pub media_type: String,
 }
 
-/// What names a result's version where the path came from another tracker: numbers of different trackers are no more mixed
-/// unknowingly than those of different versions of this one.
+/// The pipeline version of a result from an imported trajectory. It includes the tracker's name, so that numbers of
+/// different trackers are not mixed by accident, just like numbers of different versions of this program.
 pub fn version_of_rows(tracker: &TrackerName) -> String {
     format!("{PIPELINE_VERSION} on rows by {tracker}")
 }
 
-/// Everything that a result depends on besides the recording.
+/// The versions that a result depends on, besides the recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Versions {
-    /// [`crate::pipeline::PIPELINE_VERSION`] of the program that made it; with the tracker's name, where it is of another tracker's
-    /// rows ([`version_of_rows`]).
+    /// [`crate::pipeline::PIPELINE_VERSION`] of the program that made it; with the tracker's name for an imported
+    /// trajectory ([`imported_pipeline_version`]).
     pub pipeline: String,
-    /// The same of the program that tracked, where a later one has scored its path again; `null`: `pipeline`.
+    /// The version that tracked the recording, if a later version scored its trajectory again; `null`: same as
+    /// `pipeline`.
     pub tracked_with: Option<String>,
-    /// The box's camera; `null` where it was not measured here.
+    /// The box's calibration; `null` where Trocar did not track the session.
     pub calibration: Option<CalibrationId>,
-    /// The box's colours; `null` where it was not measured here.
+    /// The box's colour samples; `null` where Trocar did not track the session.
     pub palette: Option<PaletteId>,
-    /// The model that scored it, if one did.
+    /// The model that scored it, if any.
     pub model: Option<String>,
 }
 
-/// What decoding a recording showed, or the rows of another tracker.
+/// Facts about a recording, from decoding it or from the rows of another tracker.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VideoFacts {
     /// Width as displayed, pixels; `None` without a picture.
     pub width: Option<u32>,
     /// Height as displayed, pixels.
     pub height: Option<u32>,
-    /// Decoded frames; of rows, those that any tool has a row on.
+    /// Decoded frames; for imported rows, the frames with a row of any tool.
     pub frames: u64,
     /// Presentation time from the first frame to the last, s.
     pub duration_s: f64,
@@ -104,37 +105,37 @@ pub struct FeatureRow {
     pub unit: String,
     /// The tool's marker; `None` for a feature of the whole session.
     pub tool: Option<String>,
-    /// In which space it was measured: `3d` or `image`.
+    /// The space that it was measured in: `3d` or `image`.
     pub space: FeatureSpace,
-    /// The value, or why there is none: too few observations is an answer, not a zero.
+    /// The value, or why there is none: too few observations give a reason, not zero.
     pub value: Result<f64, String>,
-    /// How far the value may be off, or why that is not known; `None` without a value, and of results from before this was
-    /// worked out.
+    /// The value's error bar, or why it is unknown; `None` without a value, and for results from versions before error
+    /// bars existed.
     pub error: Option<Result<FeatureError, String>>,
 }
 
 impl FeatureRow {
-    /// Under which head it stands; `None` of a feature that is measured no more.
+    /// The feature's family; `None` for a feature that is no longer measured.
     pub fn family(&self) -> Option<&'static str> {
         features::find(&self.name).map(|feature| feature.family.name())
     }
 }
 
-/// How far a value may be off, in its unit.
+/// The error bar of a value, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct FeatureError {
     /// Standard deviation.
     pub sigma: f64,
-    /// The value of the true path lies between `low`
+    /// Lower bound: in 95 of 100 sessions, the true path's value lies between `low` and `high`.
     pub low: f64,
-    /// and `high` in 95 of 100 sessions.
+    /// Upper bound.
     pub high: f64,
-    /// The value before the shift that errors cause was taken off: errors lengthen every path.
+    /// The value before bias correction: measurement errors lengthen every path.
     pub as_measured: f64,
 }
 
-/// A feature as it stood when a recording that was tracked while it arrived had come to its end: by the causal filter, over all
-/// that was seen.
+/// A feature's final value in live tracking, when the recording ended: from the causal filter, over everything that was
+/// seen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LiveFeature {
     /// Stable name, such as `path_length`.
@@ -159,47 +160,47 @@ named! {
     }
 }
 
-/// What scoring a session's stored path again gave. All else is that of the result that it was made from.
+/// The result of scoring a session's stored trajectory again. Everything else is taken over from the original result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewScore {
-    /// Whose path was scored.
+    /// The original result, whose trajectory was scored.
     pub from: ResultId,
     /// Version of the program that scored it.
     pub pipeline: String,
-    /// Version of the program that tracked it, if that is another one.
+    /// Version of the program that tracked it, if different.
     pub tracked_with: Option<String>,
-    /// With which state of the session's edits.
+    /// Revision of the session's edits that was used.
     pub edits: u64,
-    /// Features, in the order in which people read them.
+    /// Features, in display order.
     pub features: Vec<FeatureRow>,
-    /// The seconds that made them.
+    /// The stretches that made them.
     pub evidence: Vec<EvidenceRow>,
     /// Counts and reasons per tool; an object.
     pub quality: Value,
 }
 
-/// What tracking a session gave, to be stored in one transaction. Its files lie in the vault already.
+/// The result of tracking a session, to be stored in one transaction. Its files are in the vault already.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewResult {
-    /// What it was made with.
+    /// Versions that it depends on.
     pub versions: Versions,
-    /// With which state of the session's edits; its path is as it was tracked.
+    /// Revision of the session's edits that was used for scoring; the trajectory itself is unedited.
     pub edits: u64,
-    /// What decoding showed.
+    /// Facts about the recording.
     pub video: VideoFacts,
     /// Names of the tools, in the trajectory's order.
     pub tools: Vec<String>,
-    /// Features, in the order in which people read them.
+    /// Features, in display order.
     pub features: Vec<FeatureRow>,
-    /// The seconds that made them.
+    /// The stretches that made them.
     pub evidence: Vec<EvidenceRow>,
     /// Counts and reasons per tool; an object.
     pub quality: Value,
-    /// Place in a reference cohort, if a model scored it; an object.
+    /// Rank in a reference cohort, if a model scored it; an object.
     pub score: Option<Value>,
-    /// Raw, filtered and smoothed paths, in the analysis' own form.
+    /// Raw, filtered and smoothed paths, in the analysis' own format.
     pub trajectory: Blob,
-    /// What the tracker saw on every frame; `None` where it was not tracked here.
+    /// Diagnostics of the tracker for every frame; `None` where Trocar did not track the session.
     pub diagnostics: Option<Blob>,
     /// A JPEG of one frame.
     pub preview: Option<Blob>,

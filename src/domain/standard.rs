@@ -1,7 +1,8 @@
-//! What a task asks for: limits of features, how often they must be kept, and the charts that watch over it.
+//! A task's standard: limits of features, how often they must be met, and the charts that monitor a trainee's results.
 //!
-//! A standard is sent as a [`NewStandard`], which names the way to each limit, and kept as a [`Definition`], which holds the
-//! limits themselves with what they were made from. A definition never changes and holds nobody's own value.
+//! A standard is sent as a [`NewStandard`], which names the method for each limit, and stored as a
+//! [`StandardDefinition`], which holds the computed limits and what they were computed from. A definition never changes
+//! and holds no person's own value.
 
 mod judgement;
 mod order;
@@ -21,21 +22,21 @@ use crate::pipeline::score::lc_cusum;
 use crate::pipeline::score::pass_rule::PassRule;
 use crate::pipeline::score::standard::{self, ErrorRate};
 
-/// What a task asks for, as it is kept.
+/// A task's standard as stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Definition {
-    /// What a session must keep, all of it.
+    /// Limits that a session must meet, all of them.
     pub targets: Vec<Target>,
-    /// How often a session must be passed; `null`: the charts decide.
+    /// How often sessions must be passed; `null`: the charts decide.
     pub rule: Option<Rule>,
-    /// What counts as adequate, and how often the charts may be wrong.
+    /// Which failure rate counts as adequate, and how often the charts may be wrong.
     pub charts: ChartDesign,
 }
 
-/// A limit that a feature has to keep.
+/// A limit for a feature.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Target {
-    /// Of which feature.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
     /// The feature's title for people.
@@ -44,15 +45,16 @@ pub struct Target {
     pub unit: String,
     /// Which side of the limit is better.
     pub better: Better,
-    /// The limit; keeping it exactly is enough.
+    /// The limit; a value equal to it passes.
     pub limit: f64,
-    /// Other people of the same kind being asked, the limit lies with 95 % between `low`
+    /// Lower end of the limit's 95 % interval over other samples of such people; `null` where it was not computed from
+    /// people.
     pub low: Option<f64>,
-    /// and `high`; both `null` where it was not made from people.
+    /// Upper end of that interval; `null` where it was not computed from people.
     pub high: Option<f64>,
-    /// What it was made from.
+    /// How the limit was set.
     pub basis: Basis,
-    /// Which values that was; `null` where it was not made from people.
+    /// The values that it was computed from; `null` where it was not computed from people.
     pub made_from: Option<MadeFrom>,
 }
 
@@ -66,36 +68,36 @@ named! {
     }
 }
 
-/// What a limit was made from.
+/// How a limit was set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "method", rename_all = "snake_case")]
 pub enum Basis {
-    /// A number that somebody chose.
+    /// A number that a member of staff chose.
     Fixed,
-    /// A published number, made with other boxes and other clocks: external, not measured here.
+    /// A published number, from other boxes and other clocks: external, not measured here.
     External {
-        /// Who published it.
+        /// The publication.
         source: String,
     },
-    /// The mean of experts without outliers.
+    /// The mean of experts, without outliers.
     TrimmedExperts {
         /// How many experts were measured.
         experts: usize,
-        /// How many of them lay more than two standard deviations off and were left out.
+        /// How many of them lay more than two standard deviations from the mean and were excluded.
         dropped: usize,
     },
-    /// The line between novices and experts.
+    /// The boundary between novices and experts.
     ContrastingGroups {
         /// How many novices.
         novices: usize,
         /// How many experts.
         experts: usize,
-        /// The novices whom it lets pass.
+        /// Share of novices that pass.
         false_pass: Share,
-        /// The experts whom it fails.
+        /// Share of experts that fail.
         false_fail: Share,
     },
-    /// As good as the best share of some people.
+    /// The value that the best share of some people reaches.
     BestShare {
         /// How many people.
         people: usize,
@@ -104,65 +106,68 @@ pub enum Basis {
     },
 }
 
-/// A share of a group's people that a limit is wrong about, 0 to 1.
+/// The share of a group's people that a limit misjudges, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Share {
-    /// By the group's normal law.
+    /// Expected from the group's normal distribution.
     pub expected: f64,
-    /// Of the people measured.
+    /// Observed among the people measured.
     pub seen: f64,
-    /// Of all such people it lies with 95 % between `low`
+    /// Lower end of its 95 % interval over all such people.
     pub low: f64,
-    /// and `high`.
+    /// Upper end of that interval.
     pub high: f64,
 }
 
-/// Which values a limit was made from: enough to see whether others would be taken today, and not the values.
+/// Identifies the values that a limit was computed from, without the values: enough to see whether they have changed
+/// since.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MadeFrom {
-    /// Version of the program that measured them; values of another version are not judged by the limit.
+    /// Version of the program that measured them; the limit does not judge values of another version.
     pub pipeline: String,
-    /// SHA-256 of the values, in rising order; `null` to all but administrators, for who knows most of the values could find the
-    /// last one by it.
+    /// SHA-256 of the values, in rising order. `null` for everyone but administrators: a person who knows most of the
+    /// values could compute the last one from it.
     pub fingerprint: Option<String>,
-    /// Of a tool's feature: the hand that those people prefer; who prefers the other is not judged by the limit.
+    /// For a feature of a tool: the hand that those people prefer; the limit does not judge trainees who prefer the
+    /// other.
     pub handedness: Option<Handedness>,
 }
 
-/// So many passes in a row, and so many more.
+/// A pass rule: a number of passes in a row, then a number of further passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
-    /// Passes in a row that come first, at least 1.
+    /// Passes in a row that are needed first, at least 1.
     pub in_a_row: usize,
-    /// Passes after these, in a row or not.
+    /// Further passes after these, in a row or not.
     #[serde(default)]
     pub then_more: usize,
-    /// Sessions within which it must be met; absent: without an end.
+    /// The rule must be met within this number of sessions; absent: no limit.
     #[serde(default)]
     pub at_most: Option<usize>,
 }
 
-/// What counts as adequate, and how often the charts may be wrong (LC-CUSUM, and CUSUM after it). Shares are 0 to 1.
+/// Which failure rate counts as adequate, and how often the charts (LC-CUSUM, then CUSUM) may be wrong. Shares are 0 to
+/// 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChartDesign {
-    /// Share of sessions that an inadequate trainee misses. Usually 0.3.
+    /// Share of sessions that an inadequate trainee fails. Usually 0.3.
     pub inadequate: f64,
-    /// Share of sessions that an adequate one misses; smaller. Usually 0.1.
+    /// Share of sessions that an adequate trainee fails; smaller than `inadequate`. Usually 0.1.
     pub adequate: f64,
-    /// Largest share of inadequate trainees that are called proficient within so many judged sessions. Usually 0.05.
+    /// Largest share of inadequate trainees declared proficient within `declare_within` judged sessions. Usually 0.05.
     pub false_declaration: f64,
-    /// So many, at most 200. Usually 50.
+    /// Number of judged sessions for `false_declaration`, at most 200. Usually 50.
     pub declare_within: usize,
-    /// Largest share of adequate trainees with an alarm within so many judged sessions. Usually 0.05.
+    /// Largest share of adequate trainees with an alarm within `alarm_within` judged sessions. Usually 0.05.
     pub false_alarm: f64,
-    /// So many, at most 200. Usually 100.
+    /// Number of judged sessions for `false_alarm`, at most 200. Usually 100.
     pub alarm_within: usize,
 }
 
 impl Target {
-    /// A computed target as it is kept.
+    /// A computed target in its stored form.
     pub fn of(of: FeatureKey, feature: &features::Feature, target: standard::Target, from: Option<MadeFrom>) -> Self {
         let better = if target.direction == Direction::Higher { Better::Higher } else { Better::Lower };
         Self {
@@ -188,7 +193,7 @@ impl Target {
 }
 
 impl Definition {
-    /// Without what only administrators are told.
+    /// The definition without fingerprints, which only administrators may see.
     pub fn without_fingerprints(mut self) -> Self {
         self.targets.iter_mut().filter_map(|target| target.made_from.as_mut()).for_each(|from| from.fingerprint = None);
         self

@@ -8,15 +8,15 @@ use super::text::{Code, Name, Paragraphs};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewTask {
-    /// What people call it.
+    /// Name for people.
     pub name: Name,
-    /// Its short unique name; made from `name` if absent.
+    /// Short unique name; derived from `name` if absent.
     pub code: Option<Code>,
-    /// What to do.
+    /// Instructions for trainees.
     pub description: Option<Paragraphs>,
 }
 
-/// Changes to a task; what is absent stays.
+/// Changes to a task; absent fields stay as they are.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TaskChange {

@@ -5,18 +5,18 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// Why a value was refused, in words for the person who sent it.
+/// Why a value was refused, in words for the user who sent it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}: {why}")]
 pub struct Invalid {
-    /// Which value, as people call it.
+    /// The value's name for people.
     pub what: &'static str,
     /// What was expected.
     pub why: String,
 }
 
 impl Invalid {
-    /// A refusal of `what`, and what was expected instead.
+    /// Refuses `what`; `why` says what was expected instead.
     pub fn new(what: &'static str, why: impl Into<String>) -> Self {
         Self { what, why: why.into() }
     }
@@ -70,25 +70,25 @@ macro_rules! text {
 }
 
 text! {
-    /// What a person or thing is called: 1 to 120 characters on one line, without control characters.
+    /// The name of a person or thing: 1 to 120 characters on one line, without control characters.
     Name: |text| line("name", text, 1, 120);
-    /// A login: 1 to 64 of `a–z 0–9 . _ - @ +`; capitals are made small.
+    /// A login: 1 to 64 of `a–z 0–9 . _ - @ +`; capitals become lower case.
     Login: login;
     /// The short unique name of a box, trainee or task, for people and addresses: 1 to 64 of `a–z 0–9 -`.
     Code: code;
-    /// The name that a recording had where it came from: 1 to 255 characters; folders before it are dropped.
+    /// A recording's original file name: 1 to 255 characters; folders before it are dropped.
     FileName: file_name;
-    /// What a program that measures paths is called: 1 to 40 characters on one line.
+    /// The name of a tracking program: 1 to 40 characters on one line.
     TrackerName: tracker;
-    /// Some paragraphs, at most 10,000 characters.
+    /// Text of several paragraphs, at most 10,000 characters.
     Paragraphs: |text| lines("text", text, 10_000);
-    /// What somebody says about a moment: 1 to 2000 characters, in lines.
+    /// A remark, such as a comment on a moment: 1 to 2000 characters; line breaks are allowed.
     Remark: remark;
 }
 
 impl Code {
-    /// A code made of a name: `Peg transfer (left)` becomes `peg-transfer-left`. A name without a Latin letter or a
-    /// digit gives `fallback`.
+    /// A code derived from a name: `Peg transfer (left)` becomes `peg-transfer-left`. A name without a Latin letter or
+    /// a digit gives `fallback`.
     pub fn from_name(name: &Name, fallback: &'static str) -> Self {
         let mut code = String::new();
         for c in name.as_str().chars().filter_map(plain) {
@@ -101,13 +101,13 @@ impl Code {
         Self(if code.is_empty() { fallback.to_owned() } else { code.to_owned() })
     }
 
-    /// This code with a number behind it, for when it is taken.
+    /// This code with a number appended, for when the code is taken.
     pub fn numbered(&self, number: u32) -> Self {
         Self(format!("{}-{number}", self.0))
     }
 }
 
-/// An id or a code, as it stands in an address. Nothing is checked: what names nothing is simply not found.
+/// An id or a code, as used in addresses. It is not checked: an unknown key is simply not found.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(transparent)]
 #[schema(value_type = String)]
@@ -126,7 +126,8 @@ impl<T: ToString + ?Sized> From<&T> for Key {
     }
 }
 
-/// The letter that a code has for this one: accents fall away, anything else becomes a dash.
+/// The character of a code for this character: accents are dropped, apostrophes are omitted, anything else becomes a
+/// dash.
 fn plain(c: char) -> Option<char> {
     Some(match c.to_lowercase().next().unwrap_or(c) {
         c @ ('a'..='z' | '0'..='9') => c,
@@ -145,11 +146,11 @@ fn plain(c: char) -> Option<char> {
     })
 }
 
-fn line(what: &'static str, text: &str, least: usize, most: usize) -> Result<String, Invalid> {
+fn line(what: &'static str, text: &str, min: usize, max: usize) -> Result<String, Invalid> {
     let text = text.trim();
     let length = text.chars().count();
-    if length < least || length > most {
-        return Err(Invalid::new(what, format!("has {length} characters; expected {least} to {most}")));
+    if length < min || length > max {
+        return Err(Invalid::new(what, format!("has {length} characters; expected {min} to {max}")));
     }
     match text.chars().find(|c| c.is_control()) {
         Some(c) => Err(Invalid::new(what, format!("contains the control character {}", c.escape_unicode()))),
@@ -157,10 +158,10 @@ fn line(what: &'static str, text: &str, least: usize, most: usize) -> Result<Str
     }
 }
 
-fn lines(what: &'static str, text: &str, most: usize) -> Result<String, Invalid> {
+fn lines(what: &'static str, text: &str, max: usize) -> Result<String, Invalid> {
     let length = text.chars().count();
-    if length > most {
-        return Err(Invalid::new(what, format!("has {length} characters; expected at most {most}")));
+    if length > max {
+        return Err(Invalid::new(what, format!("has {length} characters; expected at most {max}")));
     }
     match text.chars().find(|c| c.is_control() && !matches!(c, '\n' | '\r' | '\t')) {
         Some(c) => Err(Invalid::new(what, format!("contains the control character {}", c.escape_unicode()))),
@@ -170,7 +171,7 @@ fn lines(what: &'static str, text: &str, most: usize) -> Result<String, Invalid>
 
 fn remark(text: &str) -> Result<String, Invalid> {
     let text = lines("text", text.trim(), 2_000)?;
-    if text.is_empty() { Err(Invalid::new("text", "is empty; say something")) } else { Ok(text) }
+    if text.is_empty() { Err(Invalid::new("text", "is empty; write something")) } else { Ok(text) }
 }
 
 fn login(text: &str) -> Result<String, Invalid> {
@@ -179,7 +180,7 @@ fn login(text: &str) -> Result<String, Invalid> {
     if text.chars().all(allowed) { Ok(text) } else { Err(Invalid::new("login", "expected only a–z 0–9 . _ - @ +")) }
 }
 
-/// It goes into tables, where `=…` is a formula to a spreadsheet.
+/// Tracker names are written into tables, where a spreadsheet would read `=…` as a formula.
 fn tracker(text: &str) -> Result<String, Invalid> {
     let text = line("tracker", text, 1, 40)?;
     match text.chars().next().is_some_and(char::is_alphanumeric) {

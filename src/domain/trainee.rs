@@ -1,4 +1,4 @@
-//! Somebody who trains.
+//! Trainees.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use super::text::{Code, Name};
 use crate::ids::GroupId;
 
 named! {
-    /// How experienced a trainee is said to be.
+    /// A trainee's declared level of experience.
     Level: "level" {
         /// First steps.
         Novice = "novice",
@@ -34,19 +34,19 @@ named! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewTrainee {
-    /// Their name.
+    /// The trainee's name.
     pub name: Name,
-    /// Their short unique name; made from `name` if absent.
+    /// Short unique name; derived from `name` if absent.
     pub code: Option<Code>,
     /// Experience.
     pub level: Option<Level>,
     /// Preferred hand.
     pub handedness: Option<Handedness>,
-    /// The group they join. An instructor with one group may leave it out.
+    /// The group to join. An instructor with only one group may leave it out.
     pub group: Option<GroupId>,
 }
 
-/// Changes to a trainee; what is absent stays.
+/// Changes to a trainee; absent fields stay as they are.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TraineeChange {

@@ -1,15 +1,16 @@
-//! Sessions as xAPI statements, for learning record stores. What is written holds for versions 1.0.3 and 2.0 alike: it names no
-//! version, which is the store's to set.
+//! Sessions as xAPI statements, for learning record stores. The statements are valid in xAPI 1.0.3 and 2.0: they name
+//! no version, because the store sets it.
 //!
 //! | part | here |
 //! |---|---|
-//! | actor | the trainee's account: their id, at the service's address; no name, and no code, which may be made of one |
-//! | verb | `passed` or `failed` where the task's standard could judge the session, else `completed` |
+//! | actor | the trainee's account: id at the service's address; no name and no code (it may derive from a name) |
+//! | verb | `passed` or `failed` where the task's standard could judge the session, otherwise `completed` |
 //! | object | the task, by its address |
 //! | result | completion, success where it was judged, duration; features with their error bars as an extension |
-//! | timestamp | when it was recorded |
+//! | timestamp | time of the recording |
 //!
-//! What is not known is absent: a session that nobody can judge has no `success`, and one without a model's score no `score`.
+//! Unknown values are absent: a session without a judgement has no `success`, a session without a model's score no
+//! `score`.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -19,61 +20,61 @@ use utoipa::ToSchema;
 use super::session::{FeatureRow, Versions};
 use super::standard::SessionJudgement;
 
-/// What a statement is made of.
+/// A session's result: the input of a statement.
 #[derive(Clone, Debug)]
 pub struct Scored<'s> {
     /// The service's address, without a slash at its end.
     pub home: &'s str,
-    /// Of the session.
+    /// The session's id.
     pub session: String,
-    /// Of its result.
+    /// The result's id.
     pub result: String,
     /// The trainee's id.
     pub trainee: &'s str,
     /// The task's id and name.
     pub task: (String, &'s str),
-    /// When it was recorded, RFC 3339.
+    /// Time of the recording, RFC 3339.
     pub recorded_at: String,
     /// From the first frame to the last, s.
     pub duration_s: f64,
-    /// The gate's verdict, where it gave one.
+    /// The quality gate's verdict, if there is one.
     pub verdict: Option<&'s str>,
-    /// Who measured it, if not Trocar.
+    /// The tracker that measured the session, if not Trocar.
     pub tracker: Option<&'s str>,
-    /// What made the numbers.
+    /// Versions that the numbers depend on.
     pub versions: &'s Versions,
-    /// What was measured.
+    /// The measured features.
     pub features: &'s [FeatureRow],
-    /// The version of the standard that judged it, and what it said.
+    /// The version of the standard that judged the session, and its judgement.
     pub judged: Option<(i64, SessionJudgement)>,
 }
 
 /// An xAPI statement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Statement {
-    /// A UUID; the same result under the same standard has the same.
+    /// A UUID; the same result under the same standard always has the same id.
     pub id: String,
-    /// Who.
+    /// The trainee.
     pub actor: Actor,
-    /// Did what.
+    /// Passed, failed or completed.
     pub verb: Verb,
-    /// Of what.
+    /// The task.
     pub object: Activity,
-    /// How.
+    /// Success, duration and features.
     pub result: Outcome,
-    /// Where, and with what.
+    /// The program and the session.
     pub context: Context,
-    /// When it was recorded, RFC 3339.
+    /// Time of the recording, RFC 3339.
     pub timestamp: String,
 }
 
-/// Who did it.
+/// The actor of a statement: a trainee.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "camelCase")]
 pub struct Actor {
     /// `Agent`.
     pub object_type: String,
-    /// By which they are known.
+    /// The account that identifies the trainee.
     pub account: Account,
 }
 
@@ -83,11 +84,11 @@ pub struct Actor {
 pub struct Account {
     /// The system's address.
     pub home_page: String,
-    /// What they are called there.
+    /// The account's name in that system.
     pub name: String,
 }
 
-/// What was done.
+/// The verb of a statement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Verb {
     /// Its IRI.
@@ -97,7 +98,7 @@ pub struct Verb {
     pub display: Map<String, Value>,
 }
 
-/// What it was done with.
+/// The object of a statement: a task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "camelCase")]
 pub struct Activity {
@@ -105,27 +106,27 @@ pub struct Activity {
     pub object_type: String,
     /// Its IRI.
     pub id: String,
-    /// Type and name.
+    /// The task's type and name.
     #[schema(value_type = Object)]
     pub definition: Map<String, Value>,
 }
 
-/// What came of it.
+/// The result part of a statement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Outcome {
-    /// It was done.
+    /// Always true: the task was done.
     pub completion: bool,
-    /// Was the standard kept? Absent where that is not known.
+    /// Whether the session met the standard; absent where unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub success: Option<bool>,
     /// ISO 8601, to a hundredth of a second.
     pub duration: String,
-    /// Features with error bars, the gate's verdict and versions, by IRI.
+    /// Features with error bars, the quality gate's verdict and versions, by IRI.
     #[schema(value_type = Object)]
     pub extensions: Map<String, Value>,
 }
 
-/// Where it was done.
+/// The context of a statement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Context {
     /// The program.
@@ -135,7 +136,7 @@ pub struct Context {
     pub extensions: Map<String, Value>,
 }
 
-/// Statements by the page, as a learning record store gives them.
+/// A page of statements, in the form that learning record stores use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct StatementResult {
     /// The statements, the newest session first.
@@ -145,23 +146,27 @@ pub struct StatementResult {
 }
 
 /// The statement of a session's result.
-pub fn statement(of: &Scored<'_>) -> Statement {
-    let verb = match of.judged {
+pub fn statement(scored: &Scored<'_>) -> Statement {
+    let verb = match scored.judged {
         Some((_, SessionJudgement::Pass)) => "passed",
         Some((_, SessionJudgement::Fail)) => "failed",
         _ => "completed",
     };
-    let (task, name) = (&of.task.0, of.task.1);
+    let (task, name) = (&scored.task.0, scored.task.1);
     Statement {
-        id: id_of(&[of.result.as_str(), verb, &of.judged.map(|(version, _)| version.to_string()).unwrap_or_default()]),
+        id: id_of(&[
+            scored.result.as_str(),
+            verb,
+            &scored.judged.map(|(version, _)| version.to_string()).unwrap_or_default(),
+        ]),
         actor: Actor {
             object_type: "Agent".to_owned(),
-            account: Account { home_page: of.home.to_owned(), name: of.trainee.to_owned() },
+            account: Account { home_page: scored.home.to_owned(), name: scored.trainee.to_owned() },
         },
         verb: Verb { id: format!("http://adlnet.gov/expapi/verbs/{verb}"), display: in_english(verb) },
         object: Activity {
             object_type: "Activity".to_owned(),
-            id: format!("{}/api/v1/tasks/{task}", of.home),
+            id: format!("{}/api/v1/tasks/{task}", scored.home),
             definition: object(json!({
                 "type": "http://adlnet.gov/expapi/activities/simulation",
                 "name": in_english(name),
@@ -169,33 +174,33 @@ pub fn statement(of: &Scored<'_>) -> Statement {
         },
         result: Outcome {
             completion: true,
-            success: match of.judged {
+            success: match scored.judged {
                 Some((_, SessionJudgement::Pass)) => Some(true),
                 Some((_, SessionJudgement::Fail)) => Some(false),
                 _ => None,
             },
-            duration: duration(of.duration_s),
-            extensions: extensions(of),
+            duration: duration(scored.duration_s),
+            extensions: extensions(scored),
         },
         context: Context {
             platform: "Trocar".to_owned(),
-            extensions: one(of, "session", json!(format!("{}/api/v1/sessions/{}", of.home, of.session))),
+            extensions: one(scored, "session", json!(format!("{}/api/v1/sessions/{}", scored.home, scored.session))),
         },
-        timestamp: of.recorded_at.clone(),
+        timestamp: scored.recorded_at.clone(),
     }
 }
 
-fn extensions(of: &Scored<'_>) -> Map<String, Value> {
-    let mut extensions = one(of, "features", of.features.iter().map(feature).collect());
-    extensions.extend(one(of, "versions", known(json!(of.versions))));
-    extensions.extend(of.verdict.into_iter().flat_map(|verdict| one(of, "verdict", json!(verdict))));
-    extensions.extend(of.tracker.into_iter().flat_map(|tracker| one(of, "tracker", json!(tracker))));
-    extensions.extend(of.judged.into_iter().flat_map(|(version, _)| one(of, "standard", json!(version))));
+fn extensions(scored: &Scored<'_>) -> Map<String, Value> {
+    let mut extensions = one(scored, "features", scored.features.iter().map(feature).collect());
+    extensions.extend(one(scored, "versions", known(json!(scored.versions))));
+    extensions.extend(scored.verdict.into_iter().flat_map(|verdict| one(scored, "verdict", json!(verdict))));
+    extensions.extend(scored.tracker.into_iter().flat_map(|tracker| one(scored, "tracker", json!(tracker))));
+    extensions.extend(scored.judged.into_iter().flat_map(|(version, _)| one(scored, "standard", json!(version))));
     extensions
 }
 
-fn one(of: &Scored<'_>, name: &str, value: Value) -> Map<String, Value> {
-    Map::from_iter([(format!("{}/xapi/{name}", of.home), value)])
+fn one(scored: &Scored<'_>, name: &str, value: Value) -> Map<String, Value> {
+    Map::from_iter([(format!("{}/xapi/{name}", scored.home), value)])
 }
 
 fn feature(row: &FeatureRow) -> Value {
@@ -212,7 +217,7 @@ fn feature(row: &FeatureRow) -> Value {
     }))
 }
 
-/// Without what is not known.
+/// The object without its nulls.
 fn known(value: Value) -> Value {
     Value::Object(object(value).into_iter().filter(|(_, value)| !value.is_null()).collect())
 }
@@ -228,13 +233,13 @@ fn in_english(text: &str) -> Map<String, Value> {
     Map::from_iter([("en".to_owned(), text.into())])
 }
 
-/// ISO 8601, to a hundredth of a second: finer is not compared.
+/// ISO 8601, to a hundredth of a second: xAPI stores compare no finer.
 fn duration(seconds: f64) -> String {
     format!("PT{:.2}S", seconds.max(0.0))
 }
 
-/// A UUID of version 4 that depends on the parts alone. Our own ids are of version 7, which readers written for RFC 4122 refuse;
-/// and a statement must not keep its id when it says something else.
+/// A version 4 UUID that depends only on the parts. Our own ids are version 7, which readers written for RFC 4122
+/// refuse, and a statement with different content needs a different id.
 fn id_of(parts: &[&str]) -> String {
     let digest = Sha256::digest(parts.join("\n").as_bytes());
     let mut bytes = [0; 16];
@@ -281,7 +286,7 @@ mod tests {
         serde_json::to_value(statement(&scored)).unwrap()
     }
 
-    /// What sections 2.4 and 4 of the specification's part 2 ask of a statement, as far as one of ours can break it.
+    /// Checks those rules of sections 2.4 and 4 of the specification's part 2 that our statements could break.
     fn assert_conforms(statement: &Value) {
         let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
         let allowed = ["id", "actor", "verb", "object", "result", "context", "timestamp"];

@@ -1,5 +1,5 @@
-//! The rules: a closed list. Each names the features of which it speaks, which side of a limit is better, what its seconds must
-//! be, and what it says. The page has its own words by the rule's id (`static/texts/en.js`).
+//! The rules: a closed list. Each rule names its features, the better side of the limit, the required kind of stretch,
+//! and the advice. The page has its own texts, found by the rule's id (`static/texts/en.js`).
 
 use crate::domain::evidence::{AbsenceCause, StretchRow};
 use crate::domain::standard::Better;
@@ -9,26 +9,26 @@ use crate::domain::standard::Better;
 pub struct Rule {
     /// Stable id.
     pub id: &'static str,
-    /// Features of which less is better.
+    /// Features where lower values are better.
     pub lower: &'static [&'static str],
-    /// Features of which more is better.
+    /// Features where higher values are better.
     pub higher: &'static [&'static str],
-    /// What it needs besides a missed limit.
+    /// The kind of stretch that the rule needs, besides a missed limit.
     pub support: Support,
-    /// What it says, in one sentence.
+    /// The advice, in one sentence.
     pub words: &'static str,
 }
 
-/// What a stretch must be for a rule to point at it.
+/// The kind of stretch that a rule can point at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Support {
-    /// Any stretch that is the hand's doing.
+    /// Any stretch with the tool in view.
     Seen,
-    /// An absence that is the hand's doing: it left the picture. What the tracker lost is nobody's fault.
+    /// An absence that the hand caused: the tool left the picture. Losses by the tracker are not the trainee's fault.
     LeftView,
 }
 
-/// All rules. No feature is in two.
+/// All rules. No feature is in two rules.
 pub const RULES: &[Rule] = &[
     Rule {
         id: "rest_less",
@@ -104,7 +104,7 @@ pub const RULES: &[Rule] = &[
     },
     Rule {
         id: "stay_in_view",
-        lower: &["left_view_share"], // of the others part may be the tracker's doing
+        lower: &["left_view_share"], // the tracker may have caused a part of the other absences
         higher: &[],
         support: Support::LeftView,
         words: "Keep the tip in the picture.",
@@ -112,13 +112,13 @@ pub const RULES: &[Rule] = &[
 ];
 
 impl Rule {
-    /// Is this feature its subject, with this side better?
+    /// True if the rule covers this feature with this side better.
     pub fn speaks_of(&self, feature: &str, better: Better) -> bool {
         let features = if better == Better::Lower { self.lower } else { self.higher };
         features.contains(&feature)
     }
 
-    /// May it point at this stretch?
+    /// True if the rule may point at this stretch.
     pub fn rests_on(&self, stretch: &StretchRow) -> bool {
         match self.support {
             Support::Seen => stretch.cause.is_none(),

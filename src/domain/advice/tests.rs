@@ -1,4 +1,4 @@
-//! When advice is given, and when not.
+//! When advice is given, and when it is not.
 
 use super::*;
 use crate::domain::evidence::{AbsenceCause, NoEvidence};
@@ -114,7 +114,7 @@ fn rules_speak_of_features_that_are_better_that_way_and_never_of_what_the_tracke
         for (names, direction) in [(rule.lower, Direction::Lower), (rule.higher, Direction::Higher)] {
             for name in names {
                 let feature = features::find(name).unwrap_or_else(|| panic!("no feature `{name}`"));
-                let is_neutral = *name == "one_hand_share"; // neither by itself, until a standard says so
+                let is_neutral = *name == "one_hand_share"; // has no better side until a standard sets one
                 assert!(feature.direction == direction || is_neutral, "{name}");
                 spoken.push(name);
             }

@@ -1,43 +1,44 @@
-//! Why the server closed a feed: codes of the range that WebSocket leaves to applications, and what to do about each.
+//! Why the server closed a feed: close codes, mostly from WebSocket's range for applications, and what to do about
+//! each.
 
 /// Why a connection is closed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Farewell {
-    /// What kind of reason.
+    /// The close code.
     pub code: Code,
-    /// What happened, for people; a close frame carries its first 120 bytes.
+    /// What happened, for people; a close frame carries its first 123 bytes.
     pub why: String,
 }
 
-/// Kinds of reasons.
+/// Close codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Code {
-    /// The recording is whole.
+    /// The recording is complete.
     Done,
-    /// The service ends: come again in some seconds.
+    /// The service is stopping: reconnect in a few seconds.
     Ending,
-    /// A message that is not in the protocol, or not in its order.
+    /// A message that is not part of the protocol, or at the wrong time.
     NotUnderstood,
-    /// The sign-in has ended, or the token was withdrawn.
+    /// The sign-in has ended, or the token was revoked.
     SignedOut,
-    /// A trainee or task that does not exist, or a recording that is not of this box.
+    /// An unknown trainee or task, or a recording of another box.
     Unknown,
-    /// The box sends another recording, or another sender sends this one: come again.
+    /// The box is sending another recording, or another sender is sending this one: reconnect later.
     Busy,
-    /// A later connection sends this recording: stop.
+    /// A later connection has taken over this recording: do not reconnect.
     Superseded,
-    /// A frame that is too large, or in too many pieces.
+    /// A frame is too large, or the frame numbers are in too many pieces.
     TooMuch,
-    /// A frame that does not belong: another epoch, time or order than was agreed.
+    /// A frame with a wrong epoch, time or order.
     DoesNotBelong,
-    /// Nothing came for too long.
+    /// Nothing was received for too long.
     Silent,
-    /// The server could not store it: come again.
+    /// The server could not store the recording: reconnect later.
     Failed,
 }
 
 impl Code {
-    /// All of them.
+    /// All close codes.
     pub const ALL: [Code; 11] = [
         Code::Done,
         Code::Ending,
@@ -52,7 +53,7 @@ impl Code {
         Code::Failed,
     ];
 
-    /// The code of a close frame.
+    /// The code number in the close frame.
     pub fn number(self) -> u16 {
         match self {
             Code::Done => 1000,
@@ -71,22 +72,22 @@ impl Code {
 }
 
 impl Farewell {
-    /// A reason of this kind.
+    /// A reason with this code.
     pub fn new(code: Code, why: impl Into<String>) -> Self {
         Self { code, why: why.into() }
     }
 
-    /// The reason of a service that ends.
+    /// The service is stopping.
     pub fn service_ends() -> Self {
-        Self::new(Code::Ending, "the service ends: come again in some seconds")
+        Self::new(Code::Ending, "the service is stopping: reconnect in a few seconds")
     }
 
-    /// The reason of a sign-in that ends.
+    /// The sign-in has ended.
     pub fn signed_out() -> Self {
         Self::new(Code::SignedOut, "the sign-in has ended: sign in again")
     }
 
-    /// As much of the reason as a close frame carries: 123 bytes.
+    /// The reason, cut to the 123 bytes that fit into a close frame.
     pub fn short(&self) -> &str {
         const MOST: usize = 123;
         let mut end = self.why.len().min(MOST);

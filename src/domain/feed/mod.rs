@@ -1,16 +1,16 @@
-//! The feed of a box: frames that arrive while they are recorded, in the words of `docs/feed.md`.
+//! The feed of a box: frames that arrive during the recording. The protocol is described in `docs/feed.md`.
 //!
-//! A sender says [`words::Hello`], is told its *epoch* and what is durable already, and sends [`record::Record`]s: frames
-//! in any order, each with its number, and gaps where there will never be one. What the server holds is a set of numbers
-//! ([`numbers::Numbers`]); what it acknowledges is durable. The same bytes that travel lie in the server's log and in the
-//! agent's spool.
+//! A sender sends [`messages::Hello`]; the answer holds its *epoch* and the frames that are durable already. The sender
+//! then sends [`record::FeedRecord`]s: frames in any order, each with its number, and gaps for frames that will never
+//! arrive. The server keeps the set of numbers that it has ([`numbers::FrameNumbers`]) and acknowledges only durable
+//! frames. The server's log and the agent's spool hold the same bytes as the wire.
 //!
 //! | file | holds |
 //! |---|---|
 //! | [`record`] | frames and gaps as bytes, with a checksum |
-//! | [`words`] | what is said in JSON |
+//! | [`messages`] | the JSON messages |
 //! | [`numbers`] | sets of frame numbers, as ranges |
-//! | [`farewell`] | why a connection was closed |
+//! | [`close_reason`] | why a connection was closed |
 
 pub mod farewell;
 pub mod numbers;
@@ -20,24 +20,24 @@ pub mod words;
 use super::named;
 use super::text::Invalid;
 
-/// The version of the protocol that this program speaks.
+/// The protocol version of this program.
 pub const PROTOCOL: u32 = 1;
 
-/// Frames of one recording at most, as of any recording: 4 hours at 60 Hz, and some.
+/// Maximum number of frames in a recording: 4 hours at 60 Hz, and some reserve.
 pub const MOST_FRAMES: u64 = 1_000_000;
 
-/// Longest recording, s.
+/// Maximum duration of a recording, s.
 pub const LONGEST_S: f64 = 4.0 * 3600.0;
 
-/// Largest frame, bytes: a photo-like JPEG of 1080p has half of it.
+/// Maximum size of a frame, bytes: twice the size of a photo-like 1080p JPEG.
 pub const MOST_PAYLOAD: usize = 1 << 20;
 
-/// Most ranges that a recording's numbers may fall into. Each outage makes one; a sender that skips every other frame would
-/// make half a million.
+/// Maximum number of ranges of a recording's frame numbers. Each outage adds one; without the limit, a sender that
+/// skips every other frame would create half a million.
 pub const MOST_RANGES: usize = 4096;
 
 named! {
-    /// How frames are coded.
+    /// Encoding of the frames.
     FrameCodec: "codec" {
         /// Each frame a JPEG.
         Jpeg = "jpeg",
@@ -46,7 +46,7 @@ named! {
     }
 }
 
-/// The clock in which a sender counts: a tick lasts `num / den` seconds.
+/// The unit of a sender's time stamps: a tick lasts `num / den` seconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "[u32; 2]", into = "[u32; 2]")]
 pub struct TimeBase {
@@ -60,7 +60,7 @@ impl TimeBase {
         (self.num, self.den)
     }
 
-    /// A time in seconds, to the last bit what it is in the recording that is made of the feed.
+    /// A time in seconds, bit for bit the same as in the recording made from the feed.
     pub fn seconds(self, ticks: i64) -> f64 {
         ticks as f64 * (f64::from(self.num) / f64::from(self.den))
     }
@@ -70,9 +70,9 @@ impl TryFrom<[u32; 2]> for TimeBase {
     type Error = Invalid;
 
     fn try_from([num, den]: [u32; 2]) -> Result<Self, Invalid> {
-        /// Coarser ticks could not tell frames apart.
+        /// Coarser ticks could give two frames the same time.
         const COARSEST_HZ: u32 = 1000;
-        /// In finer ones a recording of four hours would not fit into the 31 bits that containers have for a duration.
+        /// With finer ticks, a recording of four hours would exceed the 31 bits that containers have for a duration.
         const MOST_DEN: u32 = 100_000;
         if den.checked_div(num).is_none_or(|hertz| hertz < COARSEST_HZ) || den > MOST_DEN {
             return Err(Invalid::new("time_base", "expected [1, n] with n from 1000 to 100000 ticks a second"));

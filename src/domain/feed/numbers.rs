@@ -1,16 +1,16 @@
-//! Sets of frame numbers, kept as ranges: a recording without an outage is one of them.
+//! Sets of frame numbers, stored as ranges: a recording without an outage is one range.
 
 use super::MOST_RANGES;
 
-/// A set of numbers, as ranges that neither touch nor overlap, in order.
+/// A set of numbers, stored as ordered ranges that neither touch nor overlap.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Numbers {
     ranges: Vec<[u64; 2]>,
 }
 
-/// More ranges than a recording may fall into.
+/// A recording has more ranges of frame numbers than allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the frames lie in more than {MOST_RANGES} pieces; send them in order, and say which will never come")]
+#[error("the frames are in more than {MOST_RANGES} pieces; send frames in order, and a gap for frames that are lost")]
 pub struct TooManyRanges;
 
 impl Numbers {
@@ -19,19 +19,19 @@ impl Numbers {
         &self.ranges
     }
 
-    /// Is this number in it?
+    /// True if the set contains this number.
     pub fn contains(&self, number: u64) -> bool {
         let after = self.ranges.partition_point(|[first, _]| *first <= number);
         after > 0 && self.ranges[after - 1][1] >= number
     }
 
-    /// Are all numbers from `first` to `last` in it?
+    /// True if the set contains all numbers from `first` to `last`.
     pub fn contains_all(&self, first: u64, last: u64) -> bool {
         let after = self.ranges.partition_point(|[start, _]| *start <= first);
         after > 0 && self.ranges[after - 1][1] >= last
     }
 
-    /// The number after the largest; 0 of an empty set.
+    /// The number after the largest; 0 for an empty set.
     pub fn end(&self) -> u64 {
         self.ranges.last().map_or(0, |[_, last]| last + 1)
     }
@@ -39,9 +39,9 @@ impl Numbers {
     /// Adds the numbers from `first` to `last`.
     ///
     /// # Errors
-    /// It would fall into too many ranges, and is as it was.
+    /// The set would have too many ranges; it stays unchanged.
     pub fn add(&mut self, first: u64, last: u64) -> Result<(), TooManyRanges> {
-        // Those that touch the new one become one with it.
+        // Ranges that touch the new one are merged with it.
         let from = self.ranges.partition_point(|[_, end]| end.saturating_add(1) < first);
         let to = self.ranges.partition_point(|[start, _]| *start <= last.saturating_add(1));
         if from == to && self.ranges.len() == MOST_RANGES {
@@ -54,7 +54,7 @@ impl Numbers {
         Ok(())
     }
 
-    /// The ranges below `end` that are not in it.
+    /// The ranges below `end` that the set does not contain.
     pub fn missing_below(&self, end: u64) -> Vec<[u64; 2]> {
         let firsts = std::iter::once(0).chain(self.ranges.iter().map(|[_, last]| last + 1));
         let ends = self.ranges.iter().map(|[first, _]| *first).chain(std::iter::once(end));

@@ -1,4 +1,4 @@
-//! Frames and gaps as bytes: on the wire one binary message each, in log and spool one after the other.
+//! Frames and gaps as bytes: one binary message each on the wire, one after the other in log and spool.
 //!
 //! ```text
 //!  0  u8   kind: 1 frame, 2 gap
@@ -6,10 +6,10 @@
 //!  2  u16  0
 //!  4  u32  epoch
 //!  8  u64  number: counts the recording's frames from 0, in the order of decoding
-//! 16  i64  time of a frame, ticks of the sender's time base; of a gap 0
-//! 24  u32  length of what follows the head
-//! 28  u32  CRC-32 (as in PNG and zlib) of bytes 0..28 and of what follows the head
-//! 32       a frame: its bytes; a gap: u64 last number, u8 why
+//! 16  i64  time of a frame, ticks of the sender's time base; 0 for a gap
+//! 24  u32  length of the payload
+//! 28  u32  CRC-32 (as in PNG and zlib) of bytes 0..28 and of the payload
+//! 32       payload: a frame's bytes; for a gap u64 last number, u8 reason
 //! ```
 //! Numbers are in network order.
 
@@ -18,31 +18,31 @@ use std::io::{self, Read};
 use super::{MOST_FRAMES, MOST_PAYLOAD};
 use crate::domain::named;
 
-/// Bytes before the payload.
+/// Length of the header, the bytes before the payload.
 pub const HEAD: usize = 32;
-/// Largest record, bytes.
+/// Maximum length of a record, bytes.
 pub const MOST_BYTES: usize = HEAD + MOST_PAYLOAD;
 
-/// Bytes that hold no record and are looked through for the next one: more than is ever written without a sync.
+/// Maximum number of damaged bytes searched for the next record: more than is ever written without a sync.
 pub const LONGEST_HOLE: usize = 32 << 20;
 
 const FRAME: u8 = 1;
 const GAP: u8 = 2;
 const KEY: u8 = 1;
-/// Where the checksum lies.
+/// Offset of the checksum in the header.
 const CHECK: usize = 28;
 const GAP_BYTES: usize = 9;
 
 named! {
-    /// Why some frames will never come.
+    /// Why some frames will never arrive.
     GapReason: "gap" {
-        /// The camera gave none.
+        /// The camera delivered no frames.
         Camera = "camera",
-        /// The sender's spool was full, and its oldest part went.
+        /// The sender's spool was full, and its oldest part was deleted.
         SpoolFull = "spool-full",
-        /// The sender lost power or was killed before they were in its spool.
+        /// The sender lost power or was killed before the frames were in its spool.
         SenderStopped = "sender-stopped",
-        /// They are not there, and nobody knows why.
+        /// The frames are missing for an unknown reason.
         NeverCame = "never-came",
     }
 }
@@ -62,61 +62,61 @@ impl GapReason {
     }
 }
 
-/// One record, its payload where it came from.
+/// One record. Its payload is borrowed from the bytes it was read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record<'a> {
-    /// The connection that sent it, in the order of connections.
+    /// Number of the connection that sent it; later connections have higher numbers.
     pub epoch: u32,
-    /// The frame's number, or the gap's first.
+    /// The frame's number, or the first number of the gap.
     pub number: u64,
-    /// What it is.
+    /// A frame or a gap.
     pub body: Body<'a>,
 }
 
-/// What a record is.
+/// The content of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Body<'a> {
     /// A frame.
     Frame {
-        /// When it was captured, ticks of the sender's time base.
+        /// Capture time, ticks of the sender's time base.
         time: i64,
-        /// Can it be decoded without the ones before?
+        /// Whether it can be decoded without earlier frames.
         is_key: bool,
         /// Its bytes.
         payload: &'a [u8],
     },
-    /// Frames that will never come.
+    /// Frames that will never arrive.
     Gap {
-        /// The last of them.
+        /// Number of the last missing frame.
         last: u64,
-        /// Why.
+        /// Why they will never arrive.
         reason: GapReason,
     },
 }
 
-/// Why bytes are no record.
+/// Why bytes are not a valid record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotARecord {
-    /// They end before the record does.
+    /// The bytes end before the record does.
     #[error("the record is cut after {0} bytes")]
     Cut(usize),
-    /// More bytes than the record has.
+    /// More bytes follow the record.
     #[error("{0} bytes follow the record")]
     Trailing(usize),
-    /// A kind, flag or reserved bit that nobody knows.
-    #[error("byte {0} of the head holds a value that is not in use")]
+    /// An unknown kind, flag or reserved bit.
+    #[error("byte {0} of the record has an unknown value")]
     Unknown(usize),
     /// A payload that is empty or too long.
     #[error("a payload of {0} bytes; expected 1 to {MOST_PAYLOAD}")]
     Length(usize),
-    /// A number beyond any recording.
+    /// A frame number above the maximum.
     #[error("frame number {0}; a recording has at most {MOST_FRAMES} frames")]
     Number(u64),
     /// A gap that ends before it begins.
-    #[error("a gap from {0} to {1}")]
+    #[error("a gap from {0} to {1}; expected the first number, then the last")]
     Backwards(u64, u64),
-    /// The bytes are not those that were sent.
-    #[error("the checksum does not match: the bytes were damaged on the way or on a disk")]
+    /// The checksum does not match.
+    #[error("the checksum does not match: the bytes were damaged in transfer or on a disk")]
     Damaged,
 }
 
@@ -146,19 +146,19 @@ impl<'a> Record<'a> {
         into.extend(payload);
     }
 
-    /// The record that a message holds, no more and no less.
+    /// Reads a message that holds exactly one record.
     ///
     /// # Errors
-    /// The message is no record.
+    /// The message is not exactly one record.
     pub fn read(message: &'a [u8]) -> Result<Self, NotARecord> {
         let (record, rest) = Self::read_first(message)?;
         if rest.is_empty() { Ok(record) } else { Err(NotARecord::Trailing(rest.len())) }
     }
 
-    /// The first of several records, and the bytes behind it.
+    /// Reads the first of several records; returns it and the bytes after it.
     ///
     /// # Errors
-    /// There is no whole record; [`NotARecord::Cut`] if there may be one once more bytes have come.
+    /// No complete record; [`NotARecord::Cut`] if more bytes could complete it.
     pub fn read_first(bytes: &'a [u8]) -> Result<(Self, &'a [u8]), NotARecord> {
         let cut = NotARecord::Cut(bytes.len());
         let (head, rest) = bytes.split_at_checked(HEAD).ok_or(cut)?;
@@ -178,7 +178,7 @@ impl<'a> Record<'a> {
         Ok((Self { epoch, number, body }, rest))
     }
 
-    /// Its length, bytes.
+    /// Length of the record, bytes.
     pub fn bytes(&self) -> usize {
         match self.body {
             Body::Frame { payload, .. } => HEAD + payload.len(),
@@ -186,7 +186,7 @@ impl<'a> Record<'a> {
         }
     }
 
-    /// The last number that it speaks of.
+    /// The last frame number that the record covers.
     pub fn last(&self) -> u64 {
         match self.body {
             Body::Frame { .. } => self.number,
@@ -195,12 +195,12 @@ impl<'a> Record<'a> {
     }
 }
 
-/// Reads records that lie one after the other, and gives each of them with the place where it begins. Returns where the last
-/// of them ends. What is damaged is passed over, be it a payload or a head, if there are records within [`LONGEST_HOLE`] behind
-/// it: they may have been acknowledged. A tail in which no record lies was not.
+/// Reads consecutive records and passes each one to `give` with the offset of its beginning. Returns the end of the
+/// last record. Damaged bytes, in a payload or a header, are skipped if a record follows within [`MAX_HOLE_BYTES`],
+/// because later records may have been acknowledged. A tail without a record was never acknowledged.
 ///
 /// # Errors
-/// The bytes cannot be read, or whoever is given a record refuses.
+/// The bytes cannot be read, or `give` refuses a record.
 pub fn read_all<E: From<io::Error>>(
     mut from: impl Read,
     mut give: impl FnMut(u64, Record<'_>) -> Result<(), E>,
@@ -221,8 +221,8 @@ pub fn read_all<E: From<io::Error>>(
                     bytes
                 }
                 Err(NotARecord::Cut(_)) if !is_over => break,
-                // The next record begins anywhere behind: the length may be what is damaged, and whatever it spans may be whole
-                // records. Bytes that no head can begin with cost nothing.
+                // The next record can begin at any later byte: the length itself may be damaged, and the bytes it
+                // covers may be intact records. Bytes that cannot begin a header are rejected at once.
                 Err(_) => 1,
             };
             rest = &rest[bytes..];
@@ -237,7 +237,7 @@ pub fn read_all<E: From<io::Error>>(
     }
 }
 
-/// Length of the payload that a head announces, if the head can be one at all.
+/// Length of the payload according to the header, if the header is valid.
 fn payload_length(head: &[u8]) -> Result<usize, NotARecord> {
     let expected: u8 = match head[0] {
         FRAME => KEY,
@@ -274,7 +274,7 @@ fn checksum(head: &[u8], payload: &[u8]) -> u32 {
     hasher.finalize()
 }
 
-/// So many bytes from a place on, which the caller knows to be there.
+/// `N` bytes from an offset; the caller guarantees that they exist.
 fn part<const N: usize>(bytes: &[u8], from: usize) -> [u8; N] {
     std::array::from_fn(|i| bytes[from + i])
 }

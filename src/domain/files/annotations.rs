@@ -1,9 +1,10 @@
 //! `annotations.json`: the rectangles that an instructor marked, and the tools' sizes.
 //!
-//! A rectangle's label is a colour of tape, and a tool is called by its colour, unless `tools` says otherwise: two tools
-//! that wear the same tape are entries of their own names with one `colour`. Labels may then name the colour or either
-//! tool. The tracker tells such tools apart by their trocars; which is which, by the side of the picture that each one's
-//! hand is on: its `side`, else a word of its name (`left`, `grasper-right`), else the first entry's is the left one.
+//! A rectangle's label is a tape colour, and a tool is named after its colour, unless `tools` says otherwise: two tools
+//! with the same tape are entries with different names and one `colour`. Labels may then name the colour or either
+//! tool. The tracker distinguishes such tools by their trocars. It assigns the names by the side of the picture that
+//! each hand is on: the entry's `side`, else a word of its name (`left`, `grasper-right`), else the first entry is the
+//! left one.
 //!
 //! ```json
 //! {"tool_diameter_mm": 5.0,
@@ -18,16 +19,16 @@ use super::{LONGEST_TOOL_NAME, is_tool_name};
 /// Labels that are not tools.
 pub const NOT_TOOLS: [&str; 5] = ["background", "shaft", "jaw", "glove", "other"];
 
-/// Colours of tape in one box; the tracker follows no more tools either.
+/// Maximum number of tape colours in one box; the tracker has the same limit for tools.
 const MOST_COLOURS: usize = 16;
 
-/// From where the camera looks (T 6.4); tells which end of a band is distal where the picture does not.
+/// The camera's viewpoint (T 6.4); it decides which end of a band is distal where the picture does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum View {
     /// Camera above the box.
     Top,
-    /// Camera at its side.
+    /// Camera at the side of the box.
     Side,
 }
 
@@ -46,24 +47,24 @@ pub struct LabelledRectangle {
     pub w: i64,
     /// Rows.
     pub h: i64,
-    /// Rectangles of one frame and label with the same number were painted in one go: together they are one mark, since
-    /// what touches looks alike.
+    /// Rectangles of one frame and label with the same number were painted in one stroke. They count as one mark,
+    /// because adjacent areas look alike.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stroke: Option<u32>,
 }
 
-/// The side of the picture on which a tool's hand is.
+/// The side of the picture that a tool's hand is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
     /// The tool comes from the left.
     Left,
-    /// It comes from the right.
+    /// The tool comes from the right.
     Right,
 }
 
 impl Side {
-    /// The side that a word of a tool's name tells, unless it has words for both.
+    /// The side that a word of a tool's name gives, unless the name has words for both.
     fn in_name(name: &str) -> Option<Self> {
         let has = |side: &str| name.split(|c: char| !c.is_alphanumeric()).any(|word| word.eq_ignore_ascii_case(side));
         match (has("left"), has("right")) {
@@ -74,15 +75,15 @@ impl Side {
     }
 }
 
-/// What is known of one tool.
+/// One tool's entry.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ToolEntry {
     /// The tool's name.
     pub tool: String,
-    /// Colour of its tape, where that is not its name: the label of the rectangles that mark it. Two tools may share one.
+    /// Colour of its tape, where that is not its name: the label of its rectangles. Two tools may share a colour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<String>,
-    /// The side of the picture on which its hand is; asked only of tools that share a colour.
+    /// The side of the picture that its hand is on; used only for tools that share a colour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub side: Option<Side>,
     /// Outer diameter over the tape, mm.
@@ -109,13 +110,13 @@ pub struct AnnotationsFile {
     /// Band length of every tool without one of its own, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band_length_mm: Option<f64>,
-    /// Camera's place.
+    /// The camera's viewpoint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<View>,
-    /// Clip in which `frame` counts, relative to this file; without it, the tracked clip.
+    /// Path of the clip that `frame` refers to, relative to this file; absent: the tracked clip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub video: Option<String>,
-    /// Sizes that win over the general ones, and colours that tools share.
+    /// Sizes that take precedence over the general ones, and colours that tools share.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tools: Vec<ToolEntry>,
     /// Marked rectangles.
@@ -129,7 +130,7 @@ pub struct MarkedTool {
     pub name: String,
     /// Colour of its tape: the label of its samples.
     pub colour: String,
-    /// The side of the picture on which its hand is, where that is told.
+    /// The side of the picture that its hand is on, where known.
     pub side: Option<Side>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
@@ -146,46 +147,46 @@ pub enum AnnotationsError {
     /// No rectangle names a tool.
     #[error("no label names a tool: mark at least one rectangle on a tool's tape, labelled with the marker's name")]
     NoTool,
-    /// A colour that cannot be one.
-    #[error("tool `{tool}`: colour `{colour}` is no colour of tape; give the label of the rectangles that mark it")]
+    /// A colour that is empty or reserved.
+    #[error("tool `{tool}`: `{colour}` is not a tape colour; give the label of the tool's rectangles as its colour")]
     Colour {
-        /// Which tool.
+        /// The tool.
         tool: String,
-        /// What it holds.
+        /// The colour in the file.
         colour: String,
     },
-    /// A tool that is called what no tool may be, so that its rectangles would count as tape.
-    #[error("`{0}` under tools is a label for what is no tool; give the tool a name of its own")]
+    /// A tool with a reserved label as its name; its rectangles would wrongly count as tape.
+    #[error("`{0}` is a reserved label and cannot be the name of a tool; give the tool another name under tools")]
     NotATool(String),
-    /// A name that no tool can have.
+    /// A name that is not allowed.
     #[error(
-        "`{0}…` cannot be a tool's name: use at most {LONGEST_TOOL_NAME} characters, of which the first is a letter or a digit"
+        "`{0}…` cannot be a tool's name: use at most {LONGEST_TOOL_NAME} characters and begin with a letter or a digit"
     )]
     Name(String),
-    /// More colours than the tracker tells apart.
+    /// More colours than the tracker can distinguish.
     #[error(
-        "{0} colours are marked; at most {MOST_COLOURS} can be told apart: label what is no tape as background or other"
+        "{0} colours are marked; at most {MOST_COLOURS} are possible: label all that is not tape as background or other"
     )]
     TooManyColours(usize),
-    /// A tool that is listed twice, so that its colour is not known.
+    /// A tool listed twice with different colours.
     #[error("tool `{0}` is listed twice under tools with different colours; give each tool a name of its own")]
     TwoColours(String),
     /// A tool without a diameter.
     #[error("tool `{0}` has no diameter: give tool_diameter_mm, or diameter_mm under tools")]
     NoDiameter(String),
-    /// A size that no tube has.
+    /// An impossible size.
     #[error("tool `{tool}`: {key} is {value} mm; expected more than 0 and at most {limit}")]
     Size {
-        /// Which tool.
+        /// The tool.
         tool: String,
-        /// Which key.
+        /// The key.
         key: &'static str,
-        /// What it holds, mm.
+        /// The value in the file, mm.
         value: f64,
         /// Largest accepted value, mm.
         limit: f64,
     },
-    /// A rectangle that leaves the frame.
+    /// A rectangle that reaches outside the frame.
     #[error(
         "rectangle {index} (`{label}`, frame {frame}) spans x {x}..{right}, y {y}..{bottom}, outside the {width}×{height} frame"
     )]
@@ -212,14 +213,14 @@ pub enum AnnotationsError {
 }
 
 impl AnnotationsFile {
-    /// Reads the file and checks that it names at least one tool of a possible size.
+    /// Reads the file and checks that it names at least one tool with a valid size.
     pub fn parse(text: &str) -> Result<Self, AnnotationsError> {
         let file: Self = serde_json::from_str(text).map_err(|e| AnnotationsError::Syntax(e.to_string()))?;
         file.marked_tools()?;
         Ok(file)
     }
 
-    /// The tools, in order of the first appearance of their colours, those of one colour in the order of `tools`.
+    /// The tools, in order of first appearance of their colours; tools of one colour in the order of `tools`.
     pub fn marked_tools(&self) -> Result<Vec<MarkedTool>, AnnotationsError> {
         self.check_colours()?;
         let mut tools: Vec<MarkedTool> = Vec::new();
@@ -240,12 +241,12 @@ impl AnnotationsFile {
         if tools.is_empty() { Err(AnnotationsError::NoTool) } else { Ok(tools) }
     }
 
-    /// The colour that each tool wears, in the tools' order: twice, where two wear the same.
+    /// The tape colour of each tool, in the tools' order; a shared colour appears more than once.
     pub fn tapes(&self) -> Vec<String> {
         self.marked_tools().unwrap_or_default().into_iter().map(|tool| tool.colour).collect()
     }
 
-    /// The colours of tape that are marked, in order of first appearance.
+    /// The marked tape colours, in order of first appearance.
     pub fn marked_colours(&self) -> Vec<&str> {
         let mut colours: Vec<&str> = Vec::new();
         for colour in self.labels.iter().map(|l| self.colour_of(&l.label)).filter(|c| !NOT_TOOLS.contains(c)) {
@@ -256,7 +257,7 @@ impl AnnotationsFile {
         colours
     }
 
-    /// The colour that a rectangle of this label marks: that of the tool of this name, else the label itself.
+    /// The tape colour for a label: the colour of the tool with this name, else the label itself.
     pub fn colour_of<'a>(&'a self, label: &'a str) -> &'a str {
         self.tools.iter().find(|entry| entry.tool == label).map_or(label, ToolEntry::colour)
     }
@@ -297,7 +298,7 @@ impl AnnotationsFile {
         Ok(MarkedTool { name: name.to_owned(), colour: colour.to_owned(), side, diameter_mm, band_length_mm })
     }
 
-    /// Refuses rectangles that are empty or leave a frame of this size.
+    /// Refuses rectangles that are empty or reach outside a frame of this size.
     pub fn check_inside(&self, width: u32, height: u32) -> Result<(), AnnotationsError> {
         let outside = |r: &&LabelledRectangle| {
             r.w <= 0

@@ -1,4 +1,4 @@
-//! A calibration as `camera.json` keeps it: the camera, and beside it how far to trust it.
+//! A calibration as a `camera.json`: the camera and its accuracy.
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -46,7 +46,7 @@ pub fn camera_file(calibration: &Calibration, calibrated_at: &str) -> CameraFile
     CameraFile { more, ..CameraFile::from(calibration.camera) }
 }
 
-/// Rounded to a millionth: figures for people; the camera's own numbers are kept in full.
+/// Rounds figures for people to a millionth; the camera's own numbers keep full precision.
 fn to_micro(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
@@ -87,7 +87,7 @@ mod tests {
         let file = camera_file(&calibration(), "2026-01-02T03:04:05Z");
         let again = CameraFile::parse(&file.to_json()).unwrap();
         assert_eq!(again.camera(), calibration().camera);
-        assert_eq!(again.board(), Some(("9x6".parse().unwrap(), 20.5)), "a self-test needs no other word of the board");
+        assert_eq!(again.board(), Some(("9x6".parse().unwrap(), 20.5)), "a self-test finds the board in the file");
     }
 
     #[test]

@@ -6,8 +6,8 @@ use serde_json::{Map, Value};
 use crate::domain::calibration::BoardSize;
 use crate::pipeline::camera::Camera;
 
-/// A camera file as it lies on disk: the camera, what a calibration says of itself, and whatever else another
-/// program keeps there (written back untouched).
+/// A camera file as stored on disk: the camera, the calibration's own figures, and keys of other programs (written
+/// back unchanged).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraFile {
     /// Picture width, pixels.
@@ -48,12 +48,12 @@ pub enum CameraFileError {
     /// Not JSON, or a key is missing or of the wrong type.
     #[error("not a camera file: {0}; expected a JSON object with width, height, fx, fy, cx, cy and k1 k2 p1 p2 k3")]
     Syntax(String),
-    /// A number that no camera can have.
+    /// An impossible number.
     #[error("{key} is {value}, which no camera can have")]
     Nonsense {
-        /// Which key.
+        /// The key.
         key: &'static str,
-        /// What it holds.
+        /// The value in the file.
         value: f64,
     },
 }
@@ -90,12 +90,12 @@ impl CameraFile {
         }
     }
 
-    /// RMS reprojection error of its calibration, pixels, where it says one.
+    /// RMS reprojection error of its calibration, pixels, if stated.
     pub fn rms_px(&self) -> Option<f64> {
         self.more.get("rms_px").and_then(Value::as_f64).filter(|rms| *rms >= 0.0)
     }
 
-    /// The board that its calibration was made with and the side of a square, mm, where it says so.
+    /// The board that the calibration was made with and the side of a square, mm, if stated.
     pub fn board(&self) -> Option<(BoardSize, f64)> {
         let size = self.more.get("board").and_then(Value::as_str)?.parse().ok()?;
         let square_mm = self.more.get("square_mm").and_then(Value::as_f64)?;

@@ -1,4 +1,4 @@
-//! Exchange formats that other programs rely on. Text in, values out, and back; where the text lies is not their matter.
+//! Exchange formats that other programs rely on. These modules convert text to values and back; they do no file access.
 
 pub mod annotations;
 pub mod calibration;
@@ -8,10 +8,10 @@ pub mod quality;
 pub mod trajectory;
 pub mod truth;
 
-/// Longest name of a tool, characters.
+/// Maximum length of a tool's name, characters.
 pub const LONGEST_TOOL_NAME: usize = 64;
 
-/// Can a tool be called so? Names go into tables, where `=…` is a formula to a spreadsheet.
+/// True if a tool may have this name. Names are written into tables, where a spreadsheet would read `=…` as a formula.
 pub fn is_tool_name(name: &str) -> bool {
     name.chars().next().is_some_and(char::is_alphanumeric)
         && name.chars().count() <= LONGEST_TOOL_NAME

@@ -1,5 +1,5 @@
-//! How a session was seen and whether its numbers may be believed, as JSON: of `trocar track --quality`, and with a
-//! session over REST.
+//! A session's tracking quality and whether its numbers can be trusted, as JSON: written by `trocar track --quality`,
+//! and sent with a session over REST.
 
 use std::collections::BTreeMap;
 
@@ -11,35 +11,35 @@ use crate::pipeline::quality::{Concern, Figures, NoiseFloor, SessionFigures, Shi
 use crate::pipeline::reason::Reason;
 use crate::pipeline::tracker::{EffectiveDiameter, Quality, ToolQuality};
 
-/// How a session was seen. Shares are 0 to 1; `null` where it is not known.
+/// A session's tracking quality. Shares are 0 to 1; `null` where unknown.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct QualityDocument {
     /// `valid`, `usable_with_care` or `refused`; a refused session's features are withheld.
     pub verdict: &'static str,
-    /// Why; the worst first.
+    /// Why, worst first.
     pub reasons: Vec<ConcernDocument>,
     /// Decoded frames.
     pub frames: u64,
-    /// The recording as such.
+    /// Figures of the recording as a whole.
     pub recording: RecordingDocument,
     /// One entry per tool.
     pub tools: Vec<ToolDocument>,
 }
 
-/// Why a session is to be used with care, or is refused.
+/// Why a session needs care, or is refused.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct ConcernDocument {
-    /// Stable name of what is wrong, such as `coverage`.
+    /// Stable name of the problem, such as `coverage`.
     pub name: &'static str,
-    /// What it does: `care` or `refuse`.
+    /// Its effect: `care` or `refuse`.
     pub severity: &'static str,
     /// The tool; `null` for the session as a whole.
     pub tool: Option<String>,
-    /// The marked label that a colour is hardly told from; `null` where it is not about one.
+    /// The marked label that a colour is too similar to; `null` for other problems.
     pub label: Option<String>,
-    /// The figure.
+    /// The measured figure.
     pub figure: f64,
-    /// The limit that it broke.
+    /// The limit that the figure broke.
     pub limit: f64,
     /// Unit of both; `1` for shares and counts.
     pub unit: &'static str,
@@ -49,22 +49,22 @@ pub struct ConcernDocument {
     pub advice: &'static str,
 }
 
-/// The recording as such.
+/// Figures of the recording as a whole.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct RecordingDocument {
-    /// Frames a second.
+    /// Frames per second.
     pub frame_rate_hz: Option<f64>,
-    /// Share of frames that are missing between others.
+    /// Share of the frames that are missing in intervals of up to a second.
     pub dropped_share: Option<f64>,
     /// Longest time between two frames, s.
     pub longest_interval_s: Option<f64>,
-    /// Share of the announced frames that are not in the file.
+    /// Share of the frames stated by the container that could not be decoded.
     pub cut_share: Option<f64>,
     /// Share of the frames that are interlaced.
     pub interlaced_share: Option<f64>,
-    /// Speed of the fastest tool as it begins, mm/s.
+    /// Speed of the fastest tool when the recording begins, mm/s.
     pub first_speed_mm_s: Option<f64>,
-    /// Speed of the fastest tool as it ends, mm/s.
+    /// Speed of the fastest tool when the recording ends, mm/s.
     pub last_speed_mm_s: Option<f64>,
     /// Largest change of brightness, as a share.
     pub exposure_drift: Option<f64>,
@@ -72,103 +72,104 @@ pub struct RecordingDocument {
     pub white_drift_codes: Option<f64>,
     /// RMS reprojection error of the camera's calibration, pixels.
     pub calibration_rms_px: Option<f64>,
-    /// How far the camera has moved since earlier sessions; `null` where it has not, or nothing tells.
+    /// How far the camera has moved since earlier sessions; `null` where it has not moved or this is unknown.
     pub camera_shift: Option<ShiftDocument>,
 }
 
-/// How one tool was seen.
+/// One tool's tracking quality.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct ToolDocument {
     /// Its marker's name.
     pub tool: String,
-    /// Frames on which it was measured.
+    /// Frames with a measurement of the tool.
     pub observed: u64,
-    /// Frames that are bridged.
+    /// Frames with a predicted position, which bridges a gap.
     pub predicted: u64,
     /// Frames without a position.
     pub missing: u64,
-    /// How often each reason kept a measurement away.
+    /// How often each reason prevented a measurement.
     pub reasons: BTreeMap<&'static str, u64>,
-    /// Share of the session's frames on which it was measured.
+    /// Share of the session's frames with a measurement of the tool.
     pub coverage: Option<f64>,
-    /// The same between its own first and last sight.
+    /// The same between its own first and last measurement.
     pub coverage_while_there: Option<f64>,
-    /// The same of all frames.
+    /// The same over all frames of the recording.
     pub coverage_of_recording: Option<f64>,
-    /// Share of its positions that are bridged.
+    /// Share of its positions that are predicted.
     pub predicted_share: Option<f64>,
-    /// Share of the session's frames on which it was out of view.
+    /// Share of the session's frames with the tool out of view.
     pub left_view_share: Option<f64>,
-    /// Share of the session's frames on which it was in view, but not followed.
+    /// Share of the session's frames with the tool in view, but not tracked.
     pub lost_share: Option<f64>,
-    /// Frames on which it was in view but not followed, by reason.
+    /// Frames with the tool in view but not tracked, by reason.
     pub lost_frames: BTreeMap<&'static str, u64>,
     /// Longest time without a measurement, s.
     pub longest_gap_s: Option<f64>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
-    /// The diameter that its tape seems to have, by which width becomes depth.
+    /// Effective diameter of its tape, used to compute depth from width.
     pub effective_diameter: Option<DiameterDocument>,
     /// Share of measurements that contradict its motion.
     pub rejected_share: Option<f64>,
-    /// Speed that it would seem to have at rest.
+    /// Apparent speed at rest.
     pub noise_floor: Option<NoiseDocument>,
-    /// Stated standard deviation of its positions: half of them are surer, mm.
+    /// Median of the positions' stated standard deviations, mm.
     pub error_median_mm: Option<f64>,
-    /// 95 % of them are surer, mm.
+    /// 95th percentile of them, mm.
     pub error_p95_mm: Option<f64>,
-    /// Where its tube passes through the box's wall: its trocar; `null` where that is not known well.
+    /// Where its tube passes through the box's wall: its trocar; `null` where not known well enough.
     pub fulcrum: Option<FulcrumDocument>,
-    /// How far that is from the nearest trocar of earlier sessions; `null` where those are too few.
+    /// Distance from the nearest trocar of earlier sessions; `null` where there are too few of them.
     pub port_shift: Option<ShiftDocument>,
-    /// By how many of 255 steps its colour may shift before it is taken for what is no tool.
+    /// Colour shift, in steps of 1/255, before its tape is taken for something that is not a tool.
     pub colour_to_background_steps: Option<f64>,
-    /// The same for another tool's tape.
+    /// The same before its tape is taken for another tool's.
     pub colour_to_tools_steps: Option<f64>,
 }
 
-/// The diameter that a tape seems to have: blur, light and compression move its borders.
+/// The effective diameter of a tape: blur, light and compression move its borders.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct DiameterDocument {
     /// Diameter, mm.
     pub mm: f64,
     /// Its standard deviation, mm.
     pub sigma_mm: f64,
-    /// `session`: the session's own poses tell; `usual`: they were too few or too alike, and its own diameter is believed.
+    /// `session`: estimated from the session's own poses; `usual`: they were too few or too alike, so that the nominal
+    /// diameter is used.
     pub basis: &'static str,
 }
 
-/// The point about which a tool turns: its trocar.
+/// The point that a tool pivots about: its trocar.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FulcrumDocument {
-    /// Where, in the camera's frame, mm.
+    /// Position in the camera's frame, mm.
     pub at_mm: [f64; 3],
     /// Covariance, mm²: xx, xy, xz, yy, yz, zz.
     pub covariance_mm2: [f64; 6],
 }
 
-/// How far something lies from where it was.
+/// How far something has moved.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 pub struct ShiftDocument {
-    /// How far, mm.
+    /// Distance, mm.
     pub mm: f64,
     /// Its standard deviation, mm.
     pub sigma_mm: f64,
 }
 
-/// Speed that a resting tool would seem to have.
+/// Apparent speed of a resting tool.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct NoiseDocument {
     /// In the smoothed path, RMS, mm/s.
     pub smoothed_mm_s: f64,
     /// In the causal path, RMS, mm/s.
     pub causal_mm_s: Option<f64>,
-    /// `rest`: measured while it rested; `measurements`: from how much they differ from frame to frame.
+    /// `rest`: measured while the tool rested; `measurements`: from the differences between frames.
     pub basis: &'static str,
 }
 
 impl QualityDocument {
-    /// Of a recording that was tracked here.
+    /// The quality of a recording tracked by Trocar.
     pub fn new(tracker: &Quality, figures: &Figures, verdict: &Verdict) -> Self {
         Self {
             verdict: verdict.name(),
@@ -239,7 +240,7 @@ impl From<Shift> for ShiftDocument {
     }
 }
 
-/// The fulcrums that a stored document knows of, if it is one.
+/// The fulcrums in a stored quality document; none if the value is not such a document.
 pub fn fulcrums_of(document: &serde_json::Value) -> Vec<Fulcrum> {
     let tools = document["tools"].as_array().into_iter().flatten();
     let fulcrum = |tool: &serde_json::Value| FulcrumDocument::deserialize(&tool["fulcrum"]).ok();

@@ -1,4 +1,4 @@
-//! `truth.json`: where each tool of a simulated or rendered scene really was.
+//! `truth.json`: the true position of each tool in a simulated or rendered scene.
 
 use std::collections::HashSet;
 
@@ -7,10 +7,10 @@ use serde_json::{Map, Value};
 
 use crate::pipeline::evaluation::{Truth, TruthFrame, TruthTool};
 
-/// A truth file as it lies on disk, with whatever else its maker keeps there.
+/// A truth file as stored on disk, including the keys of other programs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruthFile {
-    /// Nominal frames per second; the frames' own times are what counts.
+    /// Nominal frames per second; evaluations use the frames' own times.
     pub fps: f64,
     /// Every frame of the clip.
     pub frames: Vec<FrameEntry>,
@@ -26,7 +26,7 @@ pub struct FrameEntry {
     pub frame: u64,
     /// Time of the picture, s.
     pub time_s: f64,
-    /// The tools on it.
+    /// The tools on the frame.
     pub tools: Vec<ToolEntry>,
 }
 
@@ -43,7 +43,7 @@ pub struct ToolEntry {
     /// Tip in the recorded frame, pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_px: Option<[f64; 2]>,
-    /// Share of the band that is seen, 0 to 1.
+    /// Visible share of the band, 0 to 1.
     pub visible: f64,
 }
 
@@ -53,7 +53,7 @@ pub enum TruthFileError {
     /// Not JSON, or a key is missing or of the wrong type.
     #[error("not a truth file: {0}")]
     Syntax(String),
-    /// Frames that are not in order: numbers and times must both grow.
+    /// Frames out of order: numbers and times must both increase.
     #[error("frame {frame} at {time_s} s does not come after frame {before} at {before_s} s")]
     Order {
         /// The frame.
@@ -65,7 +65,7 @@ pub enum TruthFileError {
         /// That frame's time, s.
         before_s: f64,
     },
-    /// A tool that is listed twice on one frame.
+    /// A tool listed twice on one frame.
     #[error("frame {frame} lists tool `{tool}` twice")]
     RepeatedTool {
         /// The frame.
@@ -80,7 +80,7 @@ pub enum TruthFileError {
         frame: u64,
         /// The tool.
         tool: String,
-        /// What it holds.
+        /// The value in the file.
         value: f64,
     },
 }
@@ -94,7 +94,7 @@ impl TruthFile {
         Ok(file)
     }
 
-    /// A file of this truth.
+    /// The file for this truth.
     pub fn new(fps: f64, truth: &Truth) -> Self {
         Self { fps, frames: truth.frames.iter().map(FrameEntry::from).collect(), more: Map::new() }
     }

@@ -1,31 +1,31 @@
-//! The forms: a closed list. Item names are the papers'; the anchors are said in our own words.
+//! The forms: a closed list. Item names are those of the papers; the anchors are in our own words.
 //!
-//! OSATS: the global rating scale of Martin JA et al., "Objective structured assessment of technical skill (OSATS) for surgical
-//! residents", Br J Surg 1997;84:273–278. GOALS: Vassiliou MC et al., "A global assessment tool for evaluation of intraoperative
-//! laparoscopic skills", Am J Surg 2005;190:107–113. A change of wording is a new version: ratings of different wordings are not
-//! compared.
+//! OSATS: the global rating scale of Martin JA et al., "Objective structured assessment of technical skill (OSATS) for
+//! surgical residents", Br J Surg 1997;84:273–278. GOALS: Vassiliou MC et al., "A global assessment tool for evaluation
+//! of intraoperative laparoscopic skills", Am J Surg 2005;190:107–113. A change of wording needs a new version: ratings
+//! made with different wordings are not compared.
 
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::{Form, MARKS};
 
-/// A form, as it is shown to who fills it in.
+/// A form as shown to raters.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct FormInfo {
-    /// Its stable name.
+    /// The form's stable name.
     pub form: Form,
-    /// Of its wording.
+    /// Version of the wording.
     pub version: i64,
     /// Title for people.
     pub title: &'static str,
-    /// Who published it.
+    /// The publication.
     pub source: &'static str,
     /// Its items, in order.
     pub items: &'static [ItemInfo],
     /// The lowest mark of an item.
     pub least: u8,
-    /// The highest.
+    /// The highest mark of an item.
     pub most: u8,
 }
 
@@ -36,16 +36,16 @@ pub struct ItemInfo {
     pub name: &'static str,
     /// Title for people.
     pub title: &'static str,
-    /// What marks mean.
+    /// What the marks 1, 3 and 5 mean.
     pub anchors: [Anchor; 3],
 }
 
-/// What a mark means.
+/// The meaning of a mark.
 #[derive(Debug, PartialEq, Serialize, ToSchema)]
 pub struct Anchor {
     /// The mark.
     pub mark: u8,
-    /// In words.
+    /// The meaning in words.
     pub words: &'static str,
 }
 

@@ -6,36 +6,37 @@ use super::{Definition, Readings, ReasonName, Report, SkillVerdict, fingerprint}
 use crate::domain::text::Invalid;
 use crate::pipeline::score::skill::{Dataset, NoModel, train};
 
-/// The form that this program writes and reads.
+/// Version of the file format that this program writes and reads.
 const FORM: u32 = 1;
 
-/// A model as a file, with all that a verdict depends on.
+/// A model as a file, with everything that a verdict depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelFile {
-    /// Form of the file: 1.
+    /// Version of the file format: 1.
     pub form: u32,
-    /// The exercise.
+    /// The task.
     pub task: Option<String>,
     /// Version of the program that measured the sessions.
     pub pipeline: String,
-    /// SHA-256 of the sessions that it was made of.
+    /// SHA-256 of the sessions that it was trained on.
     pub fingerprint: String,
-    /// How well it does on people left out.
+    /// How well it does on held-out people.
     pub report: Report,
     /// The model.
     pub model: Definition,
 }
 
 impl ModelFile {
-    /// Makes a model of sessions that were measured by this version with so many tools. `told`: repetitions done, and in all.
+    /// Trains a model on sessions that version `pipeline` measured with `tools` tools. `on_progress` is called with the
+    /// number of repetitions done and the total.
     pub fn make(
         data: &Dataset,
         (task, pipeline, tools): (Option<String>, String, usize),
-        told: impl FnMut(usize, usize),
+        on_progress: impl FnMut(usize, usize),
     ) -> Result<Self, NoModel> {
         let (fingerprint, seed) = fingerprint(data);
-        let trained = train(data, seed, told)?;
+        let trained = train(data, seed, on_progress)?;
         let report = Report::of(trained.report, trained.model.knows);
         let model = Definition::of(trained.model, tools);
         Ok(Self { form: FORM, task, pipeline, fingerprint, report, model })
@@ -53,10 +54,10 @@ impl ModelFile {
 }
 
 impl Definition {
-    /// What it says of a session with these values, measured by the same version of the program as its own.
+    /// The model's verdict on a session with these values, which must be measured by the model's own program version.
     pub fn judge(&self, readings: &Readings, tools: usize) -> SkillVerdict {
         if tools != self.tools {
-            let detail = format!("the session has {tools} tools, the sessions of the model {}", self.tools);
+            let detail = format!("the session has {tools} tools; the model's training sessions had {}", self.tools);
             return SkillVerdict::without(ReasonName::OtherTools, detail);
         }
         match self.clone().model() {

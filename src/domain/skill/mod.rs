@@ -1,12 +1,12 @@
-//! A model of skill as it is kept, told and read from a file.
+//! A model of skill: as stored, as shown, and as a file.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `mod.rs` | a model as it is kept; its data's fingerprint |
-//! | `readings.rs` | which features may carry a verdict, and a session's values of them |
+//! | `mod.rs` | a model as stored; the fingerprint of its data |
+//! | `readings.rs` | the features that a verdict may use, and a session's values of them |
 //! | `file.rs` | a model as a file |
-//! | `report.rs` | how well it does on people left out |
-//! | `verdict.rs` | what it says of a session, or why it says nothing |
+//! | `report.rs` | how well a model does on held-out people |
+//! | `verdict.rs` | a model's verdict on a session, or why there is none |
 
 mod file;
 mod readings;
@@ -25,35 +25,36 @@ use super::text::Invalid;
 use super::trainee::Level;
 use crate::pipeline::score::skill::{self, Dataset, Model, Region, Scale, TreeNode};
 
-/// A model as it is kept. It holds no names; only nearest neighbours hold sessions, standardised and without whose they are.
+/// A model as stored. It holds no names. Only a nearest-neighbour model holds sessions: standardised values without the
+/// person.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Definition {
-    /// How many tools the task is done with.
+    /// Number of tools used in the task.
     pub tools: usize,
-    /// The features it goes by.
+    /// The features that the model uses.
     pub features: Vec<Scaled>,
     /// Name of its learner.
     pub learner: String,
-    /// The learner's parameter, as people read it.
+    /// The learner's parameter, for people.
     pub parameter: String,
-    /// What was learnt.
+    /// The trained scorer.
     pub scorer: Scorer,
-    /// What scores are divided by before they become probabilities.
+    /// Scores are divided by this before they are turned into probabilities.
     pub temperature: f64,
-    /// Share of the probability that is the same for all levels.
+    /// Share of the probability that is spread equally over all levels.
     pub doubt: f64,
     /// The levels' centres, standardised.
     pub centres: [Vec<f64>; skill::LEVELS],
     /// Inverse of the covariance around them, row by row.
     pub precision: Vec<f64>,
-    /// The farthest that a session may lie from the nearest centre, standard deviations.
+    /// Maximum distance of a session from the nearest centre, standard deviations.
     pub limit: f64,
-    /// Did it do better than models of shuffled levels? Else it gives no verdict.
+    /// Whether it did better than models trained on shuffled levels. If not, it gives no verdict.
     pub knows: bool,
 }
 
-/// A feature with what it is standardised by, in its unit.
+/// A feature with the mean and deviation that standardise it, in its unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scaled {
@@ -65,7 +66,7 @@ pub struct Scaled {
     pub deviation: f64,
 }
 
-/// What was learnt; see [`skill::Scorer`].
+/// A trained scorer; see [`skill::Scorer`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Scorer {
@@ -73,23 +74,23 @@ pub enum Scorer {
     Linear {
         /// Each level's weights.
         weights: [Vec<f64>; skill::LEVELS],
-        /// Each level's score in the mean of all sessions.
+        /// Each level's score for the mean of all sessions.
         offsets: [f64; skill::LEVELS],
     },
     /// The nearest training sessions.
     Neighbours {
-        /// How many.
+        /// Number of neighbours that vote.
         k: usize,
         /// The sessions, standardised.
         rows: Vec<Vec<f64>>,
         /// Each one's level.
         levels: Vec<Level>,
-        /// What one session of each level counts.
+        /// Weight of one session of each level.
         counts: [f64; skill::LEVELS],
     },
-    /// Questions, the first one first.
+    /// A decision tree.
     Tree {
-        /// Forks and leaves.
+        /// Forks and leaves; the first node is the root.
         nodes: Vec<Node>,
     },
 }
@@ -98,18 +99,18 @@ pub enum Scorer {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
 pub enum Node {
-    /// A question.
+    /// Compares a feature with a limit.
     Fork {
-        /// Which of the features.
+        /// Index of the feature.
         feature: usize,
         /// The limit, standardised.
         limit: f64,
-        /// The node that follows at or below it.
+        /// The next node if the value is at most the limit.
         at_most: usize,
-        /// The node that follows above it.
+        /// The next node if the value is above the limit.
         above: usize,
     },
-    /// An answer.
+    /// The end of a path through the tree.
     Leaf {
         /// The levels' scores.
         scores: [f64; skill::LEVELS],
@@ -117,7 +118,7 @@ pub enum Node {
 }
 
 impl Definition {
-    /// A trained model as it is kept, for sessions with so many tools.
+    /// A trained model in its stored form, for sessions with `tools` tools.
     pub fn of(model: Model, tools: usize) -> Self {
         let Model { features, scale, learner, parameter, scorer, temperature, doubt, region, knows } = model;
         let scaled = features.into_iter().zip(scale.mean).zip(scale.deviation);
@@ -127,7 +128,7 @@ impl Definition {
         Self { tools, features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows }
     }
 
-    /// The model, if all that was read fits together.
+    /// The model, if its numbers are consistent.
     pub fn model(self) -> Result<Model, Invalid> {
         let Self { features, learner, parameter, scorer, temperature, doubt, centres, precision, limit, knows, .. } =
             self;
@@ -138,11 +139,12 @@ impl Definition {
         let region = Region { centres, precision, limit };
         let model =
             Model { features, scale, learner, parameter, scorer: scorer.into(), temperature, doubt, region, knows };
-        if model.is_sound() { Ok(model) } else { Err(Invalid::new("model", "its numbers do not fit together")) }
+        if model.is_sound() { Ok(model) } else { Err(Invalid::new("model", "its numbers are inconsistent")) }
     }
 }
 
-/// SHA-256 of all that a model depends on, and the seed that it gives: the same sessions give the same model.
+/// SHA-256 of all data that a model depends on, and a seed derived from it, so that the same sessions give the same
+/// model.
 pub fn fingerprint(data: &Dataset) -> (String, u64) {
     let mut hash = Sha256::new();
     for feature in data.features() {

@@ -1,8 +1,9 @@
-//! Which features may carry a verdict, and a session's values of them.
+//! The features that a verdict may use, and a session's values of them.
 //!
-//! A verdict is about a person. What measures the box is left out: features in the picture, along the camera's axes, and of
-//! what was in view. A feature that only tools have counts as the mean over the session's tools: the same marker is one
-//! person's good hand and another's other one, so that a tool's own value would be about hands and tapes.
+//! A verdict is about a person. Features that depend on the box are therefore excluded: features in the picture, along
+//! the camera's axes, and of the field of view. A feature of tools counts as the mean over the session's tools: one
+//! marker may be in one person's dominant hand and in another person's other hand, so that a single tool's value would
+//! reflect hands and tapes.
 
 use std::collections::BTreeMap;
 
@@ -18,22 +19,22 @@ pub struct Reading {
     pub feature: String,
     /// The tool's marker; `None` for the whole session.
     pub tool: Option<String>,
-    /// Where it was measured.
+    /// The space that it was measured in.
     pub space: FeatureSpace,
     /// The value; `None` where too little was seen.
     pub value: Option<f64>,
-    /// Where the true value lies with 95 %; `None` where that is not known.
+    /// 95 % interval of the true value; `None` where unknown.
     pub bar: Option<[f64; 2]>,
 }
 
-/// A session's values of the features that may carry a verdict.
+/// A session's values of the features that a verdict may use.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Readings(BTreeMap<String, Option<Measured>>);
 
-/// Shares of one tool in what both did: their mean over both is a half, whoever holds them.
+/// Each tool's share of a total over both tools: the mean over both is always a half.
 const SHARES_OF_A_PAIR: [&str; 2] = ["handedness", "handedness_in_time"];
 
-/// Names of the features that may carry a verdict.
+/// Names of the features that a verdict may use.
 pub fn features_offered() -> Vec<String> {
     let key = |name: &str| FeatureKey { feature: name.to_owned(), tool: None, space: FeatureSpace::Space3d };
     let offered =
@@ -43,7 +44,7 @@ pub fn features_offered() -> Vec<String> {
 }
 
 impl Readings {
-    /// Of a result's values: the session's own, else the mean over its tools, if each of them has one.
+    /// The readings of a result: the session's own value, else the mean over its tools if every tool has a value.
     pub fn of(values: impl IntoIterator<Item = Reading>) -> Self {
         let offered = features_offered();
         let mut own: BTreeMap<String, Option<Measured>> = BTreeMap::new();
@@ -76,7 +77,7 @@ impl Readings {
     }
 }
 
-/// The mean of all tools; their errors may lie the same way, so that the bar is the mean of the bars.
+/// The mean over all tools. Their errors may be correlated, so the bar is the mean of the bars.
 fn mean(tools: &[Option<Measured>]) -> Option<Measured> {
     let all: Option<Vec<Measured>> = tools.iter().copied().collect();
     let all = all.filter(|all| !all.is_empty())?;
@@ -90,7 +91,7 @@ fn mean(tools: &[Option<Measured>]) -> Option<Measured> {
     mean(&|of| Some(of.value)).map(|value| Measured { value, bar })
 }
 
-/// How many tools most sessions have; of equally common numbers the larger.
+/// The most common number of tools; of equally common numbers, the larger.
 pub fn most_common_tools(tools: impl IntoIterator<Item = usize>) -> usize {
     let mut times: BTreeMap<usize, usize> = BTreeMap::new();
     tools.into_iter().for_each(|tools| *times.entry(tools).or_default() += 1);

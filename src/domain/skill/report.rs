@@ -1,4 +1,4 @@
-//! How well a model does on people left out, as it is told.
+//! How well a model does on held-out people, as stored and shown.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -6,44 +6,45 @@ use utoipa::ToSchema;
 use super::Level;
 use crate::pipeline::score::skill;
 
-/// How well models of a task do on people whom they never saw.
+/// How well models of a task do on held-out people.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// Did it do better than models of shuffled levels? Else it knows nothing, and gives no verdicts.
+    /// Whether it did better than models trained on shuffled levels. If not, it gives no verdicts.
     pub knows: bool,
-    /// How many people of each level: novice, intermediate, expert.
+    /// Number of people of each level: novice, intermediate, expert.
     pub people: [usize; skill::LEVELS],
-    /// How many sessions of each.
+    /// Number of sessions of each level.
     pub sessions: [usize; skill::LEVELS],
-    /// Sessions that lacked a feature and were left out.
+    /// Number of sessions left out because they lacked a feature.
     pub left_out: usize,
-    /// How many features were offered to the learners.
+    /// Number of features offered to the learners.
     pub offered: usize,
-    /// Share of sessions whose level was found, the mean over people; the interval counts people.
+    /// Share of sessions whose level was found, as the mean over people; the interval counts people.
     pub accuracy: Share,
     /// Mean of the levels' shares; guessing gives a third.
     pub balanced: f64,
     /// The levels' shares.
     pub levels: Vec<OfLevel>,
-    /// Of people of each declared level (row), the share of sessions that were given each level (column), summed over people.
+    /// Of people of each declared level (row), the share of sessions that were given each level (column), summed over
+    /// people.
     pub confusion: Vec<PerLevel>,
-    /// What the same procedure gives with levels shuffled between people.
+    /// The result of the same procedure with levels shuffled between people.
     pub baseline: Baseline,
-    /// What it is worth where it gives a level.
+    /// Accuracy where it gives a level.
     pub speaking: Speaking,
-    /// Which learners were chosen in the outer folds.
+    /// The learners chosen in the outer folds.
     pub chosen: Vec<Chosen>,
 }
 
 /// One number for each level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PerLevel {
-    /// Of novice.
+    /// For novice.
     pub novice: f64,
-    /// Of intermediate.
+    /// For intermediate.
     pub intermediate: f64,
-    /// Of expert.
+    /// For expert.
     pub expert: f64,
 }
 
@@ -52,45 +53,45 @@ pub struct PerLevel {
 pub struct Share {
     /// The share.
     pub value: f64,
-    /// It lies with 95 % between `low`
+    /// Lower end of the interval.
     pub low: f64,
-    /// and `high`.
+    /// Upper end of the interval.
     pub high: f64,
-    /// Over how many people.
+    /// Number of people.
     pub people: usize,
 }
 
-/// How well a level is found.
+/// Accuracy for one level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct OfLevel {
-    /// Which.
+    /// The level.
     pub level: Level,
-    /// Share of its people's sessions that were given it.
+    /// Share of its people's sessions that were given this level.
     #[serde(flatten)]
     pub found: Share,
 }
 
-/// What shuffled levels give.
+/// Accuracy with shuffled levels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Baseline {
     /// How often the levels were shuffled between people.
     pub permutations: usize,
-    /// The balanced accuracy that they gave in the mean.
+    /// Mean balanced accuracy of the shuffled levels.
     pub mean: f64,
-    /// Nineteen of twenty gave at most this.
+    /// 95th percentile of their balanced accuracy.
     pub high: f64,
-    /// How likely as good a result is without knowledge.
+    /// Probability of an equally good result by chance.
     pub p: f64,
 }
 
-/// What it is worth where it gives a level.
+/// Accuracy where the model gives a level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Speaking {
-    /// Share of the sessions of people left out that were given a level.
+    /// Share of held-out people's sessions that were given a level.
     pub share: f64,
-    /// Share of these whose level was right; `null` if it never spoke.
+    /// Share of these whose level was right; `null` if no level was given.
     pub right: Option<Share>,
-    /// The same of those that were given novice, intermediate, expert; `null` of a level that it never gave.
+    /// The same for sessions given novice, intermediate, expert; `null` for a level that was never given.
     pub of_level: [Option<Share>; skill::LEVELS],
 }
 
@@ -99,19 +100,19 @@ pub struct Speaking {
 pub struct Chosen {
     /// `logistic`, `lda`, `knn`, `tree` or `svm`.
     pub learner: String,
-    /// In so many outer folds.
+    /// Number of outer folds that chose it.
     pub folds: usize,
 }
 
 impl Speaking {
-    /// Where this level was given, the share that was right.
+    /// The share that was right where this level was given.
     pub fn right_where(&self, given: Level) -> Option<Share> {
         self.of_level[skill::Level::from(given) as usize]
     }
 }
 
 impl Report {
-    /// A report as it is told.
+    /// The stored form of the pipeline's report.
     pub fn of(report: skill::Report, knows: bool) -> Self {
         let skill::Report {
             people,

@@ -1,4 +1,4 @@
-//! What is kept reads back as it was and says the same; features of the box carry nothing.
+//! A stored model reads back unchanged and gives the same verdicts; features of the box are not used.
 
 use std::sync::LazyLock;
 
@@ -64,7 +64,7 @@ fn data() -> (Dataset, Vec<Readings>) {
     (data, sessions.into_iter().map(|(_, readings)| readings).collect())
 }
 
-/// A model of them, made once.
+/// A model trained on these people, once for all tests.
 fn file() -> ModelFile {
     static MADE: LazyLock<ModelFile> =
         LazyLock::new(|| ModelFile::make(&data().0, (None, "8".to_owned(), 1), |_, _| ()).unwrap());

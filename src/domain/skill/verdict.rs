@@ -1,4 +1,4 @@
-//! What a model says of a session, or why it says nothing.
+//! A model's verdict on a session, or why there is none.
 
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -9,10 +9,10 @@ use crate::domain::trainee::Level;
 use crate::pipeline::features;
 use crate::pipeline::score::skill::{self, Abstains};
 
-/// Most features that are said to carry a verdict.
+/// Maximum number of features listed as contributions to a verdict.
 const MOST_CARRIED: usize = 5;
 
-/// What a task's model says of a session's skill. Either `level` or `reason` is there.
+/// The verdict of a task's model on a session's skill. Either `level` or `reason` is given.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct SkillVerdict {
     /// Version of the task's model; `null` without one.
@@ -23,11 +23,11 @@ pub struct SkillVerdict {
     pub reason: Option<Reason>,
     /// Each level's probability; `null` where the model cannot say.
     pub probabilities: Option<PerLevel>,
-    /// What speaks most for the likeliest level, or against it: at most five features.
+    /// The features that count most for or against the likeliest level, at most five.
     pub carried: Vec<Carried>,
-    /// In how many sessions of people whom it never saw such models found the level.
+    /// Share of held-out people's sessions whose level such models found.
     pub accuracy: Option<Share>,
-    /// Where they gave this level, in how many it was right; `null` without a level.
+    /// Where such models gave this level: the share that was right; `null` without a level.
     pub accuracy_where_given: Option<Share>,
 }
 
@@ -45,32 +45,33 @@ named! {
     ReasonName: "reason" {
         /// The task has no model.
         NoModel = "no_model",
-        /// Somebody of whom it was made was erased.
+        /// The model was withdrawn because a person in its training data was erased.
         Withdrawn = "withdrawn",
         /// The session was measured by another version of the program than the model's sessions.
         OtherPipeline = "other_pipeline",
-        /// The session's quality does not allow to believe its features.
+        /// The session's quality is too low to trust its features.
         Refused = "refused",
-        /// The model was made of sessions of this person's: of them it says what it was told.
+        /// The model was trained on sessions of this person, so that its verdict on them would only repeat the given
+        /// level.
         InTraining = "in_training",
         /// The session has another number of tools than the model's sessions.
         OtherTools = "other_tools",
-        /// The model did no better than models of shuffled levels.
+        /// The model did no better than models trained on shuffled levels.
         KnowsNothing = "knows_nothing",
-        /// A feature that the model goes by was not measured.
+        /// A feature that the model uses was not measured.
         NotMeasured = "not_measured",
-        /// Nothing states how far such a feature may be off.
+        /// The error of such a feature is unknown.
         ErrorUnknown = "error_unknown",
-        /// The session is unlike those that the model was made of.
+        /// The session is unlike those that the model was trained on.
         Outside = "outside",
-        /// Two levels are about as likely.
+        /// Two levels are about equally likely.
         NotClear = "not_clear",
-        /// Within the session's own error bars the level changes.
+        /// The level would change within the session's own error bars.
         WithinErrors = "within_errors",
     }
 }
 
-/// A feature's part in a verdict.
+/// A feature's contribution to a verdict.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Carried {
     /// Stable name.
@@ -79,16 +80,16 @@ pub struct Carried {
     pub title: String,
     /// Unit of `value` and `mean`.
     pub unit: String,
-    /// The session's value; where only tools have it, their mean.
+    /// The session's value; for a feature of tools, the mean over the tools.
     pub value: f64,
     /// The mean of the model's sessions.
     pub mean: f64,
-    /// How much likelier the likeliest level is with this value than with the mean, −1 to 1.
+    /// Gain in the likeliest level's probability from this value compared with the mean, −1 to 1.
     pub raises: f64,
 }
 
 impl SkillVerdict {
-    /// No level, and why.
+    /// A verdict without a level, with the reason.
     pub fn without(name: ReasonName, detail: impl Into<String>) -> Self {
         Self {
             model: None,
@@ -101,13 +102,13 @@ impl SkillVerdict {
         }
     }
 
-    /// The same with what it is worth.
+    /// Adds the model's accuracy to the verdict.
     pub fn worth(self, report: &Report) -> Self {
         let accuracy_where_given = self.level.and_then(|level| report.speaking.right_where(level));
         Self { accuracy: Some(report.accuracy), accuracy_where_given, ..self }
     }
 
-    /// The same, of this version of the model with what it is worth.
+    /// Adds the model's version and accuracy to the verdict.
     pub fn by(self, version: i64, report: &Report) -> Self {
         Self { model: Some(version), ..self.worth(report) }
     }

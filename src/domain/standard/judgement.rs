@@ -1,4 +1,4 @@
-//! What a value is worth against a target.
+//! Judging values and sessions against targets.
 
 use super::{Definition, Target};
 use crate::domain::feature::FeatureKey;
@@ -10,40 +10,40 @@ use crate::pipeline::score::interval::{Interval, Measured};
 use crate::pipeline::score::standard;
 
 named! {
-    /// What a value is worth against a target. Only `pass` and `fail` count.
+    /// The result of judging a value against a target. Only `pass` and `fail` count.
     Judgement: "judgement" {
-        /// The whole error bar keeps the limit.
+        /// The whole error bar meets the limit.
         Pass = "pass",
         /// The whole error bar breaks it.
         Fail = "fail",
         /// The error bar covers the limit.
         Undecided = "undecided",
-        /// Nothing states the value's error.
+        /// The value's error is unknown.
         ErrorUnknown = "error_unknown",
         /// There is no usable value.
         NotMeasured = "not_measured",
-        /// The limit was made from values of another version of the program.
+        /// The limit was computed from values of another program version.
         OtherVersion = "other_version",
-        /// The limit of this tool was made from people who prefer the other hand.
+        /// The limit for this tool was computed from people who prefer the other hand.
         OtherHand = "other_hand",
     }
 }
 
-/// A value, what it was measured with, and whose it is.
+/// A value to judge, with the program version that measured it and the trainee's preferred hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToJudge<'v> {
     /// The value; `None` where there is none.
     pub value: Option<f64>,
-    /// Where the true value lies with 95 %; `None` where that is not known.
+    /// 95 % interval of the true value; `None` where unknown.
     pub bar: Option<[f64; 2]>,
     /// Version of the program that measured it.
     pub pipeline: &'v str,
-    /// The hand that the person prefers, if said.
+    /// The trainee's preferred hand, if known.
     pub handedness: Option<Handedness>,
 }
 
 impl Target {
-    /// Judges a value, unless it is of another kind than those that the limit was made from.
+    /// Judges a value if its program version and hand match those that the limit was computed from.
     pub fn judge(&self, of: ToJudge<'_>) -> Judgement {
         if let Some(from) = &self.made_from {
             if from.pipeline != of.pipeline {
@@ -58,19 +58,19 @@ impl Target {
 }
 
 named! {
-    /// What a session is worth against a standard.
+    /// The result of judging a session against a standard.
     SessionJudgement: "judgement" {
-        /// All targets were kept.
+        /// All targets were met.
         Pass = "pass",
-        /// One was missed.
+        /// At least one target was missed.
         Fail = "fail",
-        /// Nobody knows.
+        /// The session could not be judged.
         Unknown = "unknown",
     }
 }
 
 impl Definition {
-    /// Judges a session by all targets, as its progress does.
+    /// Judges a session by all targets, in the same way as a trainee's progress.
     pub fn judge(&self, features: &[FeatureRow], pipeline: &str, handedness: Option<Handedness>) -> SessionJudgement {
         let judged = |target: &Target| {
             let Some(row) = features.iter().find(|row| FeatureKey::from(*row) == target.of) else {
@@ -88,7 +88,7 @@ impl Definition {
 }
 
 impl ToJudge<'_> {
-    /// The value with its bar.
+    /// The value with its error bar.
     pub fn measured(&self) -> Option<Measured> {
         let bar = self.bar.map(|[low, high]| Interval { low, high });
         self.value.map(|value| Measured { value, bar })
@@ -108,7 +108,7 @@ impl From<standard::Judgement> for Judgement {
 }
 
 impl From<Judgement> for standard::Judgement {
-    /// What is not judged is worth as much as what is not measured.
+    /// A value that is not judged counts as not measured.
     fn from(judgement: Judgement) -> Self {
         match judgement {
             Judgement::Pass => standard::Judgement::Pass,

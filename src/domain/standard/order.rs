@@ -1,4 +1,4 @@
-//! A standard to be made: which features, and the way to each limit.
+//! A standard as requested: its features, and the method for each limit.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -10,64 +10,64 @@ use crate::pipeline::features;
 use crate::pipeline::score::pass_rule::PassRule;
 use crate::pipeline::score::standard::{self, fls};
 
-/// Most targets of one standard.
+/// Maximum number of targets in one standard.
 pub const MOST_TARGETS: usize = 20;
 
-/// A standard to be made or proposed.
+/// A standard to be created or proposed.
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewStandard {
-    /// What a session must keep, all of it: 1 to 20 targets, each of another feature.
+    /// Targets that a session must meet, all of them: 1 to 20, each for a different feature.
     pub targets: Vec<NewTarget>,
-    /// How often a session must be passed before the task counts as learnt; without it, the charts decide.
+    /// How often sessions must be passed before the task counts as learnt; absent: the charts decide.
     pub rule: Option<Rule>,
-    /// What counts as adequate, and how often the charts may be wrong; without it, the usual.
+    /// Which failure rate counts as adequate, and how often the charts may be wrong; absent: the usual values.
     pub charts: Option<ChartDesign>,
 }
 
-/// A target to be made.
+/// A target as requested.
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewTarget {
-    /// Stable name of a feature of which more or less is better.
+    /// Stable name of a feature that has a better side.
     pub feature: String,
     /// The tool's marker; absent for a feature of the whole session.
     pub tool: Option<String>,
-    /// Where it is measured; absent: in three dimensions, if it is.
+    /// The space to measure it in; absent: three dimensions, if the feature has them.
     pub space: Option<FeatureSpace>,
-    /// The way to its limit.
+    /// The method for its limit.
     pub by: Way,
 }
 
-/// A way to a limit.
+/// A method for setting a limit.
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(tag = "method", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Way {
-    /// A number that somebody chose.
+    /// A number chosen by the user.
     Fixed {
-        /// The limit; keeping it exactly is enough.
+        /// The limit; a value equal to it passes.
         limit: f64,
-        /// Its unit, which must be the feature's.
+        /// Unit of the limit; must be the feature's unit.
         unit: String,
     },
     /// A published time of the Fundamentals of Laparoscopic Surgery, for the session's duration.
     Fls {
-        /// Which of the presets.
+        /// Name of the preset.
         preset: String,
     },
-    /// The mean of experts without outliers.
+    /// The mean of experts, without outliers.
     TrimmedExperts {
         /// The experts' cohort, by id or code.
         experts: Key,
     },
-    /// The line between novices and experts.
+    /// The boundary between novices and experts.
     ContrastingGroups {
         /// The novices' cohort, by id or code.
         novices: Key,
         /// The experts' cohort, by id or code.
         experts: Key,
     },
-    /// As good as the best share of a cohort.
+    /// The value that the best share of a cohort reaches.
     BestShare {
         /// The cohort, by id or code.
         cohort: Key,
@@ -76,7 +76,7 @@ pub enum Way {
     },
 }
 
-/// A published target to choose.
+/// A published target to choose from.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Preset {
     /// Its name, for `{"method": "fls", "preset": …}`.
@@ -89,14 +89,14 @@ pub struct Preset {
     pub limit: f64,
     /// Its unit.
     pub unit: &'static str,
-    /// Who published it.
+    /// The publication.
     pub source: &'static str,
-    /// How often it must be kept; `null` where the source does not say.
+    /// How often it must be met; `null` where the source does not say.
     pub rule: Option<Rule>,
 }
 
 impl NewStandard {
-    /// The same, if it asks for something, and for each thing once.
+    /// Returns the standard if its number of targets and its pass rule are valid.
     pub fn checked(self) -> Result<Self, Invalid> {
         if !(1..=MOST_TARGETS).contains(&self.targets.len()) {
             let found = self.targets.len();

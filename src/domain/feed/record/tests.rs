@@ -1,4 +1,4 @@
-//! Records come back as they were written, and damage costs no more than it must.
+//! Records read back as they were written, and damage loses only the damaged records.
 
 use proptest::prelude::*;
 
@@ -82,7 +82,7 @@ fn a_damaged_record_costs_itself_alone_and_a_cut_tail_is_none() {
     assert_eq!(found(&zeros), (vec![0], one));
     for (place, value) in [(0, 7), (1, 2), (24, 0xff), (26, 1)] {
         let mut headless = all.clone();
-        headless[2 * one + place] = value; // of the last, the payload seems to reach beyond the end
+        headless[2 * one + place] = value; // the last value makes the payload seem to reach beyond the end
         assert_eq!(found(&headless), (vec![0, 1, 3, 4], 5 * one), "byte {place} of a head");
     }
     let payload_of_one = one - HEAD;
@@ -94,7 +94,7 @@ fn a_damaged_record_costs_itself_alone_and_a_cut_tail_is_none() {
     let hole = [&all[..one], &vec![0; 3 * MOST_BYTES], &all[one..]].concat();
     assert_eq!(found(&hole), (vec![0, 1, 2, 3, 4], hole.len()), "what lies behind a hole is kept");
     let endless = [&all[..one], &vec![0; LONGEST_HOLE + 2 * MOST_BYTES], &all[one..]].concat();
-    assert_eq!(found(&endless).1, one, "but not for ever looked for");
+    assert_eq!(found(&endless).1, one, "but the search has a limit");
 }
 
 #[test]

@@ -13,7 +13,7 @@ fn a_tools_own_size_wins_and_background_is_no_tool() {
     assert_eq!(names, [("orange", 8.0, Some(25.0)), ("cyan", 5.0, Some(25.0))]);
 }
 
-/// Entries of `tools`, and labels.
+/// An annotations file with these entries of `tools` and rectangles of these labels.
 fn named(tools: &str, labels: &[&str]) -> Result<AnnotationsFile, AnnotationsError> {
     let label = |label: &&str| format!(r#"{{"frame":0,"label":"{label}","x":0,"y":0,"w":1,"h":1}}"#);
     let labels: Vec<String> = labels.iter().map(label).collect();
@@ -26,8 +26,8 @@ fn two_tools_of_one_colour_are_marked_by_its_label_or_by_either_name() {
     for labels in [&["orange"][..], &["b", "background"], &["left", "b"]] {
         let file = named(pair, labels).unwrap();
         let tools = file.marked_tools().unwrap();
-        let told: Vec<_> = tools.iter().map(|t| (t.name.as_str(), t.colour.as_str(), t.side)).collect();
-        assert_eq!(told, [("left", "orange", Some(Side::Left)), ("b", "orange", Some(Side::Right))], "{labels:?}");
+        let found: Vec<_> = tools.iter().map(|t| (t.name.as_str(), t.colour.as_str(), t.side)).collect();
+        assert_eq!(found, [("left", "orange", Some(Side::Left)), ("b", "orange", Some(Side::Right))], "{labels:?}");
         assert_eq!(file.marked_colours(), ["orange"]);
     }
 }

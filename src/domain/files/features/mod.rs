@@ -1,17 +1,19 @@
-//! Features as files: one row per session, tool and feature, as CSV, as JSON and as Parquet, written as the rows come.
+//! Features as files: one row per session, tool and feature, as CSV, JSON or Parquet, written row by row as they are
+//! read.
 //!
 //! | column | holds |
 //! |---|---|
-//! | `session` `trainee` `task` `box` | whose and where: ids or codes |
+//! | `session` `trainee` `task` `box` | ids or codes |
 //! | `recorded_at` | RFC 3339, UTC |
-//! | `tracker` | who measured it; absent: Trocar |
-//! | `verdict` | of the quality gate |
-//! | `feature` `tool` `space` `unit` | what; no tool: of the session as a whole |
-//! | `value` `low` `high` | the value, and between what the true one lies in 95 of 100 sessions |
+//! | `tracker` | the tracker that measured it; absent: Trocar |
+//! | `verdict` | the quality gate's verdict |
+//! | `feature` `tool` `space` `unit` | the feature; no tool: a feature of the session as a whole |
+//! | `value` `low` `high` | the value, and the bounds that hold the true value in 95 of 100 sessions |
 //! | `not_enough` `no_error` | why there is no value, or no error bar |
-//! | `pipeline` `tracked_with` `calibration` `palette` `model` | what made it |
+//! | `pipeline` `tracked_with` `calibration` `palette` `model` | versions that the value depends on |
 //!
-//! What is absent is an empty field, `null`, or a null. A number is written in the shortest form that reads back to the same.
+//! An absent value is an empty field in CSV, `null` in JSON and a null in Parquet. A number is written in the shortest
+//! form that reads back to the same number.
 
 mod parquet;
 mod table;
@@ -49,24 +51,24 @@ pub const COLUMNS: [&str; 21] = [
     "model",
 ];
 
-/// A session, as each of its rows names it.
+/// The session's fields that each of its rows repeats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Whose {
     /// The session's id.
     pub session: String,
-    /// Who trained: an id or a code, never a name.
+    /// The trainee: an id or a code, never a name.
     pub trainee: String,
-    /// What they did: a code.
+    /// The task's code.
     pub task: String,
-    /// Where: a code.
+    /// The box's code.
     pub in_box: String,
-    /// When it was recorded, RFC 3339.
+    /// Time of the recording, RFC 3339.
     pub recorded_at: String,
-    /// Who measured it, if not Trocar.
+    /// The tracker that measured it, if not Trocar.
     pub tracker: Option<String>,
-    /// Of the quality gate, where it gave one.
+    /// The quality gate's verdict, if there is one.
     pub verdict: Option<String>,
-    /// What made the numbers.
+    /// Versions that the numbers depend on.
     pub versions: Versions,
 }
 
@@ -99,7 +101,7 @@ pub struct ExportRow {
 }
 
 impl ExportRow {
-    /// One feature of a session.
+    /// The row of one feature of a session.
     pub fn new(whose: &Whose, feature: &FeatureRow) -> Self {
         let Whose { session, trainee, task, in_box, recorded_at, tracker, verdict, versions } = whose.clone();
         let bar = feature.error.as_ref().and_then(|error| error.as_ref().ok());

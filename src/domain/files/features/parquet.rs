@@ -1,4 +1,4 @@
-//! Features → Parquet, for programs that read columns (pandas, DuckDB, Arrow): a row group for each part that is written.
+//! Features → Parquet, for column-based programs (pandas, DuckDB, Arrow): one row group for each batch of rows.
 
 use std::io::{self, Write};
 use std::mem;
@@ -37,7 +37,7 @@ const SCHEMA: &str = "message features {
     OPTIONAL BYTE_ARRAY model (STRING);
 }";
 
-/// Where the writer puts its bytes, and whoever sends them takes them.
+/// A buffer shared between the Parquet writer, which fills it, and the table, which takes the bytes to send.
 #[derive(Clone, Default)]
 struct Sink(Arc<Mutex<Vec<u8>>>);
 
@@ -58,7 +58,7 @@ impl Write for Sink {
     }
 }
 
-/// A file that grows.
+/// A Parquet file that is written in batches.
 pub struct ParquetTable {
     file: SerializedFileWriter<Sink>,
     sink: Sink,
@@ -87,7 +87,7 @@ impl ParquetTable {
     }
 }
 
-/// The columns in the schema's order: the format knows no other way to address them.
+/// Writes the columns in the schema's order: the format identifies columns by position.
 fn write_columns(group: &mut SerializedRowGroupWriter<'_, Sink>, rows: &[ExportRow]) -> Result<(), ParquetError> {
     required(group, rows, |row| &row.session)?;
     required(group, rows, |row| &row.trainee)?;

@@ -1,5 +1,5 @@
-//! A table that is written while its rows are still being read: what is ready is taken away, so that a table of any length
-//! needs the memory of a few rows.
+//! A table that is written while its rows are still being read. Finished bytes are taken out at once, so that a table
+//! of any length needs memory for a few rows only.
 
 use std::mem;
 
@@ -12,38 +12,38 @@ use super::{COLUMNS, ExportRow};
 /// Why a table could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum TableProblem {
-    /// As CSV.
+    /// Writing CSV failed.
     #[error("write CSV")]
     Csv(#[from] csv::Error),
-    /// As CSV, at its end.
+    /// Flushing CSV failed.
     #[error("write CSV: {0}")]
     Flush(String),
-    /// As JSON.
+    /// Writing JSON failed.
     #[error("write JSON")]
     Json(#[from] serde_json::Error),
-    /// As Parquet.
+    /// Writing Parquet failed.
     #[error("write Parquet")]
     Parquet(#[from] parquet::errors::ParquetError),
 }
 
-/// A way to write it.
+/// File format of a table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TableFormat {
-    /// A header and a line a row.
+    /// A header, then one line per row.
     Csv,
-    /// `{"items":[…]}`, an object a row.
+    /// `{"items":[…]}`, one object per row.
     #[default]
     Json,
-    /// Apache Parquet, a row group for each part.
+    /// Apache Parquet, a row group for each batch.
     Parquet,
 }
 
-/// The table so far.
+/// A table being written.
 pub enum FeatureTable {
     /// As CSV.
     Csv(Box<csv::Writer<Vec<u8>>>),
-    /// As JSON: the text, and whether a row stands in it.
+    /// As JSON: the text, and whether any row has been written.
     Json(Vec<u8>, bool),
     /// As Parquet.
     Parquet(Box<ParquetTable>),
@@ -63,7 +63,7 @@ impl FeatureTable {
         })
     }
 
-    /// Adds rows and takes away what is ready to be sent.
+    /// Adds rows and returns the bytes that are ready to be sent.
     pub fn write(&mut self, rows: &[ExportRow]) -> Result<Vec<u8>, TableProblem> {
         match self {
             Self::Csv(writer) => {
@@ -86,7 +86,7 @@ impl FeatureTable {
         }
     }
 
-    /// Ends the table; the rest of it.
+    /// Ends the table and returns the remaining bytes.
     pub fn finish(self) -> Result<Vec<u8>, TableProblem> {
         match self {
             Self::Csv(writer) => writer.into_inner().map_err(|error| TableProblem::Flush(error.to_string())),
@@ -99,13 +99,13 @@ impl FeatureTable {
     }
 }
 
-/// A writer of lines without a head: it has one already.
+/// A CSV writer without a header, which has been written already.
 fn lines() -> csv::Writer<Vec<u8>> {
     csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new())
 }
 
 impl TableFormat {
-    /// What it is sent as.
+    /// The format's media type.
     pub fn media_type(self) -> &'static str {
         match self {
             TableFormat::Csv => "text/csv; charset=utf-8",
@@ -114,7 +114,7 @@ impl TableFormat {
         }
     }
 
-    /// How a file of it is named.
+    /// The format's file name extension.
     pub fn extension(self) -> &'static str {
         match self {
             TableFormat::Csv => "csv",

@@ -1,4 +1,4 @@
-//! Each form of the table, written in parts, read back by a reader that is not ours.
+//! Each format of the table, written in batches and read back by an independent reader.
 
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::record::RowAccessor;
@@ -40,7 +40,7 @@ fn feature(tool: Option<&str>, value: Result<f64, &str>) -> FeatureRow {
     }
 }
 
-/// The same three rows in two parts.
+/// Three rows, written in two batches.
 fn written(format: TableFormat) -> Vec<u8> {
     let (first, second) = (whose("a"), whose("b"));
     let mut table = FeatureTable::new(format).unwrap();

@@ -1,4 +1,4 @@
-//! Trajectory → one vector per column: what pages plot, and what Parquet is written from.
+//! Trajectory → one vector per column: pages plot it, and the Parquet writer uses it.
 
 use serde::Serialize;
 
@@ -6,7 +6,7 @@ use super::{Thinned, state_name};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
 /// A trajectory, column by column. Serialises as `{"tools":[…],"columns":{"frame":[…],…,"state":[…]}}`, where the
-/// column `tool` counts in `tools` and an absent number is `null`.
+/// column `tool` holds indices into `tools` and an absent number is `null`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrajectoryColumns {
     /// Names of the tools.
@@ -17,7 +17,7 @@ pub struct TrajectoryColumns {
 
 /// The columns under their names in the table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)] // the names are the documentation: they are the contract's
+#[allow(missing_docs)] // the names are those of the table and document themselves
 pub struct Columns {
     pub frame: Vec<u64>,
     pub time_s: Vec<f64>,
@@ -68,13 +68,13 @@ impl Columns {
     }
 }
 
-/// The trajectory as JSON columns, ready to be sent.
+/// The trajectory as JSON columns.
 pub fn to_json_columns(trajectory: &Trajectory) -> String {
     // Vectors of numbers and strings always serialise; a number that is not finite becomes null.
     serde_json::to_string(&TrajectoryColumns::from(trajectory)).unwrap_or_default()
 }
 
-/// A thinned trajectory as JSON columns, with `after_gap` for each row and whether any were left out.
+/// A thinned trajectory as JSON columns, with `after_gap` for each row and `thinned`: whether any rows were removed.
 pub fn thinned_to_json(left: &Thinned) -> String {
     #[derive(Serialize)]
     struct Document<'a> {

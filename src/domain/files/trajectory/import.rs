@@ -1,9 +1,9 @@
-//! CSV → trajectory of a tracker that is not ours, to be kept and scored beside our own: stricter than [`read_csv`], which
-//! reads what somebody scores for themselves.
+//! CSV → trajectory of another tracker, to be stored and scored like our own. Stricter than [`read_csv`], which reads
+//! tables that users score for themselves.
 //!
-//! What is stored is shown to others and held against them, so that a table must be one that a tracker could have written:
-//! times that count from 0, tools that the box knows, a path of at least two rows for each, and numbers of a size that a box
-//! has. The first line that is not so is named, with its column.
+//! Stored results are shown to others and used to judge trainees. A table must therefore be plausible: times from 0 on,
+//! tools that the box has, at least two rows for each tool, and numbers of a plausible size. The error names the first
+//! bad line and its column.
 //!
 //! [`read_csv`]: super::read_csv
 
@@ -12,44 +12,44 @@ use super::shown;
 use crate::domain::files::{LONGEST_TOOL_NAME, is_tool_name};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
-/// Largest magnitude of a number beside the position: as far outside any picture in pixels, or as fast in mm/s, as nothing
-/// is.
+/// Largest accepted magnitude of numbers other than the position: no picture has that many pixels, and no tool moves
+/// that fast in mm/s.
 const LARGEST: f64 = 1e7;
 
-/// How far the length of a direction may be from 1: what three decimals of its parts leave.
+/// Tolerance for the length of a direction vector, which should be 1: the rounding error of parts with three decimals.
 const UNIT: f64 = 0.005;
 
-/// How much of a table is read.
+/// Limits of an imported table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImportLimits {
-    /// Most rows.
+    /// Maximum number of rows.
     pub rows: usize,
-    /// Most tools.
+    /// Maximum number of tools.
     pub tools: usize,
-    /// Largest frame number.
+    /// Frame numbers must be below this.
     pub frames: u64,
     /// Latest time, s.
     pub duration_s: f64,
 }
 
-/// Why a table cannot be taken. Lines count from 1, the header being the first.
+/// Why a table cannot be imported. Lines count from 1; the header is line 1.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ImportProblem {
-    /// It is no trajectory.
+    /// Not a trajectory.
     #[error(transparent)]
     Table(#[from] TrajectoryProblem),
-    /// It is no text.
+    /// Not text.
     #[error("line {line}: not UTF-8; export the table as UTF-8")]
     NotUtf8 {
-        /// Where.
+        /// The line.
         line: u64,
     },
-    /// No rows, or of one tool only one.
+    /// A tool with a single row.
     #[error("line {line}: `tool` is `{tool}`, which has one row only; a path needs at least two")]
     OneRow {
-        /// Where it stands.
+        /// Line of the row.
         line: u64,
-        /// Whose.
+        /// The tool.
         tool: String,
     },
     /// A header without rows.
@@ -58,50 +58,50 @@ pub enum ImportProblem {
     /// A tool that the box does not have.
     #[error("line {line}: `tool` is `{tool}`, which the box does not have; its tools are {known}")]
     UnknownTool {
-        /// Where it stands first.
+        /// Line of its first row.
         line: u64,
         /// Its name.
         tool: String,
-        /// The names that the box knows.
+        /// The names of the box's tools.
         known: String,
     },
     /// More tools than a session can have.
-    #[error("line {line}: `tool` is `{tool}`, the first beyond {most} tools")]
+    #[error("line {line}: `tool` is `{tool}`, but a table may have at most {most} tools")]
     TooManyTools {
-        /// Where it stands first.
+        /// Line of its first row.
         line: u64,
         /// Its name.
         tool: String,
-        /// Most of them.
+        /// Maximum number of tools.
         most: usize,
     },
-    /// A number that no recording has.
+    /// A value outside the accepted range.
     #[error("line {line}: `{column}` is {value}; expected {expected}")]
     Beyond {
-        /// Where.
+        /// The line.
         line: u64,
-        /// Which column.
+        /// The column.
         column: &'static str,
-        /// The number.
+        /// The value.
         value: String,
-        /// What it should be.
+        /// The expected value.
         expected: String,
     },
 }
 
-/// A table that was taken.
+/// An accepted table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedTable {
-    /// Its path.
+    /// Its trajectory.
     pub trajectory: Trajectory,
-    /// Frames on which any tool has a row.
+    /// Number of frames with a row of any tool.
     pub frames: u64,
     /// From the first row to the last, s.
     pub duration_s: f64,
 }
 
-/// Reads a table of another tracker. `known`: the names of the box's tools; empty while the box has none, and then any name
-/// will do.
+/// Reads a table of another tracker. `known`: the names of the box's tools; while the box has none, it is empty and any
+/// name is accepted.
 pub fn read_import(bytes: &[u8], known: &[String], limits: &ImportLimits) -> Result<ImportedTable, ImportProblem> {
     if let Err(error) = std::str::from_utf8(bytes) {
         let before = &bytes[..error.valid_up_to()];
@@ -118,7 +118,7 @@ pub fn read_import(bytes: &[u8], known: &[String], limits: &ImportLimits) -> Res
 }
 
 impl ImportedTable {
-    /// What the rows of a path tell of its recording.
+    /// Derives the number of frames and the duration from the rows.
     pub fn of(trajectory: Trajectory) -> Self {
         let frames = trajectory.samples.chunk_by(|a, b| a.frame == b.frame).count() as u64;
         let ends = trajectory.samples.first().zip(trajectory.samples.last());
@@ -236,7 +236,7 @@ mod tests {
         let table = format!("{HEAD}{}{}", rows("a"), rows("b"));
         assert_eq!(read_import(table.as_bytes(), &[], &LIMITS).unwrap().trajectory.tools, ["a", "b"]);
         let refused = read_import((table + &rows("c")).as_bytes(), &[], &LIMITS).unwrap_err().to_string();
-        assert!(refused.starts_with("line 6: `tool` is `c`, the first beyond 2 tools"), "{refused}");
+        assert!(refused.starts_with("line 6: `tool` is `c`, but a table may have at most 2 tools"), "{refused}");
     }
 
     #[test]

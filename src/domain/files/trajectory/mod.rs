@@ -1,10 +1,10 @@
 //! Trajectories as files: one table, as CSV, as JSON columns and as Parquet.
 //!
-//! One row per frame and tool that is tracked there, with the columns of [`COLUMNS`] in that order. `frame` counts
+//! One row per frame and tool tracked on it, with the columns of [`COLUMNS`] in that order. `frame` counts
 //! decoded frames from 0, `time_s` is the frame's presentation time; millimetres and seconds. Numbers are written in
 //! the shortest form that reads back to the same number, so a stored trajectory gives the same score again.
 //!
-//! Every form is written; only CSV is read, because that is how trajectories of other programs arrive.
+//! All three formats are written; only CSV is read, because other programs deliver trajectories as CSV.
 
 mod columns;
 mod import;
@@ -22,7 +22,8 @@ pub use write::write_csv;
 
 use crate::pipeline::trajectory::SampleState;
 
-/// The table's columns, in order. Readers need the first [`REQUIRED`] of them; the others may be absent or empty.
+/// The table's columns, in order. Readers need the first [`REQUIRED_COLUMNS`] of them; the others may be absent or
+/// empty.
 pub const COLUMNS: [&str; 17] = [
     "frame",
     "time_s",
@@ -43,10 +44,10 @@ pub const COLUMNS: [&str; 17] = [
     "state",
 ];
 
-/// How many of [`COLUMNS`] a reader cannot do without.
+/// Number of required columns: the first ones of [`COLUMNS`].
 pub const REQUIRED: usize = 6;
 
-/// Text of a file as a message repeats it: a field may be megabytes long.
+/// Text from a file, shortened for a message: a field may be megabytes long.
 fn shown(text: &str) -> String {
     const MOST: usize = 60;
     match text.char_indices().nth(MOST) {
@@ -55,7 +56,7 @@ fn shown(text: &str) -> String {
     }
 }
 
-/// The word for a state in the column `state`.
+/// The value for a state in the column `state`.
 fn state_name(state: SampleState) -> &'static str {
     match state {
         SampleState::Observed => "observed",

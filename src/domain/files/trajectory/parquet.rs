@@ -1,6 +1,6 @@
-//! Trajectory → Parquet: the same table for programs that read columns (pandas, DuckDB, Arrow).
+//! Trajectory → Parquet: the same table for column-based programs (pandas, DuckDB, Arrow).
 //!
-//! Written with the low-level writer: seventeen flat columns need no Arrow. Names are UTF-8 strings, absent numbers
+//! Uses the low-level writer: seventeen flat columns need no Arrow. Names are UTF-8 strings, absent numbers
 //! are nulls, pages are compressed with Snappy.
 
 use std::io::Write;
@@ -39,13 +39,13 @@ const SCHEMA: &str = "message trajectory {
 /// Why a Parquet file could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ParquetProblem {
-    /// A row of a tool that the trajectory does not name.
+    /// A row whose tool number has no name in the trajectory.
     #[error("a row names tool {0}, but the trajectory does not know it")]
     UnknownTool(usize),
-    /// A frame number beyond what the format's signed 64 bits hold.
+    /// A frame number beyond the format's signed 64 bits.
     #[error("frame {0} is too large for Parquet")]
     FrameTooLarge(u64),
-    /// The writer or what lies beneath it.
+    /// The Parquet writer or the underlying stream failed.
     #[error("write Parquet")]
     Write(#[from] ParquetError),
 }
@@ -67,7 +67,7 @@ pub fn write_parquet(trajectory: &Trajectory, out: impl Write + Send) -> Result<
     Ok(())
 }
 
-/// The columns in the schema's order: the format knows no other way to address them.
+/// Writes the columns in the schema's order: the format identifies columns by position.
 fn write_columns<W: Write + Send>(
     rows: &mut SerializedRowGroupWriter<'_, W>,
     frames: &[i64],

@@ -1,8 +1,8 @@
 //! CSV → trajectory: our own files, and those of other trackers.
 //!
-//! A row that cannot be meant is an error with its line, never a guess. The order of rows and columns is free, because
-//! other programs write tool after tool or add columns of their own; what must agree is the *content*: each tool at
-//! most once on a frame, one time per frame, and time that grows with the frame number.
+//! An invalid row is an error with its line number, never a guess. The order of rows and columns is free, because
+//! other programs write tool after tool or add columns of their own. The *content* must be consistent: each tool at
+//! most once on a frame, one time per frame, and times that increase with the frame number.
 
 use std::collections::HashMap;
 use std::io::Read;
@@ -13,78 +13,78 @@ use nalgebra::{Point2, Point3, Vector3};
 use super::{COLUMNS, REQUIRED, shown};
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
-/// Largest coordinate that can be meant, mm: ten metres, far outside any box. Catches metres given as micrometres,
-/// and keeps everything that is computed from a path finite.
+/// Largest accepted coordinate, mm: ten metres, far outside any box. It catches wrong units (micrometres instead of
+/// millimetres) and keeps all numbers that are computed from a path finite.
 pub const LARGEST_MM: f64 = 10_000.0;
 
-/// Latest time that can be meant, s: a week of recording.
+/// Latest accepted time, s: a week of recording.
 pub const LATEST_S: f64 = 604_800.0;
 
-/// Why a file of rows cannot be read as a trajectory. Lines count from 1, the header being the first.
+/// Why a table cannot be read as a trajectory. Lines count from 1; the header is line 1.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum TrajectoryProblem {
-    /// Nothing in it.
+    /// The file is empty.
     #[error("the file is empty; expected a header line with {}", required())]
     Empty,
-    /// A column that a reader cannot do without.
+    /// A required column is missing.
     #[error("the header has no column `{0}`; needed are {columns}, separated by commas", columns = required())]
     MissingColumn(&'static str),
-    /// A known column twice.
+    /// A known column appears twice.
     #[error("the header names column `{0}` twice")]
     RepeatedColumn(&'static str),
-    /// Not CSV in UTF-8, or a line with too few or too many fields, or an unreadable stream.
+    /// Not CSV in UTF-8, a line with too few or too many fields, or an unreadable stream.
     #[error("not a CSV table: {0}")]
     Syntax(String),
-    /// More rows than are read.
+    /// More rows than the reader accepts.
     #[error("more than {most} rows; send a shorter recording")]
     TooMany {
-        /// Most rows.
+        /// Maximum number of rows.
         most: usize,
     },
-    /// A field that cannot be meant.
+    /// A field with an invalid value.
     #[error("line {line}: `{column}` is `{text}`; expected {expected}")]
     Field {
-        /// Where.
+        /// Its line.
         line: u64,
-        /// Which column.
+        /// The column.
         column: &'static str,
-        /// What it holds.
+        /// The text in the file.
         text: String,
-        /// What it should hold.
+        /// The expected value.
         expected: &'static str,
     },
-    /// Some, but not all, of the numbers of one vector.
-    #[error("line {line}: of {columns} some are empty and some are not")]
+    /// Some, but not all, numbers of a vector.
+    #[error("line {line}: only some of {columns} are filled in; give all of them or none")]
     HalfGiven {
-        /// Where.
+        /// Its line.
         line: u64,
-        /// Which columns belong together.
+        /// The columns that belong together.
         columns: &'static str,
     },
-    /// One tool in two places at once.
+    /// Two rows of one tool on one frame.
     #[error("line {line}: tool `{tool}` already has a row on frame {frame}, at line {earlier}")]
     RepeatedRow {
-        /// Where.
+        /// Its line.
         line: u64,
-        /// Whose.
+        /// The tool.
         tool: String,
-        /// On which frame.
+        /// The frame.
         frame: u64,
-        /// The row it contradicts.
+        /// Line of the earlier row.
         earlier: u64,
     },
-    /// Times that do not grow with the frame number, or differ on one frame.
+    /// Times that do not increase with the frame number, or differ on one frame.
     #[error(
         "line {line}: frame {frame} at {time_s} s contradicts line {earlier}: frame {earlier_frame} at {earlier_s} s"
     )]
     Time {
-        /// Where.
+        /// Its line.
         line: u64,
         /// Its frame.
         frame: u64,
         /// Its time, s.
         time_s: f64,
-        /// The row it contradicts.
+        /// Line of the row that it contradicts.
         earlier: u64,
         /// That row's frame.
         earlier_frame: u64,
@@ -97,21 +97,21 @@ fn required() -> String {
     COLUMNS[..REQUIRED].join(",")
 }
 
-/// Samples with the line that each came from, ordered by frame, then tool.
+/// Samples with their line numbers, ordered by frame, then tool.
 pub(super) type Lines = Vec<(Sample, u64)>;
 
-/// Reads a table of rows. Tools are numbered in the order in which they first appear in the file; samples come out
+/// Reads a trajectory from a table. Tools are numbered in order of first appearance in the file; samples are returned
 /// ordered by frame, then tool. Unknown columns are ignored; without a column `state` every row counts as observed.
 ///
-/// A header without rows is a trajectory in which nothing was tracked. Frames on which no tool was tracked leave no
-/// row, so `frame_times_s` stays empty.
+/// A header without rows is a trajectory without samples. Frames without a tracked tool have no row in the table, so
+/// `frame_times_s` stays empty.
 pub fn read_csv(input: impl Read) -> Result<Trajectory, TrajectoryProblem> {
     let (tools, rows) = read_lines(input, usize::MAX)?;
     let samples = rows.into_iter().map(|(sample, _)| sample).collect();
     Ok(Trajectory { tools, samples, frame_times_s: Vec::new(), cuts: Vec::new() })
 }
 
-/// The same with the lines, of a table of at most so many rows.
+/// Reads the tools' names and the samples with their line numbers, from a table of at most `most` rows.
 pub(super) fn read_lines(input: impl Read, most: usize) -> Result<(Vec<String>, Lines), TrajectoryProblem> {
     let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
     let columns = Positions::find(table.headers().map_err(syntax)?)?;
@@ -134,7 +134,7 @@ fn syntax(error: csv::Error) -> TrajectoryProblem {
     TrajectoryProblem::Syntax(error.to_string())
 }
 
-/// Sorted neighbours must agree: a new tool at the same time, or a later frame at a later time.
+/// Adjacent rows, once sorted, must agree: another tool at the same time, or a later frame at a later time.
 fn check_order(rows: &[(Sample, u64)], tools: &[String]) -> Result<(), TrajectoryProblem> {
     for pair in rows.windows(2) {
         let [(before, earlier), (after, line)] = pair else { continue };
@@ -159,7 +159,7 @@ fn check_order(rows: &[(Sample, u64)], tools: &[String]) -> Result<(), Trajector
     Ok(())
 }
 
-/// Where each known column stands in the file.
+/// Position of each known column in the file.
 struct Positions([Option<usize>; COLUMNS.len()]);
 
 impl Positions {

@@ -1,4 +1,4 @@
-//! Every form of the table: what is written, what is read back, what is refused.
+//! Every format of the table: writing, reading back, and refusing bad tables.
 
 use nalgebra::{Point2, Point3, Vector3};
 use proptest::prelude::*;

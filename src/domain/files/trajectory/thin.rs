@@ -1,36 +1,36 @@
-//! Fewer rows that draw the same curves: for a page that shows twenty minutes on a thousand pixels.
+//! Thins a trajectory for plots, so that a page can show twenty minutes on a thousand pixels with the same curves.
 //!
-//! Each tool's rows are split into stretches of equal time; of each, the first row stays and those where x, y, z or speed is least
-//! and greatest, so that no spike is lost, whatever curve is drawn. A tool's absence stays one where it is as long as half a
-//! stretch; shorter ones are finer than the picture.
+//! Each tool's rows are split into stretches of equal time. Each stretch keeps its first row and the rows with the
+//! smallest and largest x, y, z and speed, so that no curve loses a spike. A gap in a tool's rows is kept if it is at
+//! least half a stretch long; shorter gaps are below the plot's resolution.
 
 use crate::pipeline::trajectory::{Sample, Trajectory, is_cut};
 
-/// Rows that a stretch leaves at most: its first, and two extremes of four numbers.
+/// Maximum number of rows kept per stretch: the first, and two extremes of four numbers.
 const OF_A_STRETCH: usize = 9;
 
-/// A trajectory with fewer rows, and behind which of them a tool was absent.
+/// A thinned trajectory, with a mark on each row that follows a gap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thinned {
-    /// The rows that are left.
+    /// The remaining rows.
     pub trajectory: Trajectory,
-    /// For each: was its tool absent between the row before and this one, or another one?
+    /// For each row: whether its tool was absent, or a cut lies, between the tool's previous row and this one.
     pub after_gap: Vec<bool>,
-    /// Were any rows left out?
+    /// Whether any rows were removed.
     pub is_thinned: bool,
 }
 
-/// At most about so many rows of each tool. Fewer than that stay all.
+/// Reduces each tool to about `rows_of_a_tool` rows. If no tool has more than that, all rows stay.
 pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
     let stretches = (rows_of_a_tool / OF_A_STRETCH).max(1);
     let ends = trajectory.samples.first().zip(trajectory.samples.last());
     let [begin_s, end_s] = ends.map_or([0.0; 2], |(first, last)| [first.time_s, last.time_s]);
     let stretch_s = (end_s - begin_s) / stretches as f64;
     let frames = ends.map_or(0, |(first, last)| last.frame - first.frame + 1);
-    // A tool that has more rows than asked for is thinned, and so are the others, so that one moment shows all of them alike.
+    // If one tool has too many rows, all tools are thinned, so that their curves have the same resolution everywhere.
     let is_thinned = (0..trajectory.tools.len()).any(|tool| trajectory.of_tool(tool).count() > rows_of_a_tool);
-    let least_gap = if is_thinned { (frames / stretches as u64 / 2).max(2) } else { 2 };
-    let least_gap_s = if is_thinned { stretch_s / 2.0 } else { f64::INFINITY };
+    let min_gap = if is_thinned { (frames / stretches as u64 / 2).max(2) } else { 2 };
+    let min_gap_s = if is_thinned { stretch_s / 2.0 } else { f64::INFINITY };
     let mut left: Vec<(Sample, bool)> = Vec::new();
     for tool in 0..trajectory.tools.len() {
         let rows: Vec<&Sample> = trajectory.of_tool(tool).collect();
@@ -38,8 +38,8 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
         let mut before: Option<&Sample> = None;
         let gap = |before: Option<&Sample>, row: &Sample| {
             before.is_none_or(|b| {
-                row.frame - b.frame >= least_gap
-                    || row.time_s - b.time_s >= least_gap_s
+                row.frame - b.frame >= min_gap
+                    || row.time_s - b.time_s >= min_gap_s
                     || is_cut(&cuts_s, [b.time_s, row.time_s])
             })
         };
@@ -47,7 +47,7 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
         let place = |row: &Sample| if is_thinned { ((row.time_s - begin_s) / stretch_s) as usize } else { 0 };
         let mut first = 0;
         while first < rows.len() {
-            // A stretch ends where the next begins, or where the tool goes.
+            // A stretch ends where the next one begins, or at a gap.
             let mut last = first;
             while last + 1 < rows.len() && !gaps[last + 1] && place(rows[last + 1]) == place(rows[first]) {
                 last += 1;
@@ -65,7 +65,7 @@ pub fn thinned(trajectory: &Trajectory, rows_of_a_tool: usize) -> Thinned {
     Thinned { trajectory: Trajectory { tools, samples, frame_times_s, cuts }, after_gap, is_thinned }
 }
 
-/// The rows of a stretch that its curves cannot do without; its last one where the tool goes behind it.
+/// Indices of a stretch's first row and of its extremes; also of its last row if a gap follows.
 fn telling(rows: &[&Sample], ends_here: bool) -> Vec<usize> {
     let numbers: [fn(&Sample) -> Option<f64>; 4] = [
         |row| Some(row.tip_mm.x),
@@ -158,15 +158,16 @@ mod tests {
             let x = |frame: u64| ((frame * (2 * seed + 1)) % 977) as f64;
             let all = path(9_000, |frame| Some(x(frame)));
             let left = thinned(&all, 900);
-            // A fifth of the recording, and a stretch of 90 frames more on either side.
+            // 600 frames of the recording, and a stretch of 90 frames more on either side.
             let from = 100 + (at * 8_000.0) as u64;
-            let most = |rows: &[Sample], from: u64, to: u64| {
+            let extent = |rows: &[Sample], from: u64, to: u64| {
                 let within = rows.iter().filter(|row| (from..to).contains(&row.frame)).map(|row| row.tip_mm.x);
                 within.fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x), high.max(x)])
             };
-            let (true_most, left_most) =
-                (most(&all.samples, from, from + 600), most(&left.trajectory.samples, from - 91, from + 691));
-            prop_assert!(left_most[0] <= true_most[0] && left_most[1] >= true_most[1], "{left_most:?} {true_most:?}");
+            let (all_extent, left_extent) =
+                (extent(&all.samples, from, from + 600), extent(&left.trajectory.samples, from - 91, from + 691));
+            let is_within = left_extent[0] <= all_extent[0] && left_extent[1] >= all_extent[1];
+            prop_assert!(is_within, "{left_extent:?} {all_extent:?}");
             prop_assert!(left.trajectory.samples.iter().all(|row| all.samples.contains(row)), "nothing is made up");
         }
     }

@@ -11,7 +11,7 @@ use crate::pipeline::trajectory::{Sample, Trajectory};
 /// Writes the header and one line per sample, in the trajectory's order, ended by `\n`.
 ///
 /// Fails where `out` fails, and with `InvalidData` on a sample that no reader could use: a number that is not finite,
-/// or a tool that the trajectory does not name.
+/// or a tool without a name in the trajectory.
 pub fn write_csv(trajectory: &Trajectory, out: impl Write) -> io::Result<()> {
     let mut table = csv::WriterBuilder::new().terminator(Terminator::Any(b'\n')).from_writer(out);
     table.write_record(COLUMNS).map_err(into_io)?;
@@ -60,7 +60,7 @@ fn unusable(sample: &Sample, column: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, what)
 }
 
-/// The error of the stream itself, with its kind, where there is one.
+/// The stream's own error with its kind, if the CSV error has one.
 fn into_io(error: csv::Error) -> io::Error {
     match error.into_kind() {
         csv::ErrorKind::Io(error) => error,
