@@ -1,7 +1,8 @@
-//! What changed, told to whoever watches: the queue moving, sessions being tracked.
+//! Publishes changes of sessions, jobs and the queue to subscribers inside this process.
 //!
-//! An event is news, not truth: nobody waits for a watcher, a slow one misses some and is told so, and what counts is in
-//! the store. So events may be told before or after the row is seen; a watcher reads the row when it needs to be sure.
+//! Events are hints, the store holds the truth. Publishing never waits for a subscriber: a slow one misses events and
+//! learns how many. An event may be published before or after its row is visible, so a subscriber that has to be sure
+//! reads the row.
 
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
@@ -10,56 +11,56 @@ use crate::domain::job::{JobKind, JobState};
 use crate::domain::session::SessionStatus;
 use crate::ids::{JobId, SessionId, TraineeId};
 
-/// Events that a watcher may be behind before it misses some.
+/// How many events a subscriber may lag behind before it misses some.
 const KEPT: usize = 1024;
 
 /// Something changed.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A session stands differently.
+    /// The status or progress of a session changed.
     Session {
-        /// Which.
+        /// The session.
         id: SessionId,
-        /// Whose: decides who is told.
+        /// The session's trainee; decides who may receive the event.
         trainee: TraineeId,
-        /// How it stands now.
+        /// The new status.
         status: SessionStatus,
-        /// How much of the recording is tracked, 0 to 1.
+        /// Share of the recording that is tracked, 0 to 1.
         progress: f64,
     },
-    /// A job stands differently.
+    /// The state or progress of a job changed.
     Job {
-        /// Which.
+        /// The job.
         id: JobId,
-        /// What kind of work.
+        /// What kind of work it does.
         kind: JobKind,
-        /// How it stands now.
+        /// The new state.
         state: JobState,
-        /// How much is done, 0 to 1.
+        /// Share done, 0 to 1.
         progress: f64,
-        /// Whose session it works on; without one it is about a box, which only staff see.
+        /// The trainee of the job's session; `None` for a job on a box, which only staff see.
         trainee: Option<TraineeId>,
     },
-    /// The queue is longer or shorter.
+    /// The number of queued or running jobs may have changed.
     Queue,
 }
 
-/// Where events are told and heard. Clones are the same place.
+/// Broadcasts events to all subscribers. Clones share one channel.
 #[derive(Clone, Debug)]
 pub struct Events(broadcast::Sender<Event>);
 
 impl Events {
-    /// A place where nobody listens yet.
+    /// A bus without subscribers.
     pub fn new() -> Self {
         Self(broadcast::Sender::new(KEPT))
     }
 
-    /// Tells everybody who listens; without listeners nothing happens.
+    /// Sends an event to all subscribers; does nothing if there are none.
     pub fn tell(&self, event: Event) {
-        let _ = self.0.send(event); // an error means only that nobody listens
+        let _ = self.0.send(event); // the only error is that there are no subscribers
     }
 
-    /// Hears everything that is told from now on.
+    /// Subscribes to all events from now on.
     pub fn listen(&self) -> Listener {
         Listener(self.0.subscribe())
     }
@@ -71,21 +72,21 @@ impl Default for Events {
     }
 }
 
-/// What a listener hears next.
+/// What a subscriber receives.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard {
     /// Something changed.
     Event(Event),
-    /// The listener was too slow and this many events are lost to it: read the state anew.
+    /// The subscriber was too slow and missed this many events: it has to read the state again.
     Missed(u64),
 }
 
-/// One listener.
+/// One subscriber's end of the channel.
 #[derive(Debug)]
 pub struct Listener(broadcast::Receiver<Event>);
 
 impl Listener {
-    /// The next event; `None` when nobody is left to tell any.
+    /// The next event; `None` once every [`EventBus`] clone is dropped.
     pub async fn next(&mut self) -> Option<Heard> {
         match self.0.recv().await {
             Ok(event) => Some(Heard::Event(event)),

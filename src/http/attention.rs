@@ -1,4 +1,4 @@
-//! Who needs somebody: what came lately and wants to be looked at, and what the standards' charts say.
+//! Who needs attention: recent sessions that staff should look at, and the alarms of the standards' charts.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -14,27 +14,27 @@ use crate::ids::SessionId;
 use crate::store::Waiting;
 
 const DAY_MS: i64 = 86_400_000;
-/// What came before is told no more.
+/// Age limit of the listed sessions.
 const LATELY_MS: i64 = 14 * DAY_MS;
-/// A task on which nobody rated for so long is one that is not rated.
+/// A task counts as rated if one of its sessions was rated within this time.
 const RATED_MS: i64 = 90 * DAY_MS;
-/// Sessions of a kind that are told at most.
+/// Most sessions in each list.
 const MOST: u32 = 20;
 
-/// Who needs somebody, of those whom one sees.
+/// What needs attention, among the trainees in the caller's scope.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Attention {
-    /// Relapses, and refreshers that are due, the latest first.
+    /// Relapses and due refreshers, latest first.
     alarms: Vec<Alarm>,
-    /// Did more people train lately than were looked at?
+    /// True if more people trained recently than were checked for alarms.
     more: bool,
-    /// Sessions of the last fortnight that the quality gate refused, at most twenty.
+    /// Sessions of the last 14 days that the quality gate refused, at most 20.
     refused: Vec<Wanting>,
-    /// Sessions of the last fortnight that nobody has rated, of tasks that are rated; at most twenty. For staff.
+    /// Unrated sessions of the last 14 days, of tasks whose sessions are rated; at most 20. Empty for trainees.
     unrated: Vec<Wanting>,
 }
 
-/// A session that wants somebody.
+/// A session that staff should look at.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Wanting {
     session: SessionId,
@@ -43,9 +43,9 @@ pub struct Wanting {
     recorded_at: Time,
 }
 
-/// Read who needs somebody
+/// Read what needs attention
 ///
-/// What failed is in `GET /sessions?status=failed`.
+/// Lists alarms, refused sessions and unrated sessions. `GET /sessions?status=failed` lists failed sessions.
 #[utoipa::path(get, path = "/attention", tag = "trainees", responses((status = OK, body = Attention)))]
 pub async fn attention(State(app): State<App>, by: Member) -> Answer<Json<Attention>> {
     let (sessions, now_ms) = (app.store.sessions(), app.clock.now_ms());

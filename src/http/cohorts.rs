@@ -1,5 +1,5 @@
-//! Reference groups. Administrators make them; people see that they are there and how large, and of who is in one, those whom
-//! they see anyway.
+//! Reference groups (cohorts). Administrators edit them; every member may read them and their sizes. The list of
+//! members is limited to trainees in the caller's scope.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -17,18 +17,18 @@ use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CohortId, GroupId, TraineeId};
 use crate::store::{self, StoreError};
 
-/// A reference group: a list of people, or everybody of a level, hand or training group.
+/// A reference group: a list of people, or all people of a level, hand or training group.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Cohort {
     id: CohortId,
     code: Code,
     name: Name,
-    /// Is who is in it listed? Otherwise it is everybody whom `level`, `handedness` and `group` describe.
+    /// True if its people are listed; false if it contains all people who match `level`, `handedness` and `group`.
     listed: bool,
     level: Option<Level>,
     handedness: Option<Handedness>,
     group: Option<GroupId>,
-    /// How many people are in it, whether they have done a task or not.
+    /// Number of people in it, including those without sessions.
     people: i64,
     created_at: Time,
 }
@@ -48,7 +48,7 @@ pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Pag
     Ok(Json(Page::of(cohorts, Cohort::from)))
 }
 
-/// Make a cohort
+/// Create a cohort
 #[utoipa::path(post, path = "/cohorts", tag = "cohorts", request_body = NewCohort,
     responses((status = CREATED, body = Cohort)))]
 pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewCohort>) -> Answer<Created<Cohort>> {
@@ -63,7 +63,9 @@ pub async fn get(State(app): State<App>, by: Member, At(key): At) -> Answer<Json
     Ok(Json(app.store.cohorts().get(&by.scope, &key).await?.into()))
 }
 
-/// List who is in a cohort, of those whom one sees: `people` of the cohort counts all
+/// List the members of a cohort that the caller may see
+///
+/// The cohort's `people` counts all members.
 #[utoipa::path(get, path = "/cohorts/{id}/members", tag = "cohorts",
     params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = Page<TraineeId>)))]
 pub async fn members(
@@ -77,7 +79,7 @@ pub async fn members(
     Ok(Json(Page::of(members, |id| id)))
 }
 
-/// Say anew what a cohort is called and who is in it
+/// Replace a cohort: its name and its people
 #[utoipa::path(put, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
     request_body = NewCohort, responses((status = OK, body = Cohort)))]
 pub async fn replace(
@@ -91,7 +93,9 @@ pub async fn replace(
     Ok(Json(replaced.map_err(mistaken)?.into()))
 }
 
-/// Delete a cohort; its people stay, and so do the standards that were made from it
+/// Delete a cohort
+///
+/// Its people stay, and so do the standards that were set from it.
 #[utoipa::path(delete, path = "/cohorts/{id}", tag = "cohorts", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, At(key): At) -> Answer<StatusCode> {
@@ -99,7 +103,7 @@ pub async fn delete(State(app): State<App>, by: Administrator, At(key): At) -> A
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// A group or trainee that is not there is the request's mistake, not its address's.
+/// Reports a missing group or trainee as a mistake in the body (422), not in the address (404).
 fn mistaken(error: StoreError) -> Problem {
     match error {
         StoreError::NotFound { what } => unknown(what, what),

@@ -1,4 +1,4 @@
-//! Smaller answers for slow links: pages and JSON travel as gzip where the client takes it.
+//! Compresses pages and JSON with gzip, if the client accepts it, for slow connections.
 
 use axum::body::HttpBody;
 use axum::http::{Response, header};
@@ -6,18 +6,20 @@ use tower_http::CompressionLevel;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::Predicate;
 
-/// An answer of fewer bytes fits in a packet or two as it is.
+/// A smaller answer fits into one or two packets uncompressed.
 const LEAST_BYTES: u64 = 1024;
 
-/// What is larger is a download for a program; squeezing it would take time from the cores that track.
+/// A larger answer is a download for a program; compressing it would take CPU time from tracking.
 const MOST_BYTES: u64 = 2 << 20;
 
-/// Middleware: squeezes text of a known, moderate size. Pictures and video are squeezed already, and events must not wait in a buffer.
+/// Middleware: compresses text of a known, moderate size. Pictures and video are compressed already, and events must
+/// not wait in a buffer.
 pub fn compress() -> CompressionLayer<impl Predicate> {
     at(CompressionLevel::Fastest)
 }
 
-/// The same for files that a browser keeps: an eighth smaller, for a few milliseconds once for each browser and version.
+/// The same at a higher level, for files that browsers cache: an eighth smaller, for a few milliseconds once per
+/// browser and version.
 pub fn compress_well() -> CompressionLayer<impl Predicate> {
     at(CompressionLevel::Default)
 }
@@ -37,7 +39,7 @@ impl Predicate for ModerateText {
     }
 }
 
-/// Text that is whole when it is sent; a stream of events is not.
+/// Whether the media type is text other than an event stream, which is never complete.
 fn is_text(media_type: &str) -> bool {
     let kind = media_type.split(';').next().unwrap_or_default().trim();
     (kind.starts_with("text/") && kind != "text/event-stream")

@@ -1,9 +1,11 @@
-//! The pages: files under `static/`, embedded in the program, with an ETag each (a weak one: they also travel squeezed).
+//! The dashboard's files under `static/`, embedded in the program. Each has an ETag, a weak one because answers are
+//! also sent compressed.
 //!
-//! The first page names its files under `kept/VERSION/`, where the version is that of all files together: a browser keeps them and
-//! asks for nothing again before the program changes. Modules import each other by relative paths, which stay below it.
+//! The index page refers to its files under `kept/VERSION/`, with one version for all files together: a browser caches
+//! them and requests none again until the program changes. Modules import each other by relative paths, which stay
+//! below that prefix.
 //!
-//! In debug builds they are read from the source tree at each request, so that a page's author sees a change at once.
+//! Debug builds read the files from the source tree at each request, so that a page's author sees a change at once.
 
 use std::borrow::Cow;
 use std::sync::LazyLock;
@@ -22,29 +24,30 @@ use super::error::{Problem, Refusal};
 #[folder = "static/"]
 struct Pages;
 
-/// The page of the dashboard; its own script decides by the address what it shows.
+/// The index page of the dashboard; its script selects the view by the address.
 const INDEX: &str = "index.html";
 
-/// What the files of one version lie below.
+/// Path prefix of versioned files.
 const KEPT: &str = "kept/";
 
-/// The version, as the dashboard's page names it.
+/// The placeholder for the version in the index page.
 const NAMED: &str = "kept/VERSION/";
 
-/// Of a file that is the same for as long as its address is.
+/// `Cache-Control` of a file whose address contains the current version.
 const FOR_GOOD: &str = "public, max-age=31536000, immutable";
 
-/// Ask again each time: answers are 304 mostly, and a new version of the program shows at once.
+/// `Cache-Control` of other files: the browser asks each time. Most answers are 304, and a new version of the program
+/// shows at once.
 const ASK_AGAIN: &str = "no-cache";
 
-/// Answers everything that no route of the interface does: a file, or the dashboard for an address of its own.
+/// Fallback for every address without a route: a file, or the index page for an address of the dashboard.
 pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     let path = uri.path().trim_start_matches('/');
     if is_reserved(path) {
         return Problem::not_found().into_response();
     }
     if method != Method::GET && method != Method::HEAD {
-        return Refusal::MethodNotAllowed.with("Pages are read with GET.").into_response();
+        return Refusal::MethodNotAllowed.with("Pages can only be read: use GET.").into_response();
     }
     if let Some((of, path)) = path.strip_prefix(KEPT).and_then(|rest| rest.split_once('/')) {
         let Some(file) = File::at(path) else { return Problem::not_found().into_response() };
@@ -57,17 +60,17 @@ pub async fn page(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     }
 }
 
-/// Addresses of the interface, where a missing thing is a problem document and never a page.
+/// Whether the address belongs to the API, where the answer to a missing resource is a problem document, never a page.
 fn is_reserved(path: &str) -> bool {
     ["api", "docs", "problems"].contains(&path.split('/').next().unwrap_or_default())
 }
 
-/// An address of the dashboard itself, like `sessions/42`, and not a file that is missing, like `chart.js`.
+/// Whether this is an address of the dashboard, such as `sessions/42`, rather than a missing file, such as `chart.js`.
 fn is_view(path: &str) -> bool {
     !path.rsplit('/').next().unwrap_or_default().contains('.')
 }
 
-/// A file as it is sent.
+/// A file of the dashboard with its headers.
 struct File {
     bytes: Cow<'static, [u8]>,
     hash: [u8; 32],
@@ -75,7 +78,7 @@ struct File {
 }
 
 impl File {
-    /// The one at a path below `static/`; the dashboard's page names the version.
+    /// The file at a path below `static/`; in the index page the version replaces its placeholder.
     fn at(path: &str) -> Option<Self> {
         let file = Pages::get(path)?;
         let media_type = media_type(path, file.metadata.mimetype());
@@ -105,7 +108,7 @@ impl File {
     }
 }
 
-/// Of all files together: changes with any of them.
+/// Hash of all files together: changes with any of them.
 fn version() -> Cow<'static, str> {
     static EMBEDDED: LazyLock<String> = LazyLock::new(measured_version);
     if cfg!(debug_assertions) { measured_version().into() } else { EMBEDDED.as_str().into() }

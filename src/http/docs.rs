@@ -1,4 +1,4 @@
-//! `/docs`: the interface's description to read and try, from files inside the program, so without the internet.
+//! `/docs`: the API documentation (Swagger UI), served from files inside the program; needs no internet.
 
 use std::sync::Arc;
 
@@ -9,10 +9,10 @@ use utoipa_swagger_ui::{Config, SwaggerFile};
 
 use super::error::{Answer, Problem};
 
-/// Where the description lies.
+/// Address of the API description.
 pub const OPENAPI: &str = "/api/v1/openapi.json";
 
-/// `/docs` itself: its files are named relative to `/docs/`.
+/// Redirects `/docs` to `/docs/`, because the viewer's files are relative to it.
 pub async fn entry() -> Redirect {
     Redirect::permanent("/docs/")
 }

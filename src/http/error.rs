@@ -1,8 +1,9 @@
-//! The one table from what went wrong to a status and a problem document (RFC 9457).
+//! Maps every error to a status and a problem document (RFC 9457).
 //!
-//! A handler returns `Result<_, Problem>`; every error of the layers below becomes a [`Problem`] here and nowhere else.
-//! `type` is stable (`/problems/<slug>`): programs decide by it. `detail` is for people and says what to do. What one
-//! may not see and what does not exist give the same bytes, so the not-found problem carries nothing of the request.
+//! A handler returns `Result<_, ProblemResponse>`; every error of the layers below becomes a [`ProblemResponse`] here
+//! and nowhere else. `type` is stable (`/problems/<slug>`): programs decide by it. `detail` is for people and says what
+//! to do. A resource that the caller may not see and one that does not exist give the same bytes, so the not-found
+//! problem contains nothing of the request.
 
 use std::any::Any;
 use std::fmt::{Debug, Display};
@@ -20,54 +21,54 @@ use crate::live::{Broken, PushError};
 use crate::store::StoreError;
 use crate::vault::VaultError;
 
-/// Media type of every refusal.
+/// Media type of problem documents.
 pub const PROBLEM_JSON: &str = "application/problem+json";
 
-/// What a handler answers.
+/// Result of a handler.
 pub type Answer<T> = Result<T, Problem>;
 
-/// Why a request was refused. Each is one row of the table.
+/// Why a request was refused. Each variant is one row of [`REFUSALS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// The request's syntax is wrong.
     BadRequest,
-    /// Neither cookie nor token, or one that has ended.
+    /// Neither a cookie nor a token, or one that is no longer valid.
     NotSignedIn,
-    /// Unknown login or wrong password; which of the two is not told.
+    /// Unknown login or wrong password; the answer does not reveal which.
     WrongCredentials,
-    /// The role does not do this.
+    /// The caller's role may not do this.
     Forbidden,
-    /// A page of another site asked for a change.
+    /// A page of another site requested a change.
     ForeignOrigin,
-    /// It does not exist, or may not be seen.
+    /// The resource does not exist, or the caller may not see it.
     NotFound,
     /// The route has no such method.
     MethodNotAllowed,
-    /// The body came too slowly.
+    /// The body arrived too slowly.
     TooSlow,
-    /// The state does not allow it.
+    /// The present state does not allow it.
     Conflict,
     /// The name, code or login is taken.
     Taken,
     /// The same recording was already sent for the same trainee, task and box.
     DuplicateRecording,
-    /// Something else still refers to it.
+    /// Something else still refers to the resource.
     InUse,
-    /// It existed and has ended.
+    /// The resource existed and has ended.
     Gone,
-    /// A length must be told beforehand.
+    /// The request must state its length.
     LengthRequired,
-    /// A precondition of the protocol, e.g. the tus version.
+    /// A precondition of the protocol does not hold, e.g. the tus version.
     PreconditionFailed,
-    /// More bytes than the limit.
+    /// The body has more bytes than the limit.
     TooLarge,
-    /// A body of another media type is expected.
+    /// The body has the wrong media type.
     UnsupportedMediaType,
     /// The byte range lies outside the file.
     RangeNotSatisfiable,
-    /// Well-formed, but the values cannot be used.
+    /// The request is well-formed, but some of its values cannot be used.
     Invalid,
-    /// It names a trainee, task or box that is not there.
+    /// The request names a trainee, task or box that does not exist or that the caller may not see.
     UnknownReference,
     /// Another request is writing to this upload.
     Locked,
@@ -75,15 +76,15 @@ pub enum Refusal {
     TooMany,
     /// The bytes differ from their checksum.
     ChecksumMismatch,
-    /// Our fault.
+    /// A fault of the service.
     Internal,
-    /// At a limit now; later it will work.
+    /// A limit is reached for the moment; a later attempt can succeed.
     Busy,
     /// No space left on the disk.
     DiskFull,
 }
 
-/// Every refusal: slug of its `type`, title, status.
+/// Every refusal with the slug of its `type`, its title and its status.
 pub const TABLE: [(Refusal, &str, &str, u16); 26] = [
     (Refusal::BadRequest, "bad-request", "The request cannot be read", 400),
     (Refusal::NotSignedIn, "not-signed-in", "Sign in first", 401),
@@ -93,44 +94,44 @@ pub const TABLE: [(Refusal, &str, &str, u16); 26] = [
     (Refusal::NotFound, "not-found", "Not found", 404),
     (Refusal::MethodNotAllowed, "method-not-allowed", "This address has no such method", 405),
     (Refusal::TooSlow, "too-slow", "The body arrived too slowly", 408),
-    (Refusal::Conflict, "conflict", "This cannot be done in the present state", 409),
+    (Refusal::Conflict, "conflict", "This is not possible in the present state", 409),
     (Refusal::Taken, "taken", "The name is taken", 409),
     (Refusal::DuplicateRecording, "duplicate-recording", "This recording was sent before", 409),
-    (Refusal::InUse, "in-use", "Something still refers to it", 409),
-    (Refusal::Gone, "gone", "It has ended", 410),
-    (Refusal::LengthRequired, "length-required", "The length must be told beforehand", 411),
+    (Refusal::InUse, "in-use", "This is still in use", 409),
+    (Refusal::Gone, "gone", "This no longer exists", 410),
+    (Refusal::LengthRequired, "length-required", "The request must state its length", 411),
     (Refusal::PreconditionFailed, "precondition-failed", "A precondition does not hold", 412),
-    (Refusal::TooLarge, "too-large", "More bytes than accepted", 413),
-    (Refusal::UnsupportedMediaType, "unsupported-media-type", "Another media type is expected", 415),
+    (Refusal::TooLarge, "too-large", "The request is too large", 413),
+    (Refusal::UnsupportedMediaType, "unsupported-media-type", "The body has the wrong media type", 415),
     (Refusal::RangeNotSatisfiable, "range-not-satisfiable", "The range lies outside the file", 416),
     (Refusal::Invalid, "invalid", "Some values cannot be used", 422),
-    (Refusal::UnknownReference, "unknown-reference", "It names something that is not there", 422),
-    (Refusal::Locked, "locked", "Another request is writing to it", 423),
+    (Refusal::UnknownReference, "unknown-reference", "The request names something that does not exist", 422),
+    (Refusal::Locked, "locked", "Another request is writing to this upload", 423),
     (Refusal::TooMany, "too-many", "Too many attempts", 429),
     (Refusal::ChecksumMismatch, "checksum-mismatch", "The bytes differ from their checksum", 460),
     (Refusal::Internal, "internal", "The service failed", 500),
-    (Refusal::Busy, "busy", "The service is at a limit", 503),
-    (Refusal::DiskFull, "disk-full", "No space left", 507),
+    (Refusal::Busy, "busy", "The service is busy", 503),
+    (Refusal::DiskFull, "disk-full", "The service's disk is full", 507),
 ];
 
 impl Refusal {
     /// Slug, title and status of this refusal.
     pub fn row(self) -> (&'static str, &'static str, StatusCode) {
-        // Every variant has a row (tested), and every row a status that exists (tested).
+        // Tests check that every variant has a row, and every row a valid status.
         let row = TABLE.iter().find(|row| row.0 == self).unwrap_or(&TABLE[23]);
         (row.1, row.2, StatusCode::from_u16(row.3).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR))
     }
 
-    /// The refusal with what happened and what to do, in one or two sentences for people.
+    /// The problem with this detail: what happened and what to do, in one or two sentences for people.
     pub fn with(self, detail: impl Into<String>) -> Problem {
         Problem { refusal: self, detail: detail.into(), members: Map::new(), headers: Vec::new() }
     }
 }
 
-/// A refused request, as it is told to the client.
+/// The answer to a refused request.
 #[derive(Debug)]
 pub struct Problem {
-    /// The row of the table.
+    /// The kind of refusal.
     pub refusal: Refusal,
     detail: String,
     members: Map<String, Value>,
@@ -138,31 +139,32 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// The one not-found problem: the same bytes for what is missing and for what may not be seen.
+    /// The one not-found problem: the same bytes for a missing resource and for one that the caller may not see.
     pub fn not_found() -> Self {
         Refusal::NotFound
-            .with("There is nothing at this address that you may see. Check the id, or look in the list above it.")
+            .with("Nothing exists at this address, or you may not see it. Check the id, or look in the list.")
     }
 
-    /// Our fault: the cause goes to the log, not to the client.
+    /// A fault of the service: the cause goes to the log, not to the client.
     pub fn internal(doing: &'static str, cause: impl Debug) -> Self {
-        tracing::error!(doing, cause = ?cause, "request failed");
-        Refusal::Internal.with("The cause is in the service's log under this answer's x-request-id.")
+        tracing::error!(doing, cause = ?cause, "request failed; answered with status 500");
+        Refusal::Internal
+            .with("An administrator finds the cause in the service's log under this answer's x-request-id.")
     }
 
-    /// A value that cannot be used, with the field's name.
+    /// A field whose value cannot be used. `message` continues the field's name and says what to do.
     pub fn invalid(field: &str, message: impl Display) -> Self {
         let error = serde_json::json!({ "field": field, "message": message.to_string() });
         Refusal::Invalid.with(format!("`{field}`: {message}.")).member("errors", vec![error])
     }
 
-    /// A member besides the standard ones, e.g. a limit or a link.
+    /// Adds a member besides the standard ones, e.g. a limit or a link.
     pub fn member(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.members.insert(name.to_owned(), value.into());
         self
     }
 
-    /// A header of the answer; one that cannot be written is left out.
+    /// Adds a header to the answer; an invalid value is left out.
     pub fn header(mut self, name: header::HeaderName, value: impl Display) -> Self {
         if let Ok(value) = HeaderValue::try_from(value.to_string()) {
             self.headers.push((name, value));
@@ -170,12 +172,12 @@ impl Problem {
         self
     }
 
-    /// What is told to people.
+    /// The detail, for people.
     pub fn detail(&self) -> &str {
         &self.detail
     }
 
-    /// The document.
+    /// The problem document.
     pub fn document(&self) -> Value {
         let (slug, title, status) = self.refusal.row();
         let mut document = self.members.clone();
@@ -197,7 +199,7 @@ impl IntoResponse for Problem {
     }
 }
 
-/// The one table from the store's errors to refusals.
+/// Maps the store's errors to refusals.
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         match error {
@@ -208,23 +210,23 @@ impl From<StoreError> for Problem {
                 Refusal::InUse.with(format!("{}. Delete what refers to it first.", sentence(&error)))
             }
             StoreError::Refused { .. } => Refusal::Conflict.with(format!("{}.", sentence(&error))),
-            StoreError::LeaseLost => Refusal::Conflict.with("Somebody else works on this job now. Read it again."),
+            StoreError::LeaseLost => Refusal::Conflict.with("Another worker has taken over this job. Read it again."),
             StoreError::DiskFull => disk_full(),
-            StoreError::Busy => busy("The database has more to do than it can. Try again in a moment."),
-            StoreError::Closed => busy("The service is ending. Try again in a minute."),
-            StoreError::Unusable(_) | StoreError::Database(_) => Problem::internal("asking the store", error),
+            StoreError::Busy => busy("The database is overloaded. Try again in a moment."),
+            StoreError::Closed => busy("The service is shutting down. Try again in a minute."),
+            StoreError::Unusable(_) | StoreError::Database(_) => Problem::internal("querying the store", error),
         }
     }
 }
 
-/// The one table from the vault's errors to refusals.
+/// Maps the vault's errors to refusals.
 impl From<VaultError> for Problem {
     fn from(error: VaultError) -> Self {
         match error {
             VaultError::DiskFull => disk_full(),
             VaultError::TooLong { most } => super::read::too_large(most),
             VaultError::InUse(_) => Refusal::Locked
-                .with("Another request is writing here. Wait until it has ended, then ask how far it came."),
+                .with("Another request is writing to this upload. Wait until it has ended, then ask for the offset."),
             VaultError::NotFound | VaultError::Damaged | VaultError::Lost { .. } | VaultError::Io { .. } => {
                 Problem::internal("handling a file", error)
             }
@@ -232,24 +234,24 @@ impl From<VaultError> for Problem {
     }
 }
 
-/// The one table from what a glance failed at to refusals.
+/// Maps the errors of a quick analysis to refusals.
 impl From<Unseen> for Problem {
     fn from(error: Unseen) -> Self {
         match error {
             Unseen::Problem(problem) => Refusal::Invalid.with(format!("{}: {}.", problem.title, problem.detail)),
             Unseen::Crashed(why) => {
-                tracing::warn!(why, "a glance did not end well");
+                tracing::warn!(why, "quick analysis crashed; picture refused");
                 Refusal::Invalid
-                    .with("It cannot be looked at: the process that did so did not survive it, or took too long. Send another or a smaller picture.")
+                    .with("The picture could not be analysed: the analysis crashed or took too long. Send another picture, or a smaller one.")
             }
-            Unseen::Failed(why) => Problem::internal("looking at a picture", why),
-            Unseen::Busy => busy("Others look at pictures now. Try again in a moment."),
+            Unseen::Failed(why) => Problem::internal("analysing a picture", why),
+            Unseen::Busy => busy("Other pictures are being checked. Try again in a moment."),
             Unseen::Vault(error) => error.into(),
         }
     }
 }
 
-/// The one table from intake's errors to refusals.
+/// Maps intake's errors to refusals.
 impl From<IntakeError> for Problem {
     fn from(error: IntakeError) -> Self {
         match error {
@@ -259,25 +261,33 @@ impl From<IntakeError> for Problem {
             IntakeError::TooLong { most } => super::read::too_large(most),
             IntakeError::Empty => Problem::invalid("recording", "is empty; send the video's bytes"),
             IntakeError::TooMany { most } => Refusal::TooMany
-                .with(format!("{most} uploads are unfinished. Finish or delete one, or wait until they expire."))
+                .with(format!("You have {most} unfinished uploads. Finish or delete one, or wait until one expires."))
                 .member("limit", most),
             IntakeError::Offset { received } => Refusal::Conflict
-                .with(format!("The upload has {received} bytes: ask with HEAD, and go on from there."))
+                .with(format!(
+                    "The upload has {received} bytes. Ask for the offset with HEAD, and continue from there."
+                ))
                 .member("upload_offset", received),
             IntakeError::Expired => {
-                Refusal::Gone.with("The upload waited too long for its next byte. Begin a new one.")
+                Refusal::Gone.with("The upload waited too long for its next bytes and has expired. Begin a new upload.")
             }
-            IntakeError::Mismatch => Refusal::ChecksumMismatch.with("The bytes were dropped. Send this piece again."),
+            IntakeError::Mismatch => {
+                Refusal::ChecksumMismatch.with("These bytes were discarded. Send this piece again.")
+            }
             IntakeError::Cut(cause) => super::read::unreadable(&*cause, u64::MAX),
             IntakeError::Resumed => {
-                Refusal::Conflict.with("The upload goes on with another request. What came is safe.")
+                Refusal::Conflict.with("Another request continues this upload. The bytes received so far are stored.")
             }
-            IntakeError::Ending => busy("The service is ending. What came is safe: go on in a minute."),
+            IntakeError::Ending => {
+                busy("The service is shutting down. The bytes received so far are stored: continue in a minute.")
+            }
             IntakeError::Known { session } => Refusal::DuplicateRecording
-                .with("The same recording of the same trainee, task and box is a session already; see `session`.")
+                .with("A session with the same recording, trainee, task and box exists already; see `session`.")
                 .member("session", format!("/api/v1/sessions/{session}")),
             IntakeError::Table(problem) => Problem::invalid("table", problem),
-            IntakeError::Importing { most } => busy(&format!("{most} tables are being read. Try again in a moment.")),
+            IntakeError::Importing { most } => {
+                busy(&format!("{most} other tables are being imported. Try again in a moment."))
+            }
             IntakeError::Broken(cause) => Problem::internal("reading a table", cause),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),
@@ -285,7 +295,7 @@ impl From<IntakeError> for Problem {
     }
 }
 
-/// The one table from why something was not calculated to refusals.
+/// Maps the errors of calculations on cohorts to refusals.
 impl From<CohortsError> for Problem {
     fn from(error: CohortsError) -> Self {
         match error {
@@ -293,20 +303,20 @@ impl From<CohortsError> for Problem {
             CohortsError::Unknown { field, what } => unknown(field, what),
             CohortsError::NoModel(NoSkillModel { reason, missing, ref detail }) => {
                 let missing: Option<Map<String, Value>> =
-                    missing.map(|of| of.into_iter().map(|(level, people)| (level.to_owned(), people.into())).collect());
+                    missing.map(|by| by.into_iter().map(|(level, people)| (level.to_owned(), people.into())).collect());
                 Refusal::Conflict
                     .with(format!("{}.", sentence(detail)))
                     .member("reason", reason)
                     .member("missing", missing)
             }
-            CohortsError::Training => busy("Another model of skill is being made. Try again in some minutes."),
+            CohortsError::Training => busy("Another model of skill is being trained. Try again in a few minutes."),
             CohortsError::Store(error) => error.into(),
             CohortsError::Broken => Problem::internal("calculating", error),
         }
     }
 }
 
-/// The one table from why a feed was closed to refusals, for those that come in a request.
+/// Maps the reason why a feed was closed to a refusal, for feeds sent as an HTTP request.
 impl From<Farewell> for Problem {
     fn from(Farewell { code, why }: Farewell) -> Self {
         let refusal = match code {
@@ -323,7 +333,8 @@ impl From<Farewell> for Problem {
     }
 }
 
-/// The one table from how a push broke off to refusals. What came up to then is a session, if it can be shown.
+/// Maps the failure of a push to a refusal. The part received until then is a session; the problem names it, if there
+/// is one.
 impl From<Broken> for Problem {
     fn from(Broken { why, session }: Broken) -> Self {
         let problem: Problem = match why {
@@ -338,54 +349,54 @@ impl From<Broken> for Problem {
     }
 }
 
-/// A request names something that is not there: its own mistake, not that of its address.
+/// The problem for a body or query that names something unknown: 422, because 404 would blame the address.
 pub fn unknown(field: &str, what: &str) -> Problem {
     Refusal::UnknownReference
-        .with(format!("`{field}` names no {what} that you may see. Give the id or the code of one that exists."))
+        .with(format!("`{field}` names no {what} that exists and that you may see. Give its id or code."))
         .member("field", field)
 }
 
-/// No space: what is there stays readable, and what was sent can go on later.
+/// The disk is full: stored data stays readable, and an upload can continue later.
 pub fn disk_full() -> Problem {
-    Refusal::DiskFull.with("Nothing is lost. Ask an administrator to make space, then go on.")
+    Refusal::DiskFull.with("Nothing stored is lost. Ask an administrator to free disk space, then continue.")
 }
 
-/// At a limit that passes.
+/// A limit is reached for the moment.
 pub fn busy(detail: &str) -> Problem {
     Refusal::Busy.with(detail).header(header::RETRY_AFTER, 1)
 }
 
-/// The error's text as the beginning of a sentence.
+/// The error's text with a capital first letter.
 fn sentence(error: &impl Display) -> String {
     let text = error.to_string();
     let mut letters = text.chars();
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
-/// Answers a method that an address does not have.
+/// Answers a method that the address does not have.
 pub async fn method_not_allowed() -> Problem {
-    Refusal::MethodNotAllowed.with("See `Allow` for the methods of this address, and /docs for what they do.")
+    Refusal::MethodNotAllowed.with("The `Allow` header lists the methods of this address; /docs describes them.")
 }
 
-/// Answers a request whose handler panicked: a mistake of ours, and only this request's end.
+/// Answers a request whose handler panicked. Other requests are not affected.
 pub fn panicked(cause: Box<dyn Any + Send>) -> Response {
     let text = cause.downcast_ref::<String>().map(String::as_str).or(cause.downcast_ref::<&str>().copied());
-    Problem::internal("answering", text.unwrap_or("a panic without words")).into_response()
+    Problem::internal("answering", text.unwrap_or("a panic without a message")).into_response()
 }
 
-/// A problem document as OpenAPI shows it.
+/// A problem document as OpenAPI describes it.
 #[derive(Debug, serde::Serialize, utoipa::ToSchema)]
 #[schema(as = Problem, title = "Problem", description = "RFC 9457 problem document; further members depend on `type`")]
 pub struct ProblemDocument {
-    /// Stable name of the kind of problem; programs decide by it.
+    /// Stable name of the kind of problem; programs should decide by it.
     #[serde(rename = "type")]
     #[schema(example = "/problems/not-found")]
     pub kind: String,
-    /// The kind, for people.
+    /// The kind of problem, for people.
     pub title: String,
-    /// The answer's status.
+    /// HTTP status of the answer.
     pub status: u16,
-    /// What happened and what to do.
+    /// What happened and what to do, for people.
     pub detail: String,
 }
 

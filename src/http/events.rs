@@ -1,7 +1,7 @@
-//! What changes, as server-sent events: sessions, jobs, the queue.
+//! Sends changes of sessions, jobs and the queue as server-sent events.
 //!
-//! Each event is looked at with the watcher's own scope before it is sent, so a stream tells nothing that a request
-//! would not. Who is slow misses some and is told `missed`: read the lists anew.
+//! The stream checks each event against the watcher's scope, so it reveals nothing that a request would not. A slow
+//! watcher misses events and receives `missed`: it has to read the lists again.
 
 use std::convert::Infallible;
 use std::time::Duration;
@@ -25,63 +25,65 @@ use crate::domain::text::Key;
 use crate::events::{Event, Heard, Listener};
 use crate::ids::{JobId, SessionId, TraineeId};
 
-/// A quiet stream sends a comment so often, which also shows whether the watcher is still there.
+/// How often a quiet stream sends a comment, which also detects a closed connection.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
-/// A stream looks so often whether its sign-in still counts.
+/// How often a stream checks that its sign-in is still valid.
 const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
 
-/// What the lines of `event:` `session`, `job` and `queue` hold in `data:`.
+/// The `data:` of the events `session`, `job`, `queue` and `missed`.
 #[derive(Debug, Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum Told {
-    /// A session stands differently.
+    /// The status or progress of a session changed.
     Session {
-        /// Which.
+        /// The session's id.
         id: SessionId,
-        /// How it stands now.
+        /// The new status.
         status: SessionStatus,
         /// Share that is tracked, 0 to 1.
         progress: f64,
     },
-    /// A job stands differently.
+    /// The state or progress of a job changed.
     Job {
-        /// Which.
+        /// The job's id.
         id: JobId,
-        /// What kind of work.
+        /// What kind of work it does.
         kind: JobKind,
-        /// How it stands now.
+        /// The new state.
         state: JobState,
         /// Share done, 0 to 1.
         progress: f64,
     },
-    /// How much work there is; also sent when a stream begins.
+    /// Length of the queue; also sent when a stream begins.
     Queue {
         /// Jobs that wait.
         queued: i64,
         /// Jobs that run.
         running: i64,
     },
-    /// The watcher was too slow: read the lists anew.
+    /// The client was too slow and missed events: read the lists again.
     Missed {
-        /// Events that it did not get.
+        /// Number of missed events.
         missed: u64,
     },
 }
 
 /// Watch sessions, jobs and the queue
+///
+/// A stream of server-sent events, limited to what the caller may see. It ends when the sign-in ends.
 #[utoipa::path(get, path = "/events", tag = "events",
-    responses((status = OK, description = "`event: session|job|queue|missed`, `data:` as described", content_type = "text/event-stream", body = Told)))]
+    responses((status = OK, description = "`event: session|job|queue|missed`; `data:` is JSON of this schema", content_type = "text/event-stream", body = Told)))]
 pub async fn events(State(app): State<App>, by: Member, headers: HeaderMap) -> Answer<impl IntoResponse> {
-    let full = || busy("Too many event streams are open. Close a page that you no longer need, then try again.");
+    let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
     let place = app.streams.take(&by.scope).ok_or_else(full)?;
     let watch = Watch { listener: app.events.listen(), scope: by.scope, headers, app: app.clone(), _place: place };
     let lines = watch.lines().take_until(app.shutdown.begun());
-    // Proxies that collect answers before they pass them on are asked not to.
+    // Asks proxies not to buffer the stream.
     let unbuffered = [(HeaderName::from_static("x-accel-buffering"), "no")];
     Ok((unbuffered, Sse::new(lines).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))))
 }
 
-/// One watcher.
+/// The event stream of one watcher.
 struct Watch {
     listener: Listener,
     scope: Scope,
@@ -91,9 +93,9 @@ struct Watch {
 }
 
 impl Watch {
-    /// What this watcher is told: first how the queue stands, then what changes, until the sign-in ends.
+    /// The stream's events: the length of the queue first, then changes, until the sign-in ends.
     fn lines(self) -> impl Stream<Item = Result<Line, Infallible>> + Send {
-        let told = stream::unfold((self, Some(Heard::Event(Event::Queue))), |(mut watch, first)| async {
+        let lines = stream::unfold((self, Some(Heard::Event(Event::Queue))), |(mut watch, first)| async {
             let heard = match first {
                 Some(heard) => heard,
                 None => watch.next().await?,
@@ -101,29 +103,29 @@ impl Watch {
             let line = watch.line(heard).await;
             Some((line, (watch, None)))
         });
-        told.filter_map(|line| async { line.map(Ok) })
+        lines.filter_map(|line| async { line.map(Ok) })
     }
 
     /// The next event; `None` once the sign-in has ended.
     async fn next(&mut self) -> Option<Heard> {
-        let asked = self.app.clock.sleep(STILL_SIGNED_IN);
-        tokio::pin!(asked);
+        let check = self.app.clock.sleep(STILL_SIGNED_IN);
+        tokio::pin!(check);
         loop {
             tokio::select! {
                 heard = self.listener.next() => return heard,
-                () = &mut asked => {
+                () = &mut check => {
                     if !SignedIn::still(&self.app, &self.headers).await {
                         return None;
                     }
-                    asked.set(self.app.clock.sleep(STILL_SIGNED_IN));
+                    check.set(self.app.clock.sleep(STILL_SIGNED_IN));
                 }
             }
         }
     }
 
-    /// The line for something heard, if this watcher may know of it.
+    /// The server-sent event for what the subscription delivered; `None` if the watcher may not see it.
     async fn line(&self, heard: Heard) -> Option<Line> {
-        let (name, told) = match heard {
+        let (name, data) = match heard {
             Heard::Missed(missed) => ("missed", Told::Missed { missed }),
             Heard::Event(Event::Session { id, trainee, status, progress }) => {
                 self.sees(Some(trainee)).await.then_some(("session", Told::Session { id, status, progress }))?
@@ -136,10 +138,10 @@ impl Watch {
                 ("queue", Told::Queue { queued: counts.queued, running: counts.running })
             }
         };
-        Line::default().event(name).json_data(told).ok()
+        Line::default().event(name).json_data(data).ok()
     }
 
-    /// Whether the watcher sees this trainee; without one it is about a box, which staff work on.
+    /// Whether the watcher may see this trainee. `None` means a job on a box, which only staff see.
     async fn sees(&self, trainee: Option<TraineeId>) -> bool {
         match trainee {
             Some(trainee) => self.app.store.trainees().get(&self.scope, &Key::from(&trainee)).await.is_ok(),

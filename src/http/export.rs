@@ -1,4 +1,5 @@
-//! Features as a table: of one session, or of many, page by page, so that a table of any length needs the memory of one page.
+//! Writes features as a table: of one session, or of many. Many sessions are read and sent page by page, so that a
+//! table of any length needs the memory of one page.
 
 use std::collections::HashSet;
 
@@ -20,21 +21,21 @@ use crate::ids::TraineeId;
 use crate::store::{PageRequest, Session, SessionFilter, SessionResult, StoreError};
 use crate::time::to_rfc3339;
 
-/// Sessions that are read at a time: some thousands of rows.
+/// Sessions that are read at a time; they give some thousands of rows.
 const SESSIONS: u32 = 50;
 
-/// How people are called in a table.
+/// How a table identifies trainees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CalledBy {
-    /// By their id, which tells nobody outside the centre who it is.
+    /// By id, which does not identify the person outside the centre.
     #[default]
     Id,
-    /// By their code, which is made of their name where nobody chose another.
+    /// By code. A code is derived from the name unless another was chosen.
     Code,
 }
 
-/// Why a table broke off; its reader sees the connection close before the end.
+/// Why an export failed; the client sees the connection close before the table's end.
 #[derive(Debug, thiserror::Error)]
 enum Broken {
     #[error(transparent)]
@@ -45,7 +46,7 @@ enum Broken {
     Thread(#[from] tokio::task::JoinError),
 }
 
-/// A session's rows.
+/// The table rows of a session.
 pub fn rows(session: &Session, result: &SessionResult, called: CalledBy) -> Vec<ExportRow> {
     let whose = Whose {
         session: session.id.to_string(),
@@ -63,7 +64,7 @@ pub fn rows(session: &Session, result: &SessionResult, called: CalledBy) -> Vec<
     result.features.iter().map(|feature| ExportRow::new(&whose, feature)).collect()
 }
 
-/// One session's table.
+/// Answers with the table of one session.
 pub async fn of_session(rows: Vec<ExportRow>, format: TableFormat, name: &str) -> Answer<Response> {
     let written = tokio::task::spawn_blocking(move || {
         let mut table = FeatureTable::new(format)?;
@@ -76,23 +77,24 @@ pub async fn of_session(rows: Vec<ExportRow>, format: TableFormat, name: &str) -
     Ok((StatusCode::OK, headers(format, name), bytes).into_response())
 }
 
-/// Which sessions a long table is of.
+/// The sessions of a long table.
 pub struct Many {
-    /// Of whom and what.
+    /// Trainee, task and other filters.
     pub filter: SessionFilter,
-    /// Only of these people.
+    /// Only sessions of these trainees; `None`: of all.
     pub only: Option<HashSet<TraineeId>>,
-    /// How they are called.
+    /// How the table identifies trainees.
     pub called: CalledBy,
 }
 
-/// Where a long table has come to.
+/// State of a long table: the cursor of the next page and the table so far, or the end.
 enum Place {
     Page(Option<String>, FeatureTable),
     End,
 }
 
-/// The table of many sessions, sent while it is read: nothing is read before the part before it is sent.
+/// Answers with the table of many sessions, which is sent while it is read: each page is read after the previous one
+/// was sent.
 pub async fn of_many(app: App, scope: Scope, many: Many, format: TableFormat, name: &str) -> Answer<Response> {
     let table = FeatureTable::new(format).map_err(|cause| Problem::internal("writing features", cause))?;
     let parts = try_unfold((app, scope, many, Place::Page(None, table)), |(app, scope, many, place)| async move {
@@ -100,7 +102,7 @@ pub async fn of_many(app: App, scope: Scope, many: Many, format: TableFormat, na
         match part(&app, &scope, &many, (after, table)).await {
             Ok((bytes, place)) => Ok(Some((Bytes::from(bytes), (app, scope, many, place)))),
             Err(error) => {
-                tracing::error!(%error, "a table of features broke off");
+                tracing::error!(%error, "feature export failed; connection closed before the table's end");
                 Err(error)
             }
         }
@@ -122,7 +124,7 @@ async fn part(
         }
         match app.store.sessions().result(scope, session.id).await {
             Ok(Some(result)) => found.extend(rows(session, &result, many.called)),
-            Ok(None) | Err(StoreError::NotFound { .. }) => {} // erased in between: not there any more
+            Ok(None) | Err(StoreError::NotFound { .. }) => {} // the session was erased after the page was read
             Err(error) => return Err(error.into()),
         }
     }

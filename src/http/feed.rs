@@ -1,7 +1,7 @@
-//! A box's feed over WebSocket, as `docs/feed.md` has it: words in text messages, records in binary ones.
+//! Receives a box's live feed over WebSocket: control messages as text, records as binary messages (`docs/feed.md`).
 //!
-//! One task for each connection, and nothing waits in it: a record is read, appended, forgotten. What came is made durable
-//! beside that. While nothing can be written nothing is read, and the sender is held up by its own socket.
+//! Each connection has one task. It reads a record, appends it to the log and keeps nothing; syncing to disk runs
+//! concurrently. While the log cannot be written, nothing is read, so TCP flow control slows the sender down.
 
 use std::future::ready;
 use std::pin::pin;
@@ -28,21 +28,22 @@ use crate::domain::text::Key;
 use crate::live::Connected;
 use crate::time::millis;
 
-/// Longest word, bytes.
+/// Longest text message, bytes.
 const MOST_WORD: usize = 8192;
-/// What one read of the socket takes at most: a frame of 8 Mbit/s and more. Much less is a system call for each few
-/// kilobytes; each of the boxes that may send at a time has so much memory of its own.
+/// Most bytes of one read from the socket: a frame at 8 Mbit/s or more. A much smaller buffer would need a system call
+/// every few kilobytes. Each box that sends occupies this much memory.
 const READ_BYTES: usize = 64 << 10;
-/// How long a sender may take to hear the last words.
+/// How long the sender may take to receive a message.
 const LAST_WORDS: Duration = Duration::from_secs(5);
-/// How often a sender of frames counts as somebody who is there.
+/// How often sending frames counts as activity of the signed-in user.
 const PRESENT_EVERY: Duration = Duration::from_secs(60);
-/// How long a hello may take to come.
+/// How long the first message (hello) may take to arrive.
 const HELLO: Duration = Duration::from_secs(10);
 
-/// Send a box's frames as they are recorded
+/// Send a box's frames while they are recorded
 ///
-/// A WebSocket; `docs/feed.md` describes what is said on it. For the box's agent, and for people who may send recordings.
+/// Opens a WebSocket; `docs/feed.md` describes the protocol. For the box's agent, and for people who may send
+/// recordings.
 #[utoipa::path(get, path = "/boxes/{id}/feed", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     responses((status = 101, description = "The connection is a WebSocket from here on")))]
@@ -54,12 +55,13 @@ pub async fn feed(
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Answer<Response> {
     let upgrade = upgrade.map_err(|_| {
-        Refusal::BadRequest.with("This is a WebSocket: open it as one. docs/feed.md describes what is said on it.")
+        Refusal::BadRequest
+            .with("This address accepts only WebSocket connections. docs/feed.md describes the protocol.")
     })?;
     origin::refuse_foreign(&headers)?;
     let in_box = Key::from(&in_box);
     app.store.boxes().get(&by.scope, &in_box).await?;
-    let full = |_| busy("Too many boxes send at once. Try again when one of them has ended.");
+    let full = |_| busy("Too many boxes are recording at once. Try again when one of them has ended.");
     let place = app.feed_places.clone().try_acquire_owned().map_err(full)?;
     let by = By { scope: by.scope, headers };
     let upgrade = upgrade
@@ -69,40 +71,42 @@ pub async fn feed(
         .write_buffer_size(0)
         .max_write_buffer_size(1 << 17);
     Ok(upgrade.on_upgrade(move |socket| async move {
-        // Counted among what the service ends before it is gone.
+        // Spawned through `shutdown`, so that the service waits for it before it exits.
         let talk = app.shutdown.spawn(talk(app.clone(), by, in_box, socket));
         let _ = talk.await; // a panic is logged where it happened
         drop(place);
     }))
 }
 
-/// Who sends, and what shows it.
+/// The sender's scope, and the headers that authenticate it.
 struct By {
     scope: Scope,
     headers: HeaderMap,
 }
 
-/// The whole conversation, and the reason at its end.
+/// Receives the feed, then closes the connection with the reason.
 async fn talk(app: App, by: By, in_box: Key, mut socket: WebSocket) {
     let farewell = match converse(&app, &by, &in_box, &mut socket).await {
         Ok(()) => Farewell::new(Code::Done, "the recording is whole"),
-        Err(End::Gone) => return tracing::debug!(in_box = in_box.as_str(), "a feed's connection was cut"),
+        Err(End::Gone) => {
+            return tracing::debug!(in_box = in_box.as_str(), "feed connection lost; the sender may reconnect");
+        }
         Err(End::Told(farewell)) => farewell,
     };
     if farewell.code == Code::Done {
-        tracing::info!(in_box = in_box.as_str(), "a feed has ended");
+        tracing::info!(in_box = in_box.as_str(), "feed ended; recording complete");
     } else {
-        tracing::warn!(in_box = in_box.as_str(), code = farewell.code.number(), why = farewell.why, "a feed is closed");
+        tracing::warn!(in_box = in_box.as_str(), code = farewell.code.number(), why = farewell.why, "feed closed");
     }
     let frame = CloseFrame { code: farewell.code.number(), reason: farewell.short().into() };
-    let _ = timeout(LAST_WORDS, socket.send(Message::Close(Some(frame)))).await; // whoever does not listen misses it
+    let _ = timeout(LAST_WORDS, socket.send(Message::Close(Some(frame)))).await; // the sender may be gone already
 }
 
-/// Why a conversation ended before the recording was whole.
+/// Why a connection ended before the recording was complete.
 enum End {
-    /// The sender has gone.
+    /// The connection was lost.
     Gone,
-    /// The sender is told.
+    /// The service closes the connection and sends this reason.
     Told(Farewell),
 }
 
@@ -115,14 +119,14 @@ impl From<Farewell> for End {
 async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> Result<(), End> {
     let By { scope, headers } = by;
     let hello = tokio::select! {
-        word = timeout(HELLO, next(socket)) => match word {
-            Ok(word) => word?,
-            Err(_) => return Err(Farewell::new(Code::Silent, "no hello came").into()),
+        first = timeout(HELLO, next(socket)) => match first {
+            Ok(first) => first?,
+            Err(_) => return Err(Farewell::new(Code::Silent, "no hello arrived in time").into()),
         },
         () = app.shutdown.begun() => return Err(Farewell::service_ends().into()),
     };
     let Heard::Word(FromSender::Hello(hello)) = hello else {
-        return Err(Farewell::new(Code::NotUnderstood, "the first word of a connection is hello").into());
+        return Err(Farewell::new(Code::NotUnderstood, "the first message of a connection must be hello").into());
     };
     let mut feed = match app.feeds.connect(scope, in_box, hello).await? {
         Connected::Open(feed) => feed,
@@ -155,12 +159,12 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
                 continue;
             }
             () = feed.room(), if !has_room => {
-                silent_at = Instant::now() + settings.silent(); // it was we who did not listen
+                silent_at = Instant::now() + settings.silent(); // the service did not read; the sender was not silent
                 continue;
             }
             heard = next(socket), if has_room => heard?,
             () = ready(()), if feed.holds_back() => {
-                feed.write().await?; // no more is at hand
+                feed.write().await?; // no further record has arrived yet
                 continue;
             }
             () = sleep_until(silent_at), if has_room => {
@@ -172,10 +176,10 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
         match heard {
             Heard::Record(record) => {
                 feed.take(record).await?;
-                // A page that records asks for nothing else meanwhile, and must not end as if nobody sat in front of it.
+                // A page that records sends no other requests, and must not be signed out as idle meanwhile.
                 if app.clock.now_ms() - present_ms >= millis(PRESENT_EVERY) {
                     present_ms = app.clock.now_ms();
-                    let _ = SignedIn::by(app, headers).await; // whether it still counts is looked at beside this
+                    let _ = SignedIn::by(app, headers).await; // `signed_out` above checks whether the sign-in is valid
                 }
                 if ack_at.is_none() && feed.is_unsynced() {
                     ack_at = Some(Instant::now() + settings.ack());
@@ -189,18 +193,18 @@ async fn converse(app: &App, by: &By, in_box: &Key, socket: &mut WebSocket) -> R
                 }
             }
             Heard::Word(FromSender::Hello(_)) => {
-                return Err(Farewell::new(Code::NotUnderstood, "hello is said once").into());
+                return Err(Farewell::new(Code::NotUnderstood, "hello may be sent only once").into());
             }
             Heard::Sign => {}
         }
     }
 }
 
-/// What a sender sent.
+/// A message from the sender.
 enum Heard {
     Word(FromSender),
     Record(axum::body::Bytes),
-    /// A ping or pong: it is there.
+    /// A ping or pong: the sender is still connected.
     Sign,
 }
 
@@ -211,18 +215,19 @@ async fn next(socket: &mut WebSocket) -> Result<Heard, End> {
         Some(Ok(Message::Ping(_) | Message::Pong(_))) => Ok(Heard::Sign),
         Some(Ok(Message::Binary(bytes))) => Ok(Heard::Record(bytes)),
         Some(Ok(Message::Text(text))) if text.len() > MOST_WORD => {
-            Err(Farewell::new(Code::TooMuch, format!("a word of {} bytes; at most {MOST_WORD}", text.len())).into())
+            let why = format!("a text message has {} bytes; at most {MOST_WORD} are accepted", text.len());
+            Err(Farewell::new(Code::TooMuch, why).into())
         }
         Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
             Ok(word) => Ok(Heard::Word(word)),
             Err(error) => {
-                Err(Farewell::new(Code::NotUnderstood, format!("a word that is not understood: {error}")).into())
+                Err(Farewell::new(Code::NotUnderstood, format!("a text message is not understood: {error}")).into())
             }
         },
     }
 }
 
-/// A message that is too long is the sender's mistake; anything else is a cut.
+/// A message that is too long is the sender's mistake; any other error is a lost connection.
 fn cut_or_wrong(error: &axum::Error) -> End {
     let text = error.to_string();
     if text.contains("too long") || text.contains("too big") || text.contains("Space limit") {
@@ -231,11 +236,11 @@ fn cut_or_wrong(error: &axum::Error) -> End {
     End::Gone
 }
 
-async fn say(socket: &mut WebSocket, word: &FromServer) -> Result<(), End> {
-    let text = serde_json::to_string(word).unwrap_or_default(); // plain data
+async fn say(socket: &mut WebSocket, message: &FromServer) -> Result<(), End> {
+    let text = serde_json::to_string(message).unwrap_or_default(); // plain data always serialises
     match timeout(LAST_WORDS, socket.send(Message::Text(text.into()))).await {
         Ok(Ok(())) => Ok(()),
         Ok(Err(_)) => Err(End::Gone),
-        Err(_) => Err(Farewell::new(Code::Silent, "the sender does not listen").into()),
+        Err(_) => Err(Farewell::new(Code::Silent, "the sender does not read").into()),
     }
 }

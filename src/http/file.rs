@@ -1,4 +1,4 @@
-//! Sends a stored file: whole, in part, or only its headers, in pieces of bounded size.
+//! Sends a stored file: the whole file, a range, or only its headers; in chunks of bounded size.
 
 use std::io::SeekFrom;
 
@@ -12,16 +12,16 @@ use tokio_util::io::ReaderStream;
 use super::error::{Answer, Problem, Refusal};
 use super::range::{Asked, asked};
 
-/// Bytes read from the disk at once; what one slow download holds in memory.
+/// Bytes read from the disk at once, and so the memory that one slow download needs.
 const PIECE: usize = 128 * 1024;
 
-/// A file that never changes, and how to call it.
+/// A file that never changes, and the headers that describe it.
 pub struct StoredFile {
     /// Open for reading.
     pub file: File,
     /// Its length, bytes.
     pub length: u64,
-    /// Its content's name, quoted.
+    /// Its ETag: the content's hash in quotes.
     pub etag: String,
     /// Its media type.
     pub media_type: String,
@@ -64,7 +64,7 @@ impl StoredFile {
 
     fn outside(&self) -> Problem {
         Refusal::RangeNotSatisfiable
-            .with(format!("The file has {} bytes; ask for a range inside.", self.length))
+            .with(format!("The file has {} bytes. Request a range inside the file.", self.length))
             .header(header::CONTENT_RANGE, format!("bytes */{}", self.length))
     }
 
@@ -73,7 +73,7 @@ impl StoredFile {
         set(&mut response, header::CONTENT_DISPOSITION, &self.disposition);
         set(&mut response, header::ETAG, &self.etag);
         set(&mut response, header::ACCEPT_RANGES, "bytes");
-        // It never changes, but the right to see it may end: ask each time, and be told 304.
+        // The file never changes, but the right to see it may end: the browser asks each time and gets a 304.
         set(&mut response, header::CACHE_CONTROL, "private, no-cache");
         response
     }
@@ -85,8 +85,8 @@ fn set(response: &mut Response, name: HeaderName, value: &str) {
     }
 }
 
-/// `Content-Disposition` for a name that a stranger chose: the plain form with only harmless characters, the exact name
-/// percent-encoded beside it (RFC 6266).
+/// `Content-Disposition` for an untrusted file name (RFC 6266): a plain form with safe characters only, and the exact
+/// name percent-encoded.
 pub fn disposition(kind: &str, filename: &str) -> String {
     let harmless = |c: char| if c.is_ascii_alphanumeric() || " ._-()".contains(c) { c } else { '_' };
     let plain: String = filename.chars().map(harmless).collect();

@@ -1,4 +1,4 @@
-//! Which instructors teach which trainees. Administrators change groups; instructors see their own.
+//! Training groups: which instructors teach which trainees. Administrators edit groups; instructors see their own.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -26,7 +26,7 @@ pub struct Group {
     name: Name,
     #[serde(flatten)]
     members: Members,
-    /// The course plan that it follows; `null`: none.
+    /// The course plan that the group follows; `null`: none.
     course: Option<FollowedCourse>,
     created_at: Time,
 }
@@ -38,21 +38,21 @@ impl From<store::Group> for Group {
     }
 }
 
-/// List the groups that one sees
+/// List the groups that the caller may see
 #[utoipa::path(get, path = "/groups", tag = "groups", responses((status = OK, body = Page<Group>)))]
 pub async fn list(State(app): State<App>, by: Staff) -> Answer<Json<Page<Group>>> {
     let groups = app.store.groups().list(&by.scope).await?;
     Ok(Json(Page::whole(groups.into_iter().map(Group::from))))
 }
 
-/// A group to be made.
+/// A group to create.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewGroup {
     name: Name,
 }
 
-/// Make an empty group
+/// Create an empty group
 #[utoipa::path(post, path = "/groups", tag = "groups", request_body = NewGroup, responses((status = CREATED, body = Group)))]
 pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewGroup>) -> Answer<Created<Group>> {
     let group = app.store.groups().create(&by.scope, new.name).await?;
@@ -67,7 +67,7 @@ pub async fn get(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Group
     Ok(Json(group.into()))
 }
 
-/// Say who is in a group, all at once
+/// Set all members of a group
 #[utoipa::path(put, path = "/groups/{id}/members", tag = "groups", params(("id" = String, Path, description = "id")),
     request_body = Members, responses((status = OK, body = Group)))]
 pub async fn set_members(
@@ -80,38 +80,40 @@ pub async fn set_members(
     Ok(Json(group.into()))
 }
 
-/// Which table of a group.
+/// Selects the progress table of a group.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct TableOf {
-    /// Of which task, by id or code.
+    /// The task, by id or code.
     #[param(value_type = String)]
     task: Key,
-    /// Which feature, such as `path_length`; without it, the first that the task's standard limits, or the duration.
+    /// The feature, such as `path_length`; default: the first feature with a limit in the task's standard,
+    /// else the duration.
     feature: Option<String>,
-    /// Of which tool; without it, of the first that has the feature.
+    /// The tool; default: the first that has the feature.
     tool: Option<String>,
-    /// Where it is measured; without it, in three dimensions, if it is measured there.
+    /// The space of the feature; default: three dimensions, if the feature is measured there.
     space: Option<FeatureSpace>,
 }
 
-/// How a group's trainees get on at a task, in one feature.
+/// The progress of a group's trainees in a task, for one feature.
 #[derive(Serialize, ToSchema)]
 pub struct GroupProgress {
     group: Group,
     task: Task,
-    /// What the task asks for; `null` where nobody has set that.
+    /// The task's standard; `null`: none was set.
     standard: Option<Standard>,
-    /// Its trainees, by name.
+    /// The group's trainees, by name.
     trainees: Vec<Trainee>,
     #[serde(flatten)]
     table: GroupTable,
 }
 
-/// Read how a group's trainees get on at a task: all of its table at once
+/// Read the progress of a group's trainees in a task
 ///
-/// By name and not by value: error bars that overlap give no order.
+/// The whole table in one answer. It is sorted by name, not by value, because values with overlapping error bars have
+/// no order.
 #[utoipa::path(get, path = "/groups/{id}/progress", tag = "groups",
     params(("id" = String, Path, description = "id"), TableOf), responses((status = OK, body = GroupProgress)))]
 pub async fn progress(
@@ -132,7 +134,9 @@ pub async fn progress(
     }))
 }
 
-/// Dissolve a group; its people stay
+/// Delete a group
+///
+/// Its instructors and trainees stay.
 #[utoipa::path(delete, path = "/groups/{id}", tag = "groups", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {

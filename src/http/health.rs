@@ -1,4 +1,4 @@
-//! What the people who run the service look at: alive, ready, and numbers.
+//! Monitoring of the service: liveness, readiness, metrics.
 
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -11,7 +11,7 @@ use super::error::{Answer, busy};
 use super::read::Json;
 use super::state::App;
 
-/// Is the process alive?
+/// Check that the process is alive
 #[utoipa::path(get, path = "/healthz", tag = "operation", security(()), responses((status = OK, body = String)))]
 pub async fn healthz() -> &'static str {
     "ok\n"
@@ -24,17 +24,19 @@ pub struct Ready {
     version: &'static str,
 }
 
-/// Can requests be served? Asks the database, and is no from the moment the service begins to end
+/// Check that requests can be served
+///
+/// Queries the database. Answers 503 as soon as the service begins to shut down.
 #[utoipa::path(get, path = "/readyz", tag = "operation", security(()), responses((status = OK, body = Ready)))]
 pub async fn readyz(State(app): State<App>) -> Answer<Json<Ready>> {
     if app.shutdown.is_begun() {
-        return Err(busy("The service is ending. Ask another one, or this one in a minute."));
+        return Err(busy("The service is shutting down. Use another instance, or try again in a minute."));
     }
     app.store.people().count().await?;
     Ok(Json(Ready { ready: true, version: env!("CARGO_PKG_VERSION") }))
 }
 
-/// Numbers in Prometheus' text form
+/// Read metrics in Prometheus' text format
 #[utoipa::path(get, path = "/metrics", tag = "operation", security(()), responses((status = OK, body = String)))]
 pub async fn metrics(State(app): State<App>) -> Answer<impl IntoResponse> {
     let counts = app.store.jobs().counts().await?;

@@ -1,4 +1,4 @@
-//! Where the service lives, for what leaves it and must be found again: xAPI names accounts and activities by addresses.
+//! The service's public address. xAPI statements identify accounts and activities by addresses that start with it.
 
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, header};
@@ -6,7 +6,7 @@ use axum::http::{HeaderMap, header};
 use super::state::App;
 
 impl App {
-    /// The service's address, without a slash at its end: as it is set, else as the request names it.
+    /// The service's address without a trailing slash: `public_url` if it is set, else the `Host` of the request.
     pub fn home(&self, headers: &HeaderMap) -> String {
         if let Some(set) = &self.settings.public_url {
             return set.trim_end_matches('/').to_owned();

@@ -1,4 +1,4 @@
-//! The queue as one sees it: work on the sessions of one's trainees, and, for staff, on boxes.
+//! Jobs in the caller's scope: work on sessions of the caller's trainees and, for staff, on boxes.
 
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ use crate::domain::palette::PaletteAdvice;
 use crate::ids::{BoxId, JobId, SessionId};
 use crate::store;
 
-/// A piece of work.
+/// A job: one unit of background work.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Job {
     id: JobId,
@@ -22,18 +22,18 @@ pub struct Job {
     state: JobState,
     /// Share done, 0 to 1.
     progress: f64,
-    /// Why it failed, or what happened when it last crashed.
+    /// Why it failed, or why its last attempt crashed.
     error: Option<ProblemDocument>,
-    /// Claims that ended in a crash or silence, and the present one.
+    /// Number of the present attempt: attempts that crashed or timed out, plus this one.
     attempt: i64,
-    /// Crashes after which it is quarantined.
+    /// Crashed attempts after which the job is quarantined.
     max_attempts: i64,
-    /// The session it is about, if it is about one.
+    /// The session that the job works on; `null`: none.
     session: Option<SessionId>,
-    /// The box it is about, if it is about one.
+    /// The box that the job works on; `null`: none.
     #[serde(rename = "box")]
     of_box: Option<BoxId>,
-    /// Which tapes suit the box, once that was found out; only where one job is read.
+    /// The tapes that suit the box, once the job has ranked them; always `null` in lists.
     advice: Option<PaletteAdvice>,
     created_at: Time,
     started_at: Option<Time>,
@@ -63,26 +63,26 @@ impl From<store::Job> for Job {
 /// A job that was queued.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Queued {
-    /// Its id: watch it at `/api/v1/jobs/{id}` or in the events.
+    /// The job's id. Read its state at `/api/v1/jobs/{id}`, or watch the events.
     pub job: JobId,
 }
 
-/// Which jobs.
+/// Selects jobs.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Which {
-    /// Only those that wait or run.
+    /// Only jobs that wait or run.
     #[serde(default)]
     open: bool,
-    /// Most items of the page, 1 to 200.
+    /// Most items on the page, 1 to 200.
     #[param(minimum = 1, maximum = 200)]
     limit: Option<u32>,
-    /// `next` of the page before.
+    /// `next` of the previous page.
     cursor: Option<String>,
 }
 
-/// List the jobs that one sees, newest first
+/// List the jobs that the caller may see, newest first
 #[utoipa::path(get, path = "/jobs", tag = "jobs", params(Which), responses((status = OK, body = Page<Job>)))]
 pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Which>) -> Answer<Json<Page<Job>>> {
     let page = Paging::new(which.limit, which.cursor).request(app.settings.page_items)?;
@@ -99,7 +99,7 @@ pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Job>
     Ok(Json(Job { advice, ..job.into() }))
 }
 
-/// Queue a job again that has failed or was quarantined
+/// Queue a failed or quarantined job again
 #[utoipa::path(post, path = "/jobs/{id}/retry", tag = "jobs", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = Job)))]
 pub async fn retry(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Job>> {

@@ -1,20 +1,21 @@
-//! HTTP: the interface under `/api/v1`, the pages, and what the people who run the service look at.
+//! HTTP: the API under `/api/v1`, the dashboard, health checks and metrics.
 //!
 //! | file | holds |
 //! |---|---|
 //! | [`router`] | every route, in one list |
-//! | [`error`] | the one table from what went wrong to status and problem document |
-//! | [`auth`] | who asks: the one place that makes a [`Scope`](crate::domain::scope::Scope) |
-//! | [`read`] [`show`] | bodies, queries and ids in; JSON, pages and times out |
-//! | a noun each | what a client can do with it, each function one route |
+//! | [`error`] | every error as a status and a problem document |
+//! | [`auth`] | authentication: the one place that creates a [`Scope`](crate::domain::scope::Scope) |
+//! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
+//! | one module for each noun | its routes, one function each |
 //! | [`export`] | tables of features, of any length |
-//! | [`server`] [`pace`] [`settings`] | connections and bodies that can neither be silent nor too many nor too long |
-//! | [`places`] | how many may watch at a time |
-//! | [`protect`] [`compress`] [`observe`] | headers, fewer bytes, a log line and numbers for every answer |
-//! | [`dashboard`] [`docs`] [`openapi`] | the pages, and the interface's description |
+//! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
+//! | [`watcher_slots`] | limits on open streams, in all and per user |
+//! | [`protect`] [`compress`] [`observe`] | security headers, compression; a log line and metrics for every request |
+//! | [`dashboard`] [`docs`] [`openapi`] | the dashboard's files, and the API's description |
 //!
-//! A handler names in its arguments who may ask ([`auth::signed_in`]) and hands their scope on: the store finds only
-//! what the scope reaches, so what one may not see is not found, with the same bytes as what is not there.
+//! A handler names by its arguments the roles it accepts ([`auth::signed_in`]) and passes the caller's scope on. The
+//! store finds only what the scope covers, so a resource outside the scope is answered like one that does not exist,
+//! with the same bytes.
 
 pub mod attention;
 pub mod auth;

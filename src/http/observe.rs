@@ -1,4 +1,4 @@
-//! One line in the log and one sample in the metrics for every request, under an id that the client is told too.
+//! Writes a log line and a metrics sample for every request, with an id that the answer carries, too.
 
 use std::time::Instant;
 
@@ -13,7 +13,8 @@ use uuid::Uuid;
 /// Header that carries a request's id.
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// Middleware: names, times and counts a request. The query is not logged: it may hold names.
+/// Middleware: gives each request an id, measures its duration and counts it. It does not log the query, which may
+/// contain names of people.
 pub async fn observe(request: Request, next: Next) -> Response {
     let id = Uuid::new_v4().simple().to_string();
     let started = Instant::now();
@@ -32,7 +33,7 @@ pub async fn observe(request: Request, next: Next) -> Response {
     response
 }
 
-/// A method as a label: strangers may invent methods, and each label value is kept for ever.
+/// The method as a metrics label. Unknown methods share one label, because each label value stays in memory.
 fn label(method: &Method) -> String {
     let known = [Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::PATCH, Method::DELETE, Method::OPTIONS];
     if known.contains(method) { method.to_string() } else { "other".to_owned() }

@@ -1,4 +1,4 @@
-//! The description of the interface, made from the handlers, and completed with what holds for all of them.
+//! The OpenAPI description: generated from the handlers, and completed with what is common to all of them.
 
 use axum::Extension;
 use axum::body::Bytes;
@@ -12,44 +12,45 @@ use utoipa::{OpenApi as _, ToSchema};
 use super::auth::presented::COOKIE;
 use super::error::{PROBLEM_JSON, ProblemDocument, TABLE};
 
-/// Title, words and schemas that no handler names.
+/// Title, description, and the schemas that no handler names.
 #[derive(utoipa::OpenApi)]
 #[openapi(
     info(
         title = "Trocar",
-        description = "Recordings of laparoscopic box training in, paths and features out. \
-        Sign in with a cookie (people) or send `Authorization: Bearer trc_…` (programs). \
-        Every `{id}` is an id or, where the thing has one, its code. Lists are paged: pass `next` as `cursor`. \
-        Refusals are problem documents (RFC 9457); programs decide by their `type`."
+        description = "Measures laparoscopic box training: send recordings, read instrument paths and features. \
+        People sign in and use a cookie; programs send `Authorization: Bearer trc_…`. \
+        Every `{id}` is an id or, if the resource has one, its code. \
+        Long lists come in pages: to read the next page, pass `next` as `cursor`. \
+        Refusals are problem documents (RFC 9457); programs should decide by their `type`."
     ),
     components(schemas(ProblemDocument))
 )]
 struct Base;
 
-/// What the routes are added to.
+/// The description before the routes are added.
 pub fn base() -> OpenApi {
     Base::openapi()
 }
 
-/// The finished description, as it is sent.
+/// The finished description as JSON.
 #[derive(Clone)]
 pub struct Document(Bytes);
 
 impl Document {
-    /// Writes the description down once.
+    /// Serialises the description once, for all requests.
     pub fn new(document: &OpenApi) -> Self {
         Self(document.to_json().unwrap_or_default().into()) // text, numbers and lists always serialise
     }
 }
 
-/// This description
+/// Read this description
 #[utoipa::path(get, path = "/openapi.json", tag = "operation", security(()),
     responses((status = OK, description = "OpenAPI 3.1", content_type = "application/json")))]
 pub async fn document(Extension(Document(bytes)): Extension<Document>) -> impl IntoResponse {
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], bytes)
 }
 
-/// Adds to every operation how to sign in and what it may refuse.
+/// Adds the ways to sign in and the possible refusals to every operation.
 pub fn complete(document: &mut OpenApi) {
     let components = document.components.get_or_insert_default();
     components.add_security_scheme("cookie", SecurityScheme::ApiKey(ApiKey::Cookie(ApiKeyValue::new(COOKIE))));
@@ -89,7 +90,7 @@ fn complete_operation(operation: &mut Operation, path: &str) {
     }
 }
 
-/// A problem document for this status, with the kinds that it may have.
+/// The description of a problem document with this status: its possible `type`s.
 pub fn problem(status: u16) -> Response {
     let kinds: Vec<_> = TABLE.iter().filter(|row| row.3 == status).map(|row| format!("`{}`", row.1)).collect();
     ResponseBuilder::new()

@@ -1,11 +1,11 @@
-//! The minimum rate of a request's body.
+//! Enforces a minimum rate of request bodies.
 //!
-//! A body at one byte a second passes a timeout that starts anew with every frame. Here each byte earns time, waiting
-//! spends it, and what is saved never exceeds the grace: a fast start does not buy a long stall. Only time in which we
-//! wait for the client counts, so a slow disk of ours never ends an upload.
+//! A timeout that restarts with every frame would accept a body at one byte a second. Here each byte earns time credit,
+//! waiting spends it, and the credit never exceeds the grace: a fast start does not allow a long stall later. Only time
+//! spent waiting for the client counts, so a slow disk of the server never ends an upload.
 //!
-//! An answer that comes before the body's end says that the connection closes: unsaid, a client would put its next
-//! request on a connection that is already going away.
+//! An answer sent before the end of the body carries `Connection: close`. Otherwise the client would send its next
+//! request on a connection that is about to close.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ use tokio::time::{Instant, Sleep};
 
 use super::settings::HttpSettings;
 
-/// Middleware: puts every request's body under the minimum rate, and says so where an answer leaves it unread.
+/// Middleware: enforces the minimum rate on every body, and sets `Connection: close` if the answer leaves it unread.
 pub async fn keep_pace(State(pace): State<Pace>, request: Request, next: Next) -> Response {
     let mut read = Arc::default();
     let request = request.map(|body| {
@@ -38,12 +38,12 @@ pub async fn keep_pace(State(pace): State<Pace>, request: Request, next: Next) -
     response
 }
 
-/// How slow a body may be.
+/// Minimum rate of a body.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Bytes per second.
     pub rate: u64,
-    /// Longest stall that a good client may have.
+    /// Longest stall of a client that was fast enough so far.
     pub grace: Duration,
 }
 
@@ -53,12 +53,12 @@ impl From<&HttpSettings> for Pace {
     }
 }
 
-/// The body came more slowly than the minimum rate.
+/// The body arrived more slowly than the minimum rate, in bytes per second.
 #[derive(Debug, thiserror::Error)]
-#[error("The body came more slowly than {0} bytes per second")]
+#[error("The body arrived more slowly than {0} bytes per second")]
 pub struct TooSlow(pub u64);
 
-/// The time that a client may still stall: waiting spends it, bytes earn it, the grace caps it.
+/// The time for which a client may still stall: waiting spends it, bytes earn it, the grace caps it.
 #[derive(Debug)]
 struct Credit {
     pace: Pace,
@@ -84,14 +84,14 @@ impl Credit {
 pub struct PacedBody<B> {
     body: B,
     credit: Credit,
-    /// Since when we wait for the client, and the alarm at the end of its credit.
+    /// While waiting for the client: the start of the wait, and the timer for the end of the credit.
     waiting: Option<(Instant, Pin<Box<Sleep>>)>,
-    /// Whether its end has come.
+    /// Whether the body was read to its end.
     read: Arc<AtomicBool>,
 }
 
 impl<B: HttpBody> PacedBody<B> {
-    /// Puts `body` under `pace`.
+    /// Enforces `pace` on `body`.
     pub fn new(body: B, pace: Pace) -> Self {
         let read = Arc::new(AtomicBool::new(body.is_end_stream()));
         Self { body, credit: Credit::new(pace), waiting: None, read }

@@ -1,4 +1,4 @@
-//! Who can sign in: for administrators, but for one's own account.
+//! Accounts. Administrators manage them; every caller can read the own account.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -18,14 +18,14 @@ use crate::domain::text::{Key, Login, Name};
 use crate::ids::{BoxId, GroupId, PersonId, TraineeId};
 use crate::store::{self, PersonChange};
 
-/// Somebody who can sign in.
+/// An account of a person.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Person {
     id: PersonId,
     login: Login,
     name: Name,
     role: Role,
-    /// The trainee that they are, if they train.
+    /// The trainee whose account this is; `null` for staff.
     trainee: Option<TraineeId>,
     created_at: Time,
 }
@@ -49,25 +49,25 @@ pub async fn list(
     Ok(Json(Page::of(people, Person::from)))
 }
 
-/// An account to be made.
+/// An account to create.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewPerson {
     login: Login,
     name: Name,
-    /// `administrator`, `instructor` or `trainee`; programs beside a box get tokens instead.
+    /// `administrator`, `instructor` or `trainee`. The agent of a box gets a token instead of an account.
     role: Role,
     /// 10 to 256 bytes.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     password: String,
-    /// The trainee that they are, by id or code: for the role `trainee`, and only then.
+    /// The trainee whose account it is, by id or code: required for the role `trainee`, not allowed for others.
     trainee: Option<Key>,
-    /// The groups that an instructor teaches.
+    /// The groups that the new instructor teaches.
     #[serde(default)]
     groups: Vec<GroupId>,
 }
 
-/// Let somebody in
+/// Create an account
 #[utoipa::path(post, path = "/people", tag = "people", request_body = NewPerson, responses((status = CREATED, body = Person)))]
 pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<NewPerson>) -> Answer<Created<Person>> {
     let (trainee, groups) = check(&app, &by, &new).await?;
@@ -82,13 +82,13 @@ pub async fn create(State(app): State<App>, by: Administrator, Json(new): Json<N
     Ok(Created { location: format!("/api/v1/people/{}", person.id), made: person.into() })
 }
 
-/// What a new account refers to, all of which must be there before anything is made.
+/// The trainee and the groups that a new account refers to. All must exist before anything is created.
 async fn check(app: &App, by: &Administrator, new: &NewPerson) -> Answer<(Option<TraineeId>, Vec<store::Group>)> {
     if new.role == Role::Agent {
-        return Err(Problem::invalid("role", "an agent is a program: make a token for it"));
+        return Err(Problem::invalid("role", "an agent is a program; create a token for it"));
     }
     if (new.role == Role::Trainee) != new.trainee.is_some() {
-        return Err(Problem::invalid("trainee", "a trainee's account, and only that, names the trainee that it is of"));
+        return Err(Problem::invalid("trainee", "is required for the role trainee, and not allowed for other roles"));
     }
     let trainee = match &new.trainee {
         Some(key) => Some(app.store.trainees().get(&by.scope, key).await.map_err(named("trainee"))?.id),
@@ -101,15 +101,15 @@ async fn check(app: &App, by: &Administrator, new: &NewPerson) -> Answer<(Option
     Ok((trainee, groups))
 }
 
-/// Changes to an account; what is absent stays.
+/// Changes to an account; absent fields stay as they are.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Change {
     login: Option<Login>,
     name: Option<Name>,
-    /// `administrator` or `instructor`. Another role than before signs every browser of the account out.
+    /// `administrator` or `instructor`. A new role signs the account out in every browser.
     role: Option<Role>,
-    /// A new password signs every browser of the account out.
+    /// A new password, 10 to 256 bytes. It signs the account out in every browser.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     password: Option<String>,
 }
@@ -132,7 +132,9 @@ pub async fn change(
     Ok(Json(person.into()))
 }
 
-/// Shut somebody out: account, browsers and tokens
+/// Delete an account
+///
+/// Also signs the person out in every browser and deletes the person's tokens.
 #[utoipa::path(delete, path = "/people/{id}", tag = "people", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {
@@ -140,7 +142,7 @@ pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Oneself.
+/// The caller: a person, or the agent of a box.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Me {
     /// The person's id; a box's agent has none.
@@ -149,20 +151,20 @@ pub struct Me {
     name: Option<Name>,
     /// The role that this sign-in or token carries.
     role: Role,
-    /// The trainee that one is, if one trains.
+    /// The trainee whose account this is; `null` for staff and agents.
     trainee: Option<TraineeId>,
-    /// The box that an agent stands beside.
+    /// The agent's box; `null` for people.
     #[serde(rename = "box")]
     of_box: Option<BoxId>,
 }
 
-/// Who am I?
+/// Read the own account
 #[utoipa::path(get, path = "/me", tag = "sign-in", responses((status = OK, body = Me)))]
-pub async fn me(State(app): State<App>, who: SignedIn) -> Answer<Json<Me>> {
-    let role = who.scope.role();
-    let me = match who.scope.actor() {
+pub async fn me(State(app): State<App>, by: SignedIn) -> Answer<Json<Me>> {
+    let role = by.scope.role();
+    let me = match by.scope.actor() {
         Actor::Person(id) => {
-            let store::Person { id, login, name, trainee_id, .. } = app.store.people().get(&who.scope, id).await?;
+            let store::Person { id, login, name, trainee_id, .. } = app.store.people().get(&by.scope, id).await?;
             Me { id: Some(id), login: Some(login), name: Some(name), role, trainee: trainee_id, of_box: None }
         }
         Actor::Agent(of) => Me { id: None, login: None, name: None, role, trainee: None, of_box: Some(of) },

@@ -1,12 +1,12 @@
-//! Places for conversations that last as long as somebody watches: so many for all, and fewer for each who asks, so that
-//! nobody alone takes them all.
+//! Limits the streams and WebSockets that stay open while a user watches: in all, and per user, so that no single user
+//! can occupy all of them.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::domain::scope::{Actor, Scope};
 
-/// Places; clones are the same ones.
+/// The slots for open streams; clones share them.
 #[derive(Clone, Debug)]
 pub struct Places {
     most: usize,
@@ -14,7 +14,7 @@ pub struct Places {
     taken: Arc<Mutex<HashMap<Actor, usize>>>,
 }
 
-/// A place, given back when dropped.
+/// One occupied slot, freed when dropped.
 #[derive(Debug)]
 pub struct Place {
     of: Actor,
@@ -22,12 +22,12 @@ pub struct Place {
 }
 
 impl Places {
-    /// So many, and so many for one person, who never has more than half of them (but one at least).
+    /// `most` slots in all and `most_of_one` per user. A user gets at most half of all slots, and at least one.
     pub fn new(most: usize, most_of_one: usize) -> Self {
         Self { most, most_of_one: most_of_one.min(most / 2).max(1), taken: Arc::default() }
     }
 
-    /// One of them, unless all are taken or this person has their share.
+    /// Takes a slot; `None` if all are taken or this user has reached the limit.
     pub fn take(&self, scope: &Scope) -> Option<Place> {
         let of = scope.actor();
         let mut taken = self.lock();
@@ -39,7 +39,7 @@ impl Places {
         Some(Place { of, places: self.clone() })
     }
 
-    /// How many are taken.
+    /// Number of taken slots.
     pub fn taken(&self) -> usize {
         self.lock().values().sum()
     }

@@ -1,19 +1,19 @@
-//! Headers that every answer carries, whatever made it: no inline code, no foreign frames, no guessed media types, the
-//! camera for our own pages alone.
+//! Security headers of every answer: no inline code, no framing by other sites, no guessed media types, and the camera
+//! for our own pages only.
 
 use axum::extract::Request;
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::Response;
 
-/// What a page may load: its own files, nothing inline, nothing foreign. `blob:` and `data:` pictures are frames and
-/// icons that our own scripts draw; they cannot run.
+/// What a page may load: files of this service; nothing inline, nothing from other sites. Pictures from `blob:` and
+/// `data:` are frames and icons that our own scripts draw; they cannot contain running code.
 pub const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self' data: blob:; media-src 'self' blob:; font-src 'self'; connect-src 'self'; manifest-src 'self'; \
     worker-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'";
 
-/// What a page may use of the device: its own ask for the camera (to record) and keep the screen awake meanwhile. What they
-/// never need is forbidden to everybody.
+/// Device features that pages may use: our own pages may use the camera to record and keep the screen awake meanwhile.
+/// Features that they never need are disabled for all pages.
 const PERMISSIONS_POLICY: &str = "camera=(self), screen-wake-lock=(self), microphone=(), geolocation=(), \
     display-capture=(), usb=(), serial=(), payment=()";
 
@@ -27,7 +27,7 @@ const HEADERS: [(HeaderName, &str); 7] = [
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-/// Middleware: sets the headers, and forbids caches to keep what a sign-in showed unless the answer says otherwise.
+/// Middleware: sets the security headers, and forbids caching of answers that set no `Cache-Control`.
 pub async fn protect(request: Request, next: Next) -> Response {
     let mut response = next.run(request).await;
     for (name, value) in HEADERS {

@@ -1,4 +1,4 @@
-//! A recording that is pushed while it is made: a live stream as the body of one request, as `docs/push.md` has it.
+//! Receives a live stream as the body of one request, while it is recorded (`docs/push.md`).
 
 use std::time::Duration;
 
@@ -22,39 +22,41 @@ use crate::ids::SessionId;
 use crate::live::{Broken, Push};
 use crate::store::StoreError;
 
-/// How long a sender that is refused may go on sending: whoever is cut in the middle of a word does not read the answer.
+/// How long the body of a refused sender is still read. A sender whose connection is cut while it sends does not read
+/// the answer.
 const HEARD_OUT: Duration = Duration::from_secs(2);
 
-/// Whose recording it is.
+/// What the stream records.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Of {
-    /// Who trains, by id or code; a trainee may leave it out.
+    /// The trainee, by id or code; a trainee may leave it out.
     trainee: Option<String>,
-    /// What they do, by id or code.
+    /// The task, by id or code.
     #[param(required)]
     task: Option<String>,
 }
 
-/// What came of a stream: the session, or its id alone for a box's agent, which sees no sessions.
+/// The session that the stream became; only its id for a box's agent, which may not read sessions.
 #[derive(Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum Pushed {
-    /// For those who see it.
+    /// For people.
     Session(Box<Session>),
     /// For a box's agent.
     Id {
-        /// The session's.
+        /// The session's id.
         id: String,
     },
 }
 
 /// Push a live stream of a box
 ///
-/// The body is MPEG-TS or Matroska, of any length and sent as it is recorded, as `ffmpeg -f mpegts -method PUT` does;
-/// `docs/push.md` describes it. Its end is the recording's. One that breaks off ends with what came, and the problem names the
-/// `session`. For the box's agent, and for people who may send recordings.
+/// The body is MPEG-TS or Matroska of any length, sent while it is recorded, as `ffmpeg -f mpegts -method PUT`
+/// does; `docs/push.md` describes it. The recording ends with the body. If the stream breaks off, the part that
+/// was received becomes a session, and the problem names it as `session`. For the box's agent, and for people who
+/// may send recordings.
 #[utoipa::path(put, path = "/boxes/{id}/feed.ts", tag = "boxes",
     params(("id" = String, Path, description = "id or code"), Of),
     request_body(content = Vec<u8>, content_type = "video/mp2t", description = "MPEG-TS or Matroska, while it is recorded"),
@@ -68,12 +70,12 @@ pub async fn push(
 ) -> Answer<Created<Pushed>> {
     let name = in_box.as_str().to_owned();
     let (push, place) = admit(&app, by, in_box, of, request.headers()).await.inspect_err(|problem| {
-        tracing::warn!(in_box = name, why = problem.detail(), "a push is refused"); // most senders do not show the answer
+        tracing::warn!(in_box = name, why = problem.detail(), "push refused"); // most senders do not show the answer
     })?;
     let scope = push.scope.clone();
-    // On a task of its own: senders close right after their last byte, and must not undo the recording.
+    // In a separate task: senders close right after their last byte, which would cancel this handler.
     let taken = app.shutdown.spawn(take(app.clone(), push, request, place));
-    let session = taken.await.map_err(|cause| Problem::internal("taking a stream", cause))??;
+    let session = taken.await.map_err(|cause| Problem::internal("receiving a stream", cause))??;
     let made = match app.store.sessions().get(&scope, session).await {
         Ok(session) => Pushed::Session(Box::new(Session::of(session, None))),
         Err(StoreError::NotFound { .. }) => Pushed::Id { id: session.to_string() },
@@ -82,7 +84,7 @@ pub async fn push(
     Ok(Created { location: format!("/api/v1/sessions/{session}"), made })
 }
 
-/// Checks all that can be checked before the stream comes, and finds a place.
+/// Checks everything that can be checked before the stream arrives, and takes a feed slot.
 async fn admit(
     app: &App,
     by: Answer<SignedIn>,
@@ -95,12 +97,12 @@ async fn admit(
     let trainee =
         of.trainee.or_else(|| scope.own_trainee().map(|own| own.to_string())).ok_or_else(missing("trainee"))?;
     let task = of.task.ok_or_else(missing("task"))?;
-    let (store, whom) = (&app.store, scope.of_whom_it_sends());
+    let (store, sender_scope) = (&app.store, scope.of_whom_it_sends());
     let box_id = store.boxes().get(&scope, &in_box).await?.id;
-    store.trainees().get(&whom, &Key::from(&trainee)).await.map_err(named("trainee"))?;
-    store.tasks().get(&whom, &Key::from(&task)).await.map_err(named("task"))?;
+    store.trainees().get(&sender_scope, &Key::from(&trainee)).await.map_err(named("trainee"))?;
+    store.tasks().get(&sender_scope, &Key::from(&task)).await.map_err(named("task"))?;
     app.feeds.check_free(box_id).await?;
-    let full = |_| busy("Too many boxes send at once. Try again when one of them has ended.");
+    let full = |_| busy("Too many boxes are recording at once. Try again when one of them has ended.");
     let place = app.feed_places.clone().try_acquire_owned().map_err(full)?;
     let sender = headers.get(header::USER_AGENT).and_then(|agent| agent.to_str().ok()).unwrap_or_default().to_owned();
     Ok((Push { scope, in_box, trainee, task, sender }, place))
@@ -113,17 +115,17 @@ async fn take(app: App, push: Push, request: Request, place: OwnedSemaphorePermi
     let taken = app.feeds.push(push, bytes, SignedIn::ended(&app, &headers)).await;
     drop(place);
     match &taken {
-        Ok(session) => tracing::info!(in_box = name, %session, "a push has ended"),
+        Ok(session) => tracing::info!(in_box = name, %session, "push ended; recording complete"),
         Err(Broken { why, session }) => {
             let session = session.map(tracing::field::display);
-            tracing::warn!(in_box = name, %why, session, "a push broke off");
+            tracing::warn!(in_box = name, %why, session, "push broke off");
             tokio::spawn(hear_out(body));
         }
     }
     taken
 }
 
-/// Reads on for a moment, while the answer is on its way.
+/// Reads the rest of the body for up to [`DRAIN_TIMEOUT`], while the answer is sent.
 async fn hear_out(mut body: BodyDataStream) {
-    let _ = timeout(HEARD_OUT, async { while let Some(Ok(_)) = body.next().await {} }).await; // time is up
+    let _ = timeout(HEARD_OUT, async { while let Some(Ok(_)) = body.next().await {} }).await; // a timeout is fine
 }

@@ -1,11 +1,11 @@
-//! Byte ranges of a file (RFC 9110, section 14): one range, `If-Range`, and what the answer's headers say.
+//! Byte ranges of a file (RFC 9110, section 14): a single range, and `If-Range`.
 
 use axum::http::{HeaderMap, header};
 
-/// Which bytes of a file are asked for.
+/// The bytes of a file that a request asks for.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// All of it: no range, one that we may ignore, or a file that changed since the client's part.
+    /// The whole file: there is no range, the range may be ignored, or the file changed since the client's part.
     Whole,
     /// `first..=last`, both inside the file.
     Part {
@@ -20,8 +20,8 @@ pub enum Asked {
 
 /// Reads `Range` and `If-Range` for a file of this length and ETag.
 ///
-/// Several ranges at once are answered with the whole file, as the RFC allows: no player asks for them, and they are
-/// a known way to make a server work hard.
+/// A request for several ranges is answered with the whole file, as the RFC allows: no player sends one, and they are a
+/// known way to overload a server.
 pub fn asked(headers: &HeaderMap, length: u64, etag: &str) -> Asked {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     if text(header::IF_RANGE).is_some_and(|condition| condition != etag) {
@@ -41,12 +41,12 @@ pub fn asked(headers: &HeaderMap, length: u64, etag: &str) -> Asked {
     }
 }
 
-/// Digits only: `+1` and ` 1` are numbers to Rust but not to HTTP.
+/// Parses digits only: HTTP does not allow `+1` and ` 1`, unlike Rust's number parser.
 fn number(text: &str) -> Option<u64> {
     if text.is_empty() || !text.bytes().all(|byte| byte.is_ascii_digit()) {
         return None;
     }
-    Some(text.parse().unwrap_or(u64::MAX)) // more digits than fit are still a number, far outside any file
+    Some(text.parse().unwrap_or(u64::MAX)) // a number that does not fit lies far outside any file
 }
 
 fn part(first: u64, last: u64, length: u64) -> Asked {

@@ -1,4 +1,4 @@
-//! Reading a request: JSON, query and path, each with refusals that say what to do.
+//! Extractors for requests: JSON body, query and path, with refusals that say what to do.
 
 use std::error::Error;
 use std::str::FromStr;
@@ -49,25 +49,25 @@ fn refused(error: serde_json::Error) -> Problem {
     }
 }
 
-/// Why a body could not be read to its end, as a problem.
+/// The problem for a body that could not be read to its end.
 pub fn unreadable(cause: &(dyn Error + 'static), limit: u64) -> Problem {
     if find::<LengthLimitError>(cause).is_some() {
         return too_large(limit);
     }
     match find::<TooSlow>(cause) {
         Some(slow) => Refusal::TooSlow.with(format!("{slow}. Try again over a better connection.")),
-        None => Refusal::BadRequest.with("The connection ended before the body did. Send it again."),
+        None => Refusal::BadRequest.with("The connection ended before the whole body arrived. Send it again."),
     }
 }
 
-/// The first of this kind among an error and its causes.
+/// The first error of type `T` among an error and its causes.
 fn find<'e, T: Error + 'static>(error: &'e (dyn Error + 'static)) -> Option<&'e T> {
     error.downcast_ref().or_else(|| find(error.source()?))
 }
 
-/// The body is longer than this many bytes.
+/// The problem for a body that is longer than `limit` bytes.
 pub fn too_large(limit: u64) -> Problem {
-    Refusal::TooLarge.with(format!("At most {limit} bytes are accepted here.")).member("limit_bytes", limit)
+    Refusal::TooLarge.with(format!("Send at most {limit} bytes here.")).member("limit_bytes", limit)
 }
 
 impl From<Invalid> for Problem {
@@ -91,11 +91,11 @@ impl<T: DeserializeOwned + Send> FromRequestParts<App> for Params<T> {
     }
 }
 
-/// The `{id}` of an address: an id or a code. Text that can be neither is simply not found.
+/// The `{id}` of an address: an id or a code. Text that is neither gives 404.
 pub struct At(pub Key);
 
 impl At {
-    /// The id of something that has no code.
+    /// The id of a resource without a code.
     pub fn id<T: FromStr>(&self) -> Result<T, Problem> {
         self.0.as_str().parse().map_err(|_| Problem::not_found())
     }
@@ -110,7 +110,7 @@ impl FromRequestParts<App> for At {
     }
 }
 
-/// The `{id}` and the `{version}` of an address. What is no number is no version.
+/// The `{id}` and the `{version}` of an address. A version that is not a number gives 404.
 pub struct AtVersion(pub Key, pub i64);
 
 impl FromRequestParts<App> for AtVersion {
@@ -124,7 +124,8 @@ impl FromRequestParts<App> for AtVersion {
     }
 }
 
-/// For what a request names in its body or query: missing there is the request's mistake, not a wrong address.
+/// Maps a store error for a resource that `field` of the body or query names: if it is not found, the field is wrong
+/// (422), not the address (404).
 pub fn named(field: &'static str) -> impl FnOnce(StoreError) -> Problem {
     move |error| match error {
         StoreError::NotFound { what } => unknown(field, what),
@@ -132,7 +133,7 @@ pub fn named(field: &'static str) -> impl FnOnce(StoreError) -> Problem {
     }
 }
 
-/// A body's length, if it is told beforehand.
+/// The body's length, if the request states it.
 pub fn content_length(headers: &HeaderMap) -> Option<u64> {
     headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }

@@ -1,4 +1,4 @@
-//! Scoring a task's sessions again, for those who run the centre: order, progress, and what changed for whom.
+//! Scores a task's sessions again, for administrators: start, progress, and the changes by session and by trainee.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -17,40 +17,40 @@ use crate::ids::{RescoringId, ResultId, SessionId};
 use crate::rescoring::compare;
 use crate::store;
 
-/// Most sessions of a page: two results of each are read.
+/// Most sessions on a page, because two results of each are read.
 const MOST_SESSIONS: u32 = 50;
 
-/// An order, how far it is, and what it changed.
+/// A rescoring, its progress and its changes.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Rescoring {
     id: RescoringId,
     task: Named,
-    /// What is read again.
+    /// What is processed again.
     from: RescoringSource,
-    /// Only sessions whose result was of another version of the program?
+    /// True if only sessions are included whose result came from another version of the program.
     only_older: bool,
-    /// Version of the program when it was ordered.
+    /// Version of the program when the rescoring was started.
     pipeline: String,
-    /// Version of the task's standard that old and new are judged by; `null`: it had none.
+    /// Version of the task's standard that judges old and new results; `null`: the task had none.
     standard: Option<i64>,
-    /// Who ordered it.
+    /// Name of the person who started it.
     who: Option<String>,
     created_at: Time,
     cancelled_at: Option<Time>,
-    /// When its last session had ended; `null` while it goes on.
+    /// When the last session was finished; `null` while it is running.
     ended_at: Option<Time>,
-    /// Share of the sessions that have ended, 0 to 1.
+    /// Share of the sessions that are finished, 0 to 1.
     progress: f64,
-    /// How its sessions stand.
+    /// Number of sessions in each state.
     sessions: Counts,
-    /// What changed.
+    /// Number of sessions with each kind of change.
     changes: Changes,
 }
 
-/// How many sessions stand how.
+/// Number of sessions in each state.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Counts {
-    /// In all.
+    /// All sessions.
     all: i64,
     waiting: i64,
     working: i64,
@@ -59,63 +59,65 @@ pub struct Counts {
     cancelled: i64,
 }
 
-/// In how many sessions what changed.
+/// Number of sessions with each kind of change.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Changes {
-    /// Passed before, and not any more.
+    /// Sessions that passed before and do not pass now.
     no_longer_passed: i64,
-    /// Not passed before, and passed now.
+    /// Sessions that did not pass before and pass now.
     now_passed: i64,
-    /// A feature's old and new error bars do not overlap: more than errors of measuring explain.
+    /// Sessions with a feature whose old and new error bars do not overlap: measurement error does not
+    /// explain the change.
     apart: i64,
-    /// A feature differs beyond rounding (one part in a thousand million), or only one result has it; those that are apart among them.
+    /// Sessions with a feature that differs by more than rounding (one part in 10⁹), or that only one result has.
+    /// Includes the sessions counted in `apart`.
     changed: i64,
 }
 
-/// What changed in one session.
+/// The changes in one session.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct RescoredSession {
     session: SessionId,
     trainee: Named,
     recorded_at: Time,
     state: RescoringItemState,
-    /// Why the work could not be done.
+    /// Why the session could not be scored again.
     error: Option<ProblemDocument>,
     old: RescoredResult,
-    /// `null` until it is done. The same id as `old` where the session had been scored with the present versions already.
+    /// `null` until it is done. The same id as `old` if the session had been scored with the present versions already.
     new: Option<RescoredResult>,
-    /// How many features' error bars do not overlap.
+    /// Number of features whose old and new error bars do not overlap.
     apart: i64,
-    /// How many differ beyond rounding.
+    /// Number of features that differ by more than rounding.
     changed: i64,
-    /// Those features, the ones that are apart first.
+    /// The changed features; those whose error bars do not overlap come first.
     features: Vec<FeatureChange>,
 }
 
-/// A result of it.
+/// An old or new result of the session.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct RescoredResult {
     id: ResultId,
     versions: Versions,
-    /// By the standard of the order; `null` without one, and until both are compared.
+    /// Judgement by the rescoring's standard; `null` without a standard, and until both results are compared.
     judgement: Option<SessionJudgement>,
 }
 
-/// What changed for one trainee.
+/// The changes for one trainee.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct RescoredTrainee {
     trainee: Named,
-    /// Their sessions in the order.
+    /// The trainee's sessions in the rescoring.
     sessions: i64,
-    /// Those that are compared.
+    /// Sessions whose results are compared.
     done: i64,
     changes: Changes,
 }
 
-/// Order a task's sessions to be scored again
+/// Score a task's sessions again
 ///
-/// Old results stay; the newest counts. New sessions go first. `from: trajectory` scores the stored paths, `from: recording` tracks the
-/// recordings again with the boxes' present cameras and colours.
+/// Old results stay; the newest counts. New sessions take precedence in the queue. `from: trajectory` scores the stored
+/// paths; `from: recording` tracks the recordings again with the boxes' present calibrations and colours.
 #[utoipa::path(post, path = "/tasks/{id}/rescorings", tag = "rescorings",
     params(("id" = String, Path, description = "id or code")), request_body = NewRescoring,
     responses((status = CREATED, body = Rescoring)))]
@@ -131,7 +133,7 @@ pub async fn create(
     Ok(Created { location: format!("/api/v1/rescorings/{id}"), made })
 }
 
-/// List the orders, newest first
+/// List the rescorings, newest first
 #[utoipa::path(get, path = "/rescorings", tag = "rescorings", params(Paging),
     responses((status = OK, body = Page<Rescoring>)))]
 pub async fn list(
@@ -143,14 +145,16 @@ pub async fn list(
     Ok(Json(Page::of(app.store.rescorings().list(&by.scope, &page).await?, Rescoring::from)))
 }
 
-/// Read an order: how far it is, and how much it changed
+/// Read a rescoring: its progress and the number of changes
 #[utoipa::path(get, path = "/rescorings/{id}", tag = "rescorings", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = Rescoring)))]
 pub async fn get(State(app): State<App>, by: Administrator, at: At) -> Answer<Json<Rescoring>> {
     Ok(Json(app.store.rescorings().get(&by.scope, at.id()?).await?.into()))
 }
 
-/// Call an order off: what waits stays as it is, what runs ends
+/// Cancel a rescoring
+///
+/// Waiting sessions keep their results; running ones are stopped.
 #[utoipa::path(delete, path = "/rescorings/{id}", tag = "rescorings", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn cancel(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {
@@ -159,7 +163,9 @@ pub async fn cancel(State(app): State<App>, by: Administrator, at: At) -> Answer
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Read what changed session by session: whose judgement changed first
+/// List the changes by session
+///
+/// Sessions whose judgement changed come first.
 #[utoipa::path(get, path = "/rescorings/{id}/sessions", tag = "rescorings",
     params(("id" = String, Path, description = "id"), Paging),
     responses((status = OK, body = Page<RescoredSession>)))]
@@ -184,7 +190,9 @@ pub async fn sessions(
     Ok(Json(Page { items: shown, next }))
 }
 
-/// Read what changed trainee by trainee: those with most changed judgements first
+/// List the changes by trainee
+///
+/// Trainees with the most changed judgements come first.
 #[utoipa::path(get, path = "/rescorings/{id}/trainees", tag = "rescorings",
     params(("id" = String, Path, description = "id"), Paging),
     responses((status = OK, body = Page<RescoredTrainee>)))]
@@ -250,7 +258,8 @@ impl From<store::RescoringTrainee> for RescoredTrainee {
 
 impl RescoredSession {
     fn of(item: store::RescoringItem, old: store::SessionResult, new: Option<store::SessionResult>) -> Self {
-        let comparable = new.as_ref().filter(|_| item.problem.is_none()); // else a difference would not be the program's
+        // After a problem, a difference would not be due to the new version of the program.
+        let comparable = new.as_ref().filter(|_| item.problem.is_none());
         let features = comparable.map(|new| compare::changes(&old.features, &new.features)).unwrap_or_default();
         let result = |result: store::SessionResult, judgement| RescoredResult {
             id: result.id,

@@ -20,7 +20,7 @@ use super::{
 };
 use super::{error, openapi, trainees, uploads};
 
-/// The interface under `/api/v1`.
+/// The API under `/api/v1`.
 fn interface() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(sign_in::sign_in))
@@ -106,7 +106,7 @@ fn interface() -> OpenApiRouter<App> {
         .routes(routes!(openapi::document))
 }
 
-/// Resumable uploads, which speak a protocol of their own.
+/// Resumable uploads, which use the tus protocol.
 fn resumable() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(uploads::describe, uploads::create))
@@ -114,7 +114,7 @@ fn resumable() -> OpenApiRouter<App> {
         .layer(from_fn(uploads::speak_tus))
 }
 
-/// What the people who run the service look at.
+/// Health checks and metrics.
 fn operation() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(health::healthz))
@@ -122,7 +122,7 @@ fn operation() -> OpenApiRouter<App> {
         .routes(routes!(health::metrics))
 }
 
-/// The service's routes, and their description.
+/// All routes of the service: API, description, dashboard, health checks.
 pub fn routes(app: App) -> Router {
     let (routes, mut document) =
         OpenApiRouter::with_openapi(openapi::base()).nest("/api/v1", interface()).merge(operation()).split_for_parts();
@@ -133,7 +133,7 @@ pub fn routes(app: App) -> Router {
         .route("/docs/{*path}", get(docs::asset))
         .fallback(dashboard::page.layer(compress_well()))
         .method_not_allowed_fallback(error::method_not_allowed)
-        .layer(DefaultBodyLimit::disable()) // each reader of a body has a limit of its own
+        .layer(DefaultBodyLimit::disable()) // each extractor of a body enforces its own limit
         .layer(axum::Extension(openapi::Document::new(&document)))
         .layer(from_fn_with_state(Pace::from(&app.settings), keep_pace))
         .layer(from_fn(origin::check_origin))

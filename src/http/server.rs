@@ -1,7 +1,8 @@
-//! The accept loop: HTTP/1.1 connections that can neither be silent for ever nor be too many.
+//! The accept loop for HTTP/1.1: limits the number of connections and the time that they may be idle.
 //!
-//! `axum::serve` has no timeout for a request's head, and a silent client stays for good; hyper's builder with a timer
-//! has one. An answer that nobody reads is ended by [`StallGuard`]; a body that dribbles by [`super::pace`].
+//! `axum::serve` has no timeout for a request's head, so a silent client would stay connected for ever; hyper's builder
+//! with a timer has one. [`StallGuard`] ends an answer that the client does not read, [`super::pace`] a body that
+//! arrives too slowly.
 
 use std::convert::Infallible;
 use std::net::SocketAddr;
@@ -26,12 +27,12 @@ use tower::ServiceExt;
 use super::settings::HttpSettings;
 use super::stall::StallGuard;
 
-/// How long open requests may go on once the service stops, within the ten seconds that it has in all.
+/// How long open requests may continue once the service stops, within the 10 s that shutdown may take in all.
 const LAST_REQUESTS: Duration = Duration::from_secs(6);
 /// Pause after a failed accept (no descriptors left), so that the loop does not spin.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
-/// Serves until `stop`, then lets the open requests end.
+/// Serves until `stop`, then waits up to `DRAIN_TIMEOUT` for the open requests.
 pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSettings, stop: &Shutdown) {
     let places = Arc::new(Semaphore::new(settings.max_connections));
     let open = TaskTracker::new();
@@ -49,7 +50,7 @@ pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSetting
             let ended = tokio::select! {
                 ended = connection.as_mut() => ended,
                 () = ending => {
-                    connection.as_mut().graceful_shutdown(); // the open request, and no further one
+                    connection.as_mut().graceful_shutdown(); // finish the open request, accept no further one
                     connection.await
                 }
             };
@@ -62,13 +63,13 @@ pub async fn serve(listener: TcpListener, routes: Router, settings: &HttpSetting
     drop(listener);
     open.close();
     if tokio::time::timeout(LAST_REQUESTS, open.wait()).await.is_err() {
-        tracing::warn!("some requests did not end in time and are cut");
+        tracing::warn!("some requests did not end in time; connections closed");
     }
 }
 
 type Place = tokio::sync::OwnedSemaphorePermit;
 
-/// The next connection once there is a place for it; `None` when the service stops.
+/// The next connection, once a permit is free; `None` when the service stops.
 async fn next_connection(
     listener: &TcpListener,
     places: &Arc<Semaphore>,
@@ -82,7 +83,7 @@ async fn next_connection(
         match accepted {
             Ok(connection) => return Some(connection),
             Err(error) => {
-                tracing::warn!(%error, "cannot accept a connection");
+                tracing::warn!(%error, "accepting a connection failed; retrying in 50 ms");
                 tokio::time::sleep(ACCEPT_PAUSE).await;
             }
         }
@@ -96,7 +97,7 @@ async fn accept(listener: &TcpListener, places: &Arc<Semaphore>) -> std::io::Res
     Ok((stream, peer, place))
 }
 
-/// Hands a connection's requests to the router, with the client's address.
+/// The service of one connection: passes requests to the router, with the client's address.
 fn answer_with(
     routes: Router,
     peer: SocketAddr,

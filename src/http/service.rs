@@ -1,4 +1,4 @@
-//! What those who run the centre look at: versions, storage, backup, settings, and who changed what.
+//! State of the service for administrators: versions, storage, backup, settings, and the audit log.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -11,49 +11,49 @@ use super::show::{Page, Paging, Time};
 use super::state::App;
 use crate::store::{AuditEntry, Backup, QueueCounts};
 
-/// How the service stands.
+/// State of the service.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ServiceState {
     /// Version of the program.
     version: &'static str,
-    /// Version of what measures: results of different ones are not compared.
+    /// Version of the measuring pipeline. Results of different versions are not compared.
     pipeline: &'static str,
-    /// Since when it runs.
+    /// When this process began to serve.
     started_at: Time,
     storage: StorageState,
     queue: QueueState,
-    /// The last backup that `trocar admin backup` made; `null`: none is known.
+    /// The last backup made by `trocar admin backup`; `null`: none is known.
     last_backup: Option<LastBackup>,
     settings: SettingsInForce,
 }
 
-/// Room on the disk.
+/// Use of the disk.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct StorageState {
-    /// Files of recordings and results.
+    /// Number of files with recordings and results.
     files: u64,
-    /// Their bytes together.
+    /// Total size of these files, bytes.
     files_bytes: u64,
-    /// Bytes of the database.
+    /// Size of the database, bytes.
     database_bytes: u64,
-    /// Bytes that the disk still has.
+    /// Free disk space, bytes.
     free_bytes: u64,
 }
 
-/// Work that waits.
+/// Number of jobs in the queue.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct QueueState {
     queued: i64,
     running: i64,
-    /// Set aside after crashing again and again.
+    /// Jobs that are no longer tried because they crashed too often.
     quarantined: i64,
 }
 
-/// A backup that was made.
+/// The last backup.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct LastBackup {
     at: Time,
-    /// How many files it holds, all verified.
+    /// Number of files in it, all verified.
     files: u64,
 }
 
@@ -64,19 +64,19 @@ pub struct SettingsInForce {
     workers: usize,
     /// Largest recording, bytes.
     max_upload_bytes: u64,
-    /// Hours after which an unfinished upload is forgotten.
+    /// Hours after which an unfinished upload is deleted.
     unfinished_upload_h: u64,
-    /// Seconds within which what was erased has left the disk.
+    /// Seconds within which erased data is deleted from the disk.
     erased_within_s: u64,
     /// Minutes without a request after which a sign-in ends.
     idle_min: u64,
-    /// Hours after which it ends in any case.
+    /// Hours after which a sign-in ends in any case.
     sign_in_h: u64,
-    /// Attempts to sign in that a login has in a minute.
+    /// Failed attempts to sign in that a login has in a minute.
     attempts_per_min: u32,
 }
 
-/// One change.
+/// An entry of the audit log.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct AuditChange {
     /// Order of writing; larger is later.
@@ -84,19 +84,19 @@ pub struct AuditChange {
     at: Time,
     /// `person`, `agent` or `service`.
     by: String,
-    /// What the person is called; `null` where it was none, or one who is here no more.
+    /// Name of the person; `null` if `by` is not a person, or if the person was deleted.
     who: Option<String>,
     /// `create`, `change`, `erase`, …
     action: String,
-    /// What kind of thing was changed.
+    /// Kind of the changed resource.
     noun: String,
-    /// Its id. Names are not kept here: who is erased leaves none behind.
+    /// Id of the changed resource. The log stores no names, so erasing a person leaves no name behind.
     subject: String,
-    /// What it is called now, of a session: whose it is; `null` where it has no name, or is here no more.
+    /// Present name of the resource; for a session, the name of its trainee. `null` if it has no name or was deleted.
     called: Option<String>,
 }
 
-/// Read how the service stands
+/// Read the state of the service
 #[utoipa::path(get, path = "/service", tag = "operation", responses((status = OK, body = ServiceState)))]
 pub async fn service(State(app): State<App>, by: Administrator) -> Answer<Json<ServiceState>> {
     let (files, files_bytes) = app.store.blobs().total().await?;
@@ -127,7 +127,7 @@ pub async fn service(State(app): State<App>, by: Administrator) -> Answer<Json<S
     }))
 }
 
-/// List who changed what of people's data, newest first
+/// List the audit log: changes of people's data, newest first
 #[utoipa::path(get, path = "/audit", tag = "operation", params(Paging), responses((status = OK, body = Page<AuditChange>)))]
 pub async fn audit(
     State(app): State<App>,

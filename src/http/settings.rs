@@ -1,23 +1,25 @@
-//! Limits of the HTTP side, each with its unit, what more and less of it do, and its usual value.
+//! Limits of the HTTP server, each with its unit, the effect of larger and smaller values, and its default.
 
 use std::time::Duration;
 
 use serde::Deserialize;
 
-/// What `[http]` in the settings file may hold.
+/// The section `[http]` of the settings file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HttpSettings {
-    /// Connections open at once. More take memory (about 20 kB each when idle); the next one waits until one closes.
+    /// Most connections open at once. More need memory (about 20 kB each when idle); further ones wait
+    /// until one closes.
     pub max_connections: usize,
-    /// Seconds in which a request's head must have come, also the longest idle time of a kept connection. Less frees
-    /// places sooner; more meets fewer clients that send into a connection which is just closing.
+    /// Seconds until a request's head must have arrived; also the longest idle time of a keep-alive connection.
+    /// A smaller value frees connections sooner; with a larger one, fewer clients send into a connection that
+    /// is just closing.
     pub head_timeout_s: f64,
-    /// Slowest body that is read, bytes per second, measured while we wait for the client.
+    /// Minimum rate of a body, bytes per second, measured while the service waits for the client.
     pub min_body_rate: u64,
-    /// Seconds that a body may stall before [`Self::min_body_rate`] ends it.
+    /// Seconds that a body may stall before it is ended for violating [`Self::min_body_rate`].
     pub body_grace_s: f64,
-    /// Seconds without the client reading one byte of an answer, after which its connection is closed.
+    /// Seconds after which a connection is closed if the client reads no byte of the answer.
     pub write_timeout_s: f64,
     /// Largest JSON body, bytes.
     pub max_json_bytes: usize,
@@ -27,16 +29,17 @@ pub struct HttpSettings {
     pub idle_min: u64,
     /// Hours after which a sign-in ends in any case.
     pub sign_in_h: u64,
-    /// Sign-in attempts that one login may make from one address in a minute.
+    /// Failed sign-in attempts that one login may make from one address in a minute.
     pub attempts_per_min: u32,
-    /// Event streams and live conversations open at once.
+    /// Most event streams and live views open at once.
     pub max_event_streams: usize,
-    /// Those of one person, half of all at most: a wall of boxes takes one for each box that sends.
+    /// Most of them for one user, at most half of all: a display of all boxes needs one for each box that sends.
     pub max_event_streams_of_one: usize,
-    /// Address under which the service is known, such as `https://skills.example`: what xAPI names accounts and tasks by. Without it,
-    /// as the request names it: then the same person has as many accounts as the service has addresses.
+    /// Public address of the service, such as `https://skills.example`; xAPI statements identify accounts and tasks by
+    /// it. By default the address in the request is used: then a person has a separate xAPI account for each address of
+    /// the service.
     pub public_url: Option<String>,
-    /// Items of a list's page when the request names no limit.
+    /// Items on a page of a list if the request names no limit.
     pub page_items: u32,
 }
 
@@ -88,7 +91,7 @@ impl HttpSettings {
     }
 }
 
-/// A duration from settings; nonsense becomes one day, which is as good as "no limit" and as safe as a number.
+/// A duration from settings. An invalid value becomes one day: practically no limit, but a safe number.
 fn seconds(value: f64) -> Duration {
     Duration::try_from_secs_f64(value).unwrap_or(Duration::from_secs(86_400))
 }

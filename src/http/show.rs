@@ -1,4 +1,4 @@
-//! What answers have in common: JSON, pages of lists, times.
+//! Common parts of answers: JSON, pages of lists, times.
 
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -16,11 +16,11 @@ impl<T: Serialize> IntoResponse for Json<T> {
     }
 }
 
-/// What was made, and where it is.
+/// A created resource and its address; answered with status 201.
 pub struct Created<T> {
-    /// Its address.
+    /// Address of the resource.
     pub location: String,
-    /// Itself.
+    /// The resource.
     pub made: T,
 }
 
@@ -50,78 +50,78 @@ impl PartialSchema for Time {
 
 impl ToSchema for Time {}
 
-/// A thing that another one refers to.
+/// A reference to a resource, with its name and code.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Named {
-    /// Its id.
+    /// Id of the resource.
     pub id: String,
-    /// What people call it.
+    /// Name for people.
     pub name: String,
-    /// Its short unique name.
+    /// Short unique name.
     pub code: String,
 }
 
-/// Which part of a list.
+/// Selects a page of a list.
 #[derive(Debug, Default, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Paging {
-    /// Most items of the page, 1 to 200.
+    /// Most items on the page, 1 to 200.
     #[param(minimum = 1, maximum = 200)]
     limit: Option<u32>,
-    /// `next` of the page before.
+    /// `next` of the previous page.
     cursor: Option<String>,
 }
 
-/// Longest cursor: the longest name that a list is sorted by.
+/// Longest cursor, bytes; it may contain the longest name that a list is sorted by.
 const MAX_CURSOR: usize = 512;
 
 impl Paging {
-    /// Checks the limit; `usual` items when none is named.
+    /// A page with at most `limit` items, after `cursor`.
     pub fn new(limit: Option<u32>, cursor: Option<String>) -> Self {
         Self { limit, cursor }
     }
 
-    /// The limit that was asked for, if one was.
+    /// The requested limit, if there is one.
     pub fn limit(&self) -> Option<u32> {
         self.limit
     }
 
-    /// The same with no more items than these.
+    /// Caps the requested limit at `most`.
     pub fn at_most(self, most: u32) -> Self {
         Self { limit: self.limit.map(|limit| limit.min(most)), ..self }
     }
 
-    /// What the store understands.
+    /// Checks limit and cursor and makes the store's page request; `usual` is the default limit.
     pub fn request(self, usual: u32) -> Result<PageRequest, Problem> {
         let limit = self.limit.unwrap_or(usual);
         if !(1..=PageRequest::MOST).contains(&limit) {
             return Err(Problem::invalid("limit", format!("is {limit}; expected 1 to {}", PageRequest::MOST)));
         }
         if self.cursor.as_ref().is_some_and(|cursor| cursor.len() > MAX_CURSOR) {
-            return Err(Problem::invalid("cursor", "is none of ours; use `next` of the page before"));
+            return Err(Problem::invalid("cursor", "is not a cursor of this service; use `next` of the previous page"));
         }
         Ok(PageRequest::new(limit, self.cursor))
     }
 }
 
-/// Part of a list.
+/// A page of a list.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Page<T> {
     /// The items.
     pub items: Vec<T>,
-    /// `cursor` of the next page; `null` if this is the last.
+    /// `cursor` of the next page; `null` if this is the last page.
     pub next: Option<String>,
 }
 
 impl<T> Page<T> {
-    /// A page of the store, each item as it is shown.
+    /// A page of the store, with each item converted by `show`.
     pub fn of<U>(page: store::Page<U>, show: impl FnMut(U) -> T) -> Self {
         let store::Page { items, next } = page.map(show);
         Self { items, next }
     }
 
-    /// A list that is short by its nature.
+    /// The only page of a list that is always short.
     pub fn whole(items: impl IntoIterator<Item = T>) -> Self {
         Self { items: items.into_iter().collect(), next: None }
     }

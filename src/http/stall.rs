@@ -1,4 +1,5 @@
-//! Ends a connection whose client does not read: without it, a thousand of them hold answers in memory for ever.
+//! Ends a connection whose client does not read; otherwise thousands of such clients would keep answers in
+//! memory for ever.
 
 use std::io;
 use std::pin::Pin;
@@ -8,11 +9,11 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep};
 
-/// A stream whose writes fail with `TimedOut` once none has gone on for `limit`.
+/// A stream whose writes fail with `TimedOut` after no progress for `limit`.
 pub struct StallGuard<S> {
     stream: S,
     limit: Duration,
-    /// Set while a write waits for the client.
+    /// The timer of a write that waits for the client.
     waiting: Option<Pin<Box<Sleep>>>,
 }
 
@@ -22,7 +23,7 @@ impl<S> StallGuard<S> {
         Self { stream, limit, waiting: None }
     }
 
-    /// Passes a finished write on, or ends a wait that became too long.
+    /// Passes on a finished write, or fails a write that has waited too long.
     fn judge<T>(&mut self, cx: &mut Context<'_>, write: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if write.is_ready() {
             self.waiting = None;

@@ -1,4 +1,4 @@
-//! What every handler can reach.
+//! The state that all handlers share.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -20,50 +20,50 @@ use crate::store::Store;
 use crate::time::SharedClock;
 use crate::vault::Vault;
 
-/// The service as handlers see it. Clones are the same service.
+/// The parts of the service that handlers use. Clones share them.
 #[derive(Clone)]
 pub struct App(Arc<Parts>);
 
 /// What [`App`] holds.
 pub struct Parts {
-    /// What the centre knows.
+    /// The database.
     pub store: Store,
     /// The files.
     pub vault: Vault,
-    /// Recordings arriving.
+    /// Uploads of recordings.
     pub intake: Intake,
-    /// Work that waits.
+    /// The job queue.
     pub queue: Queue,
-    /// What changed, for those who watch.
+    /// Events about changes.
     pub events: Events,
-    /// What time it is.
+    /// The clock.
     pub clock: SharedClock,
-    /// The end of the service.
+    /// The shutdown signal and the tasks to wait for.
     pub shutdown: Shutdown,
-    /// Limits.
+    /// Limits of the HTTP server.
     pub settings: HttpSettings,
-    /// What else is set, and since when it runs, for those who run the service.
+    /// Settings of other parts, and the start time, as administrators see them.
     pub in_force: InForce,
-    /// Attempts to sign in.
+    /// Limit on failed sign-ins.
     pub throttle: Throttle,
     /// Standards, reference groups, progress.
     pub cohorts: Cohorts,
-    /// Recordings arriving frame by frame.
+    /// Live feeds: recordings arriving frame by frame.
     pub feeds: Feeds,
-    /// Places for their connections.
+    /// Permits for the connections of live feeds.
     pub feed_places: Arc<Semaphore>,
-    /// Looks at pictures while people wait.
+    /// Analyses single pictures while the user waits.
     pub glances: Glances,
-    /// Places for event streams and watchers.
+    /// Slots for event streams and live views.
     pub streams: Places,
-    /// Numbers for the people who run the service.
+    /// Metrics for Prometheus.
     pub metrics: PrometheusHandle,
 }
 
-/// What is set elsewhere than in [`HttpSettings`].
+/// Settings outside [`HttpSettings`] that administrators can read.
 #[derive(Clone, Copy, Debug)]
 pub struct InForce {
-    /// Version of what measures.
+    /// Version of the measuring pipeline.
     pub pipeline: &'static str,
     /// When this process began to serve, epoch ms.
     pub started_at_ms: i64,
@@ -71,14 +71,14 @@ pub struct InForce {
     pub workers: usize,
     /// Largest recording, bytes.
     pub max_upload_bytes: u64,
-    /// Hours after which an unfinished upload is forgotten.
+    /// Hours after which an unfinished upload is deleted.
     pub unfinished_upload_h: u64,
-    /// Seconds within which what was erased has left the disk.
+    /// Seconds within which erased data is deleted from the disk.
     pub erased_within_s: u64,
 }
 
 impl App {
-    /// Puts the parts together.
+    /// The state made of these parts.
     pub fn new(parts: Parts) -> Self {
         Self(Arc::new(parts))
     }

@@ -1,4 +1,4 @@
-//! Programs' ways in. A token is shown once, when it is made; only its hash is kept.
+//! Access tokens for programs. A token is shown once, when it is created; only its hash is stored.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -17,20 +17,20 @@ use crate::ids::{BoxId, PersonId, TokenId};
 use crate::store::{self, ActsAs};
 use crate::time::from_rfc3339;
 
-/// A token, as far as it is known: its secret is not.
+/// A token without its secret, which is not stored.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Token {
     id: TokenId,
     name: Name,
     role: Role,
-    /// As whom it acts.
+    /// The person that the token acts for; `null` for an agent.
     person: Option<PersonId>,
-    /// The agent's box.
+    /// The agent's box; `null` for other roles.
     #[serde(rename = "box")]
     of_box: Option<BoxId>,
     created_at: Time,
     expires_at: Option<Time>,
-    /// Its last request, to a minute.
+    /// Time of its last request, to the minute.
     last_used_at: Option<Time>,
 }
 
@@ -56,33 +56,32 @@ pub async fn list(State(app): State<App>, by: Administrator) -> Answer<Json<Page
     Ok(Json(Page::whole(tokens.into_iter().map(Token::from))))
 }
 
-/// A token to be made.
+/// A token to create.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewToken {
-    /// What it is for.
+    /// Purpose of the token, for people.
     name: Name,
-    /// `agent` for the program beside a box; `administrator` or `instructor` for one's own programs, with the rights of
-    /// whoever makes it.
+    /// `agent` for the program beside a box; `administrator` or `instructor` for a program that acts for the caller.
     role: Role,
-    /// The agent's box, by id or code.
+    /// The agent's box, by id or code; required for the role `agent`, not allowed for others.
     #[serde(rename = "box")]
     of_box: Option<Key>,
-    /// Its end, RFC 3339; without one it lasts until it is deleted.
+    /// Time of expiry, RFC 3339; default: the token is valid until it is deleted.
     expires_at: Option<String>,
 }
 
-/// A new token: the only time that its secret is told.
+/// A new token with its secret, which no other answer contains.
 #[derive(Serialize, ToSchema)]
 pub struct MadeToken {
     #[serde(flatten)]
     about: Token,
-    /// What the program sends as `Authorization: Bearer …`. Nobody can look it up again.
+    /// The secret: the program sends it as `Authorization: Bearer …`. It cannot be read again, so store it now.
     #[schema(example = "trc_…")]
     token: String,
 }
 
-/// Make a token
+/// Create a token
 #[utoipa::path(post, path = "/tokens", tag = "tokens", request_body = NewToken, responses((status = CREATED, body = MadeToken)))]
 pub async fn create(
     State(app): State<App>,
@@ -104,18 +103,23 @@ async fn acts_as(app: &App, by: &Administrator, new: &NewToken) -> Answer<ActsAs
             let of = app.store.boxes().get(&by.scope, key).await.map_err(named("box"))?;
             Ok(ActsAs::Agent(of.id))
         }
-        (Role::Agent, None) => Err(Problem::invalid("box", "an agent's token names its box")),
-        (_, Some(_)) => Err(Problem::invalid("box", "only an agent's token names a box")),
-        (Role::Trainee, None) => Err(Problem::invalid("role", "programs act as administrator, instructor or agent")),
+        (Role::Agent, None) => {
+            Err(Problem::invalid("box", "is required for the role agent; give the box's id or code"))
+        }
+        (_, Some(_)) => Err(Problem::invalid("box", "is allowed only for the role agent")),
+        (Role::Trainee, None) => Err(Problem::invalid("role", "expected administrator, instructor or agent")),
         (role, None) => Ok(ActsAs::Person(by.scope.person().ok_or_else(Problem::not_found)?, role)),
     }
 }
 
 fn time(text: &str) -> Answer<i64> {
-    from_rfc3339(text).ok_or_else(|| Problem::invalid("expires_at", "is no RFC 3339 time such as 2026-12-31T23:59:59Z"))
+    from_rfc3339(text)
+        .ok_or_else(|| Problem::invalid("expires_at", "expected an RFC 3339 time such as 2026-12-31T23:59:59Z"))
 }
 
-/// Withdraw a token: programs that use it are out at once
+/// Delete a token
+///
+/// Programs that use it lose access at once.
 #[utoipa::path(delete, path = "/tokens/{id}", tag = "tokens", params(("id" = String, Path, description = "id")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Administrator, at: At) -> Answer<StatusCode> {

@@ -1,6 +1,6 @@
-//! Who asks, and what that lets them do.
+//! Who is calling, and what they may do.
 //!
-//! People sign in with a cookie, programs send a token; [`signed_in`] turns either into a scope, and nothing else does.
+//! People sign in and send a cookie, programs send a token. [`signed_in`] alone turns either into a scope.
 
 pub mod origin;
 pub mod password;

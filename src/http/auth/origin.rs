@@ -1,7 +1,7 @@
-//! Unsafe methods come from our own pages or from programs, never from another site's page.
+//! Cross-site request protection: accepts unsafe methods from our own pages and from programs, not from other sites.
 //!
-//! Browsers send `Origin` with every such request and `Sec-Fetch-Site` beside it; programs send neither. The scheme is
-//! not compared: behind a proxy that ends TLS we do not know it.
+//! Browsers send `Origin` and `Sec-Fetch-Site` with every such request; programs send neither. The scheme is not
+//! compared: behind a proxy that ends TLS the service does not know it.
 
 use axum::extract::Request;
 use axum::http::uri::Authority;
@@ -11,23 +11,24 @@ use axum::response::{IntoResponse, Response};
 
 use crate::http::error::{Answer, Refusal};
 
-/// Middleware: refuses changes that another site's page asks for.
+/// Middleware: refuses changes that a page of another site requests.
 pub async fn check_origin(request: Request, next: Next) -> Response {
     let safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     if safe || is_ours(request.headers()) {
         return next.run(request).await;
     }
     Refusal::ForeignOrigin
-        .with("Send changes from the service's own pages, or from a program with a token and without an Origin header.")
+        .with("Make changes from the service's own pages, or from a program with a token and without an Origin header.")
         .into_response()
 }
 
-/// Refuses a WebSocket that another site's page opens: it would bear the visitor's cookie, and its method is GET.
+/// Refuses a WebSocket that a page of another site opens. The browser would send the visitor's cookie with it, and its
+/// method is GET, so [`check_origin`] lets it pass.
 pub fn refuse_foreign(headers: &HeaderMap) -> Answer<()> {
     if is_ours(headers) {
         return Ok(());
     }
-    Err(Refusal::ForeignOrigin.with("Open it from the service's own pages, or from a program with a token."))
+    Err(Refusal::ForeignOrigin.with("Open the WebSocket from the service's own pages, or from a program with a token."))
 }
 
 fn is_ours(headers: &HeaderMap) -> bool {

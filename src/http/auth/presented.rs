@@ -1,26 +1,26 @@
-//! What a request brings to say who asks: the cookie of a sign-in, or a program's token.
+//! The credential in a request's headers: the cookie of a sign-in, or a program's token.
 
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum_extra::extract::cookie::{Cookie, SameSite};
 
 use crate::domain::secret::{Secret, SecretHash};
 
-/// Name of the cookie; the prefix makes browsers insist on `Secure`, `Path=/` and this host.
+/// Name of the cookie. With this prefix browsers require `Secure`, `Path=/` and this host.
 pub const COOKIE: &str = "__Host-trocar";
 
-/// What a request brought, hashed: the secret itself goes no further.
+/// The credential of a request, hashed: the secret itself stays in this module.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Presented {
     /// `Authorization: Bearer trc_…`.
     Token(SecretHash),
     /// The cookie of a sign-in.
     Cookie(SecretHash),
-    /// Nothing that could be ours.
+    /// Neither a token nor a cookie of this service.
     Nothing,
 }
 
 impl Presented {
-    /// Reads the headers; a token wins over a cookie.
+    /// Reads the headers; a token takes precedence over a cookie.
     pub fn in_headers(headers: &HeaderMap) -> Self {
         match (token(headers), cookie(headers)) {
             (Some(token), _) => Presented::Token(token.hash()),
@@ -46,12 +46,12 @@ fn cookie(headers: &HeaderMap) -> Option<Secret> {
         .and_then(|cookie| Secret::from_cookie(cookie.value()))
 }
 
-/// The header that gives the browser a cookie; it ends with the browser or with the sign-in, whichever is first.
+/// The `Set-Cookie` header of a sign-in. The cookie ends when the browser closes or the sign-in ends.
 pub fn set_cookie(secret: &Secret) -> HeaderValue {
     header_value(cookie_with(secret.as_cookie()))
 }
 
-/// The header that takes the cookie away.
+/// The `Set-Cookie` header that removes the cookie.
 pub fn clear_cookie() -> HeaderValue {
     let mut cookie = cookie_with(String::new());
     cookie.make_removal();
@@ -63,7 +63,8 @@ fn cookie_with(value: String) -> Cookie<'static> {
 }
 
 fn header_value(cookie: Cookie<'static>) -> HeaderValue {
-    // Name, base64 and attributes are visible ASCII, so this never fails; an empty header would only sign nobody in.
+    // Name, base64 and attributes are visible ASCII, so this never fails. An empty header would merely
+    // fail the sign-in.
     HeaderValue::try_from(cookie.to_string()).unwrap_or(HeaderValue::from_static(""))
 }
 

@@ -1,4 +1,4 @@
-//! Coming in, going out, and changing one's password.
+//! Sign in, sign out, change the own password.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -24,22 +24,22 @@ use crate::store;
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Credentials {
-    /// What one types to sign in.
+    /// The account's login.
     login: String,
     /// The password.
     #[schema(format = Password)]
     password: String,
 }
 
-/// Who signed in.
+/// The account that signed in.
 #[derive(Serialize, ToSchema)]
 pub struct Welcome {
     person: Person,
 }
 
-/// Sign in: answers with a cookie
+/// Sign in and receive a cookie
 #[utoipa::path(post, path = "/sign-in", tag = "sign-in", request_body = Credentials, security(()),
-    responses((status = OK, body = Welcome, headers(("Set-Cookie" = String, description = "`__Host-trocar`, until idle for 30 minutes and for 12 hours at most")))))]
+    responses((status = OK, body = Welcome, headers(("Set-Cookie" = String, description = "`__Host-trocar`; ends after 30 minutes without a request and after 12 hours at the latest")))))]
 pub async fn sign_in(
     State(app): State<App>,
     ConnectInfo(peer): ConnectInfo<SocketAddr>,
@@ -58,9 +58,9 @@ pub async fn sign_in(
     Ok((give(set_cookie(&secret)), Json(Welcome { person: person.into() })))
 }
 
-/// Sign out: the cookie ends here and in the browser
+/// Sign out: invalidates the cookie and removes it from the browser
 #[utoipa::path(post, path = "/sign-out", tag = "sign-in", responses((status = NO_CONTENT)))]
-pub async fn sign_out(State(app): State<App>, _who: SignedIn, headers: HeaderMap) -> Answer<impl IntoResponse> {
+pub async fn sign_out(State(app): State<App>, _by: SignedIn, headers: HeaderMap) -> Answer<impl IntoResponse> {
     if let Presented::Cookie(secret) = Presented::in_headers(&headers) {
         app.store.cookies().delete(secret).await?;
     }
@@ -71,15 +71,17 @@ pub async fn sign_out(State(app): State<App>, _who: SignedIn, headers: HeaderMap
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PasswordChange {
-    /// The password until now.
+    /// The current password.
     #[schema(format = Password)]
     old: String,
-    /// The password from now on, 10 to 256 bytes.
+    /// The new password, 10 to 256 bytes.
     #[schema(format = Password, min_length = 10, max_length = 256)]
     new: String,
 }
 
-/// Change one's own password: every browser of the account is signed out
+/// Change the own password
+///
+/// Signs the account out in every browser.
 #[utoipa::path(post, path = "/me/password", tag = "sign-in", request_body = PasswordChange, responses((status = NO_CONTENT)))]
 pub async fn change_password(
     State(app): State<App>,
@@ -97,7 +99,7 @@ pub async fn change_password(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// The account that these credentials open. Takes the same time whether the login exists or not.
+/// The account with these credentials. Takes the same time whether the login exists or not.
 async fn person_of(app: &App, tried: Credentials) -> Answer<store::Person> {
     let found = match tried.login.parse::<Login>() {
         Ok(login) => app.store.people().by_login(&login).await?,
@@ -112,13 +114,13 @@ async fn person_of(app: &App, tried: Credentials) -> Answer<store::Person> {
 }
 
 fn wrong() -> Problem {
-    Refusal::WrongCredentials.with("Check both; an administrator can set a new password.")
+    Refusal::WrongCredentials.with("Check login and password. An administrator can set a new password.")
 }
 
 fn slow_down(wait: Duration) -> Problem {
     let seconds = wait.as_secs() + 1;
     Refusal::TooMany
-        .with(format!("Too many attempts to sign in. Try again in {seconds} s."))
+        .with(format!("There were too many failed attempts to sign in. Try again in {seconds} s."))
         .header(header::RETRY_AFTER, seconds)
 }
 

@@ -1,7 +1,7 @@
-//! Who asks: the one place that turns a cookie or a token into a [`Scope`].
+//! Identifies the caller: the one place that turns a cookie or a token into a [`Scope`].
 //!
-//! Handlers name what they need in their arguments and the store names it again in its functions, so a route that
-//! forgets to ask does not compile: without an extractor there is no scope, and without a scope no data.
+//! A handler names the roles it accepts by the extractor in its arguments, and every store function takes a scope. A
+//! route that forgets the check does not compile: without an extractor there is no scope, and without a scope no data.
 
 use std::time::Duration;
 
@@ -17,18 +17,18 @@ use crate::http::error::{Answer, Problem, Refusal};
 use crate::http::state::App;
 use crate::store::Cookie;
 
-/// How often a conversation looks whether its sign-in still counts.
+/// How often an open WebSocket or stream checks that its sign-in is still valid.
 const STILL_SIGNED_IN: Duration = Duration::from_secs(5);
 
-/// Somebody who has proved who they are: a person, a person's program, or the agent of a box.
+/// An authenticated caller: a person, a person's program, or the agent of a box.
 #[derive(Clone, Debug)]
 pub struct SignedIn {
-    /// What they may see and change.
+    /// What the caller may see and change.
     pub scope: Scope,
 }
 
 impl SignedIn {
-    /// Who sent these headers.
+    /// Authenticates the sender of these headers. This counts as activity, so it keeps the sign-in from idling out.
     pub async fn by(app: &App, headers: &HeaderMap) -> Answer<Self> {
         let scope = match Presented::in_headers(headers) {
             Presented::Token(secret) => app.store.tokens().scope_of(secret).await?,
@@ -40,8 +40,8 @@ impl SignedIn {
         scope.map(|scope| Self { scope }).ok_or_else(sign_in_first)
     }
 
-    /// Whether these headers would still sign in. A stream that asks does not count as somebody being there: what nobody
-    /// sits in front of ends when idle; whoever sends frames asks [`SignedIn::by`] as well. A store that cannot tell ends nothing.
+    /// Whether these headers would still sign in. Unlike [`SignedIn::from_headers`], this does not count as activity:
+    /// an unattended page that only watches is signed out when idle. A store error counts as yes, so it ends no stream.
     pub async fn still(app: &App, headers: &HeaderMap) -> bool {
         match Presented::in_headers(headers) {
             Presented::Token(secret) => app.store.tokens().scope_of(secret).await.map_or(true, |scope| scope.is_some()),
@@ -50,18 +50,18 @@ impl SignedIn {
         }
     }
 
-    /// Resolves once these headers would sign in no more; it is looked every few seconds.
+    /// Resolves once these headers no longer sign in; checks every `SIGN_IN_CHECK_INTERVAL`.
     pub async fn ended(app: &App, headers: &HeaderMap) {
-        let mut look = interval(STILL_SIGNED_IN);
+        let mut check = interval(STILL_SIGNED_IN);
         while Self::still(app, headers).await {
-            look.tick().await;
+            check.tick().await;
         }
     }
 }
 
 fn sign_in_first() -> Problem {
     Refusal::NotSignedIn
-        .with("Sign in with POST /api/v1/sign-in, or send `Authorization: Bearer trc_…`. A sign-in ends when idle.")
+        .with("Sign in with POST /api/v1/sign-in, or send `Authorization: Bearer trc_…`. An idle sign-in ends.")
         .header(header::WWW_AUTHENTICATE, "Bearer realm=\"trocar\"")
 }
 
@@ -73,13 +73,13 @@ impl FromRequestParts<App> for SignedIn {
     }
 }
 
-/// Extractors that let some roles in and refuse the others before anything else of the request is looked at.
+/// Extractors that accept some roles. They refuse the others before the rest of the request is read.
 macro_rules! only {
     ($($(#[$doc:meta])* $name:ident: $($role:ident)|+, $otherwise:literal;)*) => { $(
         $(#[$doc])*
         #[derive(Clone, Debug)]
         pub struct $name {
-            /// What they may see and change.
+            /// What the caller may see and change.
             pub scope: Scope,
         }
 
@@ -98,16 +98,16 @@ macro_rules! only {
 }
 
 only! {
-    /// Anybody but a box's agent.
-    Member: Administrator | Instructor | Trainee, "A token of a box's agent is for the box's feed and nothing else.";
-    /// Those who teach, and those who run the centre.
-    Staff: Administrator | Instructor, "This is for administrators and instructors. Ask one of them.";
-    /// Those who run the centre.
-    Administrator: Administrator, "This is for administrators. Ask one of them.";
+    /// Every role but a box's agent.
+    Member: Administrator | Instructor | Trainee, "An agent's token can only send recordings of its box.";
+    /// Administrators and instructors.
+    Staff: Administrator | Instructor, "Only administrators and instructors may do this. Ask one of them.";
+    /// Administrators.
+    Administrator: Administrator, "Only administrators may do this. Ask one of them.";
 }
 
 impl App {
-    /// How long a sign-in counts.
+    /// How long a sign-in is valid.
     pub fn sign_in_lasts(&self) -> Cookie {
         Cookie { idle: self.settings.idle(), most: self.settings.sign_in() }
     }

@@ -1,8 +1,8 @@
-//! How often a sign-in may fail: a few times a minute per login and address, more per address alone.
+//! Limits failed sign-ins: a few a minute per login and address, more per address alone.
 //!
-//! An attempt takes a place before the password is looked at, so that many at once gain nothing, and a right password
-//! gives it back, so that a room full of people behind one address signs in freely. (`governor` has no giving back.)
-//! Places come back evenly: the generic cell rate algorithm, one number per key.
+//! An attempt takes a token before the password is checked, so parallel attempts gain nothing. A right password refunds
+//! the token, so many people behind one address can sign in. (`governor` cannot refund.) Tokens come back at a constant
+//! rate: the generic cell rate algorithm, with one number per key.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -12,20 +12,20 @@ use std::time::Duration;
 
 use crate::time::SharedClock;
 
-/// Keys remembered at most. When they are so many, those that have recovered are forgotten, and if none has, nobody new
-/// may try: then somebody is trying with ten thousand logins at once.
+/// Most keys that are remembered. At the limit, keys with all their tokens are dropped. If there are none, attempts
+/// with new keys are refused: then ten thousand logins or addresses are failing at once.
 const REMEMBERED: usize = 10_000;
-/// One address may fail this many times as often as one login from it: an instructor's room shares one.
+/// One address may fail this many times as often as one login from it: a training room shares one address.
 const LOGINS_PER_ADDRESS: u32 = 12;
 
-/// Remembers failures.
+/// Limits failed sign-ins per login and address, and per address.
 pub struct Throttle {
     clock: SharedClock,
     by_login: Mutex<Places<(String, IpAddr)>>,
     by_address: Mutex<Places<IpAddr>>,
 }
 
-/// An attempt that took its place.
+/// A sign-in attempt that has taken its tokens.
 pub struct Attempt<'t> {
     throttle: &'t Throttle,
     login: (String, IpAddr),
@@ -41,7 +41,10 @@ impl Throttle {
         }
     }
 
-    /// Takes a place; without one left it says how long to wait.
+    /// Takes a token of the login and one of the address.
+    ///
+    /// # Errors
+    /// How long to wait, if either has none left.
     pub fn attempt(&self, login: &str, address: IpAddr) -> Result<Attempt<'_>, Duration> {
         let (login, now_ms) = ((login.to_lowercase(), address), self.clock.now_ms());
         lock(&self.by_address).take(&address, now_ms)?;
@@ -51,7 +54,7 @@ impl Throttle {
 }
 
 impl Attempt<'_> {
-    /// The password was right: as if nothing had been tried.
+    /// The password was right: refunds the tokens.
     pub fn succeeded(self) {
         lock(&self.throttle.by_address).give_back(&self.login.1);
         lock(&self.throttle.by_login).give_back(&self.login);
@@ -62,13 +65,13 @@ fn lock<T>(places: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     places.lock().unwrap_or_else(PoisonError::into_inner) // numbers only: no panic leaves them half changed
 }
 
-/// Places of many keys, each with `per_min` that come back one by one.
+/// A rate limiter for many keys, each with `per_min` tokens that come back one by one.
 struct Places<K> {
-    /// When a key has all its places again, epoch ms.
+    /// When a key has all its tokens again, epoch ms.
     full_at_ms: HashMap<K, i64>,
-    /// Time in which one place comes back, ms.
+    /// Time until one token comes back, ms.
     one_ms: i64,
-    /// Places of a key.
+    /// Tokens of a key.
     most: i64,
 }
 

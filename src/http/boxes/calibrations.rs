@@ -1,4 +1,4 @@
-//! A box's camera: sent as camera.json, or computed from pictures of a checkerboard.
+//! A box's camera calibration: sent as camera.json, or computed from pictures of a checkerboard.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -20,7 +20,7 @@ use crate::http::state::App;
 use crate::ids::CalibrationId;
 use crate::store;
 
-/// A version of a box's camera.
+/// A version of a box's camera calibration.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Calibration {
     id: CalibrationId,
@@ -31,9 +31,9 @@ pub struct Calibration {
     width: u32,
     /// Picture height, pixels.
     height: u32,
-    /// Reprojection error, pixels, if said.
+    /// Reprojection error (RMS), pixels; `null` if camera.json did not contain it.
     rms_px: Option<f64>,
-    /// Which photos were used, and why others were not, if computed here.
+    /// Which photos were used, and why the others were not; `null` unless this service computed the calibration.
     photos: Option<Value>,
     created_at: Time,
 }
@@ -53,7 +53,7 @@ impl From<store::Calibration> for Calibration {
     }
 }
 
-/// Read the camera in use, as camera.json
+/// Read the calibration in use, as camera.json
 #[utoipa::path(get, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
     responses((status = OK, description = "camera.json in OpenCV's convention", body = Object)))]
 pub async fn camera(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<CameraFile>> {
@@ -62,7 +62,9 @@ pub async fn camera(State(app): State<App>, by: Member, At(key): At) -> Answer<J
     latest.map(|found| Json(found.camera)).ok_or_else(Problem::not_found)
 }
 
-/// Put a camera.json: it becomes the box's next camera
+/// Set the box's calibration from a camera.json
+///
+/// It becomes the next version and is used from now on.
 #[utoipa::path(put, path = "/boxes/{id}/camera", tag = "boxes", params(("id" = String, Path, description = "id or code")),
     request_body(content = Object, description = "camera.json: width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3"),
     responses((status = OK, body = Calibration)))]
@@ -80,7 +82,7 @@ pub async fn put_camera(
     Ok(Json(added.into()))
 }
 
-/// List the versions of a box's camera, newest first
+/// List the versions of a box's calibration, newest first
 #[utoipa::path(get, path = "/boxes/{id}/calibrations", tag = "boxes",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Calibration>)))]
 pub async fn calibrations(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Calibration>>> {
@@ -91,7 +93,7 @@ pub async fn calibrations(State(app): State<App>, by: Member, At(key): At) -> An
 
 /// Pictures of a checkerboard.
 #[derive(ToSchema)]
-#[expect(dead_code, reason = "describes the form; Form reads it part by part")]
+#[expect(dead_code, reason = "describes the form; it is read part by part")]
 pub struct BoardForm {
     /// Inner corners as COLUMNSxROWS, such as `9x6`.
     board: String,
@@ -100,12 +102,14 @@ pub struct BoardForm {
     /// Photos, JPEG or PNG: 3 to 100.
     #[schema(value_type = Vec<String>, format = Binary)]
     photo: Vec<Vec<u8>>,
-    /// Or a video, instead of photos.
+    /// A video of the board, instead of photos.
     #[schema(value_type = Option<String>, format = Binary)]
     video: Option<Vec<u8>>,
 }
 
-/// Send pictures of a checkerboard: a job computes the box's next camera
+/// Calibrate the camera from pictures of a checkerboard
+///
+/// A job computes the next version of the calibration.
 #[utoipa::path(post, path = "/boxes/{id}/calibrations", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = BoardForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
@@ -119,7 +123,7 @@ pub async fn calibrate(State(app): State<App>, by: Staff, At(key): At, form: For
     Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
 }
 
-/// What a [`BoardForm`] says.
+/// The content of a [`BoardForm`].
 struct Board {
     board: BoardSize,
     square_mm: f64,
@@ -144,9 +148,10 @@ impl Board {
                 "is missing; send photos of the board from several sides, or a video",
             ));
         }
-        let board = board.ok_or_else(|| Problem::invalid("board", "is missing; say its inner corners, such as 9x6"))?;
+        let board =
+            board.ok_or_else(|| Problem::invalid("board", "is missing; give its inner corners, such as 9x6"))?;
         let square_mm =
-            square_mm.ok_or_else(|| Problem::invalid("square_mm", "is missing; say a square's side, mm"))?;
+            square_mm.ok_or_else(|| Problem::invalid("square_mm", "is missing; give the side of a square in mm"))?;
         Ok(Self { board, square_mm, pictures })
     }
 }

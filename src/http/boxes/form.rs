@@ -1,4 +1,4 @@
-//! Multipart forms with pictures, read part by part: text in memory, files straight into the vault, all within limits.
+//! Reads multipart forms with pictures, part by part: text into memory, files into the vault, both within limits.
 
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{FromRequest, Request};
@@ -11,12 +11,12 @@ use crate::http::read::unreadable;
 use crate::http::state::App;
 use crate::vault::Kept;
 
-/// Parts that a form may have.
+/// Most parts of a form.
 const MOST_PARTS: usize = 200;
-/// Longest text part, bytes: annotations of a long clip.
+/// Longest text part, bytes; enough for the annotations of a long clip.
 const MOST_TEXT: usize = 4 * 1024 * 1024;
 
-/// A multipart form that is arriving.
+/// A multipart form that is being received.
 pub struct Form {
     parts: Multipart,
     app: App,
@@ -37,7 +37,7 @@ impl FromRequest<App> for Form {
 }
 
 impl Form {
-    /// The next part, in the order in which they were sent.
+    /// The next part, in the order of the request.
     pub async fn next(&mut self) -> Answer<Option<Part<'_>>> {
         let limit = self.app.settings.max_form_bytes;
         let Some(field) = self.parts.next_field().await.map_err(|error| broken(&error, limit))? else {
@@ -73,7 +73,7 @@ impl Part<'_> {
         String::from_utf8(text).map_err(|_| Problem::invalid(&self.name, "is not UTF-8 text"))
     }
 
-    /// Refuses it, since the form has no such part.
+    /// The problem for a part that the form does not have.
     pub fn unexpected(&self, expected: &str) -> Problem {
         let shown: String = self.name.chars().take(40).collect();
         Problem::invalid("form", format!("has an unknown part `{shown}`; expected {expected}"))
@@ -93,7 +93,7 @@ impl Part<'_> {
             return Err(Problem::invalid(&self.name, "is an empty file"));
         }
         let kept = incoming.finish().await?;
-        // A row of its own, to which nothing refers: what no job takes up is collected once nobody holds it.
+        // The row has no references yet: if no job refers to the file, it is deleted after `kept` is dropped.
         self.app.store.blobs().note(kept.blob()).await?;
         let named = NamedBlob { name, blob: kept.blob() };
         Ok((kept, named))
@@ -105,22 +105,22 @@ impl Part<'_> {
     }
 }
 
-/// Why a form could not be read to its end.
+/// The problem for a form that could not be read to its end.
 fn broken(error: &MultipartError, limit: u64) -> Problem {
     match error.status().is_client_error() && error.status() != axum::http::StatusCode::PAYLOAD_TOO_LARGE {
-        true => Refusal::BadRequest.with(format!("The form is broken: {}. Send it again.", error.body_text())),
+        true => Refusal::BadRequest.with(format!("The form cannot be read: {}. Send it again.", error.body_text())),
         false => unreadable(error, limit),
     }
 }
 
-/// Pictures, or one video, that a form brings. Their files stay in the vault at least as long as this.
+/// The pictures, or the one video, of a form. Their files stay in the vault at least as long as this value exists.
 #[derive(Default)]
 pub struct Pictures {
     /// The files in the order of the form.
     pub files: Vec<NamedBlob>,
-    /// Which frame each picture shows, where the form says it.
+    /// The frame that each picture shows; empty if the form does not name frames.
     pub frames: Vec<u64>,
-    /// Is the one file a video?
+    /// Whether the only file is a video.
     pub is_video: bool,
     kept: Vec<Kept>,
 }
@@ -129,7 +129,10 @@ impl Pictures {
     /// Adds a picture.
     pub async fn add_picture(&mut self, part: Part<'_>, frame: Option<u64>) -> Answer<()> {
         if self.is_video {
-            return Err(Problem::invalid(&part.name, "comes beside a video; send one or the other"));
+            return Err(Problem::invalid(
+                &part.name,
+                "was sent together with a video; send pictures or a video, not both",
+            ));
         }
         self.frames.extend(frame);
         self.add(part).await
@@ -138,7 +141,7 @@ impl Pictures {
     /// Adds the video.
     pub async fn add_video(&mut self, part: Part<'_>) -> Answer<()> {
         if !self.files.is_empty() {
-            return Err(Problem::invalid("video", "comes beside other pictures; send one video, or pictures"));
+            return Err(Problem::invalid("video", "was sent together with other files; send one video, or pictures"));
         }
         self.is_video = true;
         self.add(part).await

@@ -1,4 +1,5 @@
-//! A look at pictures while somebody waits: is a photo of the board good, what would marks take for tape? Nothing is stored.
+//! Checks pictures while the user waits: one photo of the checkerboard, or what the marked colours would detect as
+//! tape. Nothing is stored.
 
 use axum::extract::State;
 use utoipa::ToSchema;
@@ -13,7 +14,7 @@ use crate::http::error::{Answer, Problem};
 use crate::http::read::{At, Json};
 use crate::http::state::App;
 
-/// Most frames of one preview: somebody waits for it.
+/// Most frames of one preview, because the user waits for it.
 const MOST_FRAMES: usize = 8;
 
 /// One photo of a checkerboard.
@@ -27,7 +28,9 @@ pub struct PhotoForm {
     photo: Vec<u8>,
 }
 
-/// Look at one photo of a checkerboard, before it is sent for calibration: its corners, or why they are not found
+/// Check one photo of a checkerboard before calibration
+///
+/// Answers with the board's corners, or with the reason why they were not found. Nothing is stored.
 #[utoipa::path(post, path = "/boxes/{id}/calibrations/check", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PhotoForm, content_type = "multipart/form-data"), responses((status = OK, body = PhotoCheck)))]
@@ -41,18 +44,20 @@ pub async fn check_photo(State(app): State<App>, by: Staff, At(key): At, mut for
             _ => return Err(part.unexpected("board and photo")),
         }
     }
-    let board = board.ok_or_else(|| Problem::invalid("board", "is missing; say its inner corners, such as 9x6"))?;
+    let board = board.ok_or_else(|| Problem::invalid("board", "is missing; give its inner corners, such as 9x6"))?;
     let [photo] = &pictures.files[..] else {
-        return Err(Problem::invalid("photo", "must be there, once: one photo of the board"));
+        return Err(Problem::invalid("photo", "must be sent exactly once: one photo of the board"));
     };
     Ok(Json(app.glances.check_photo(board, photo).await?))
 }
 
-/// Look at what marks would take for tape on a few frames, marked or not, before the colours are learned
+/// Preview what the marked colours would detect as tape
+///
+/// Takes a few frames, with or without marks. Nothing is learned or stored.
 #[utoipa::path(post, path = "/boxes/{id}/palette/preview", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data",
-        description = "As for learning, but pictures alone, at most 8; also of frames on which nothing is marked."),
+        description = "The same form as for learning the colours, but with pictures only, at most 8. Frames without marks may be included."),
     responses((status = OK, body = PalettePreview)))]
 pub async fn preview_palette(
     State(app): State<App>,
@@ -63,10 +68,10 @@ pub async fn preview_palette(
     app.store.boxes().get(&by.scope, &key).await?;
     let (annotations, pictures) = read(form).await?;
     if pictures.is_video {
-        return Err(Problem::invalid("video", "takes too long for a look; send frame_<n> pictures"));
+        return Err(Problem::invalid("video", "takes too long for a preview; send frame_<n> pictures"));
     }
     if pictures.files.len() > MOST_FRAMES {
-        return Err(Problem::invalid("frame", format!("comes more than {MOST_FRAMES} times; send fewer pictures")));
+        return Err(Problem::invalid("frame", format!("was sent more than {MOST_FRAMES} times; send fewer pictures")));
     }
     Ok(Json(app.glances.preview(&annotations, &pictures.files, &pictures.frames).await?))
 }

@@ -1,4 +1,4 @@
-//! Where trainees train: boxes, their cameras and their colours.
+//! Box trainers, their camera calibrations, tool colours and self-tests.
 
 mod calibrations;
 mod form;
@@ -27,28 +27,28 @@ use crate::domain::text::{Code, Name, Paragraphs};
 use crate::ids::BoxId;
 use crate::store;
 
-/// A box trainer, and whether it is ready to measure.
+/// A box trainer and its setup: camera, colours, self-test.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct TrainingBox {
     id: BoxId,
     code: Code,
     name: Name,
-    /// From where its camera looks.
+    /// Where the camera is placed.
     view: Option<View>,
     notes: Paragraphs,
     created_at: Time,
-    /// The camera in use; without one recordings wait.
+    /// The camera calibration in use; `null`: none, and recordings wait until there is one.
     calibration: Option<Calibration>,
-    /// The version of the colours in use; without one recordings wait.
+    /// Version of the colours in use; `null`: none, and recordings wait until there are some.
     palette: Option<i64>,
-    /// The tools whose colours are known.
+    /// The tools whose colours were learned.
     tools: Vec<BoxTool>,
-    /// The light of today's last self-test; null if there was none today.
+    /// The traffic light of today's last self-test; `null`: no self-test today.
     self_test: Option<TodaysLight>,
 }
 
 impl App {
-    /// A box with what it is measured with.
+    /// A box with its calibration, colours and self-test of today.
     async fn show_box(&self, scope: &Scope, found: store::TrainingBox) -> Answer<TrainingBox> {
         let calibration = self.store.calibrations().latest(scope, found.id).await?;
         let palette = self.store.palettes().latest(scope, found.id).await?;
@@ -112,7 +112,7 @@ pub async fn change(
     Ok(Json(app.show_box(&by.scope, changed).await?))
 }
 
-/// Delete a box in which no session was recorded
+/// Delete a box that has no sessions
 #[utoipa::path(delete, path = "/boxes/{id}", tag = "boxes", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {

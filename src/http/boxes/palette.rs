@@ -1,4 +1,4 @@
-//! A box's colours: learned from frames in which an instructor marked tools; and which tapes suit it, before any is wound.
+//! A box's tool colours, learned from frames that an instructor marked; and advice on tape colours that suit the box.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -28,16 +28,16 @@ pub struct Palette {
     version: i64,
     /// The tools, with their sizes.
     tools: Vec<BoxTool>,
-    /// How many samples each label gave.
+    /// Number of samples of each label.
     counts: Vec<LabelCount>,
-    /// What the marked pixels of each label are taken for when their own rectangle has no say; null where the colours were
-    /// learned before that was asked, as are `verdicts` and `warnings`.
+    /// How the marked pixels of each label are classified when their own rectangle is left out of the learning. `null`
+    /// for versions learned before this was computed; `verdicts` and `warnings` are `null` then, too.
     confusion: Option<Vec<ConfusionRow>>,
     /// Each tool's colour: good, at risk or bad, and why.
     verdicts: Option<Vec<ColourVerdict>>,
-    /// A line for each colour that is not good: what speaks against it.
+    /// One sentence for each colour that is not good, with the reason.
     warnings: Option<Vec<String>>,
-    /// What was marked.
+    /// The marks that the colours were learned from.
     annotations: AnnotationsFile,
     created_at: Time,
 }
@@ -67,17 +67,19 @@ pub async fn palette(State(app): State<App>, by: Member, At(key): At) -> Answer<
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "describes the form; it is read part by part")]
 pub struct PaletteForm {
-    /// annotations.json.
+    /// The content of annotations.json.
     annotations: AnnotationsFile,
-    /// The clip in which `frame` counts.
+    /// The clip that the `frame` numbers refer to.
     #[schema(value_type = Option<String>, format = Binary)]
     video: Option<Vec<u8>>,
-    /// Or a picture for each marked frame; the part's name tells its number: `frame_12`.
+    /// Instead of the clip, one picture for each marked frame. The part's name contains the frame number: `frame_12`.
     #[schema(value_type = Option<String>, format = Binary)]
     frame_0: Option<Vec<u8>>,
 }
 
-/// Send marked frames: a job learns the box's next colours
+/// Learn the box's colours from marked frames
+///
+/// A job learns the next version of the colours.
 #[utoipa::path(put, path = "/boxes/{id}/palette", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = PaletteForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
@@ -92,7 +94,7 @@ pub async fn put_palette(State(app): State<App>, by: Staff, At(key): At, form: F
     Ok((StatusCode::ACCEPTED, Json(Queued { job: job.id })))
 }
 
-/// What a [`PaletteForm`] says.
+/// Reads a [`PaletteForm`].
 pub(super) async fn read(mut form: Form) -> Answer<(AnnotationsFile, Pictures)> {
     let (mut annotations, mut pictures) = (None, Pictures::default());
     while let Some(part) = form.next().await? {
@@ -113,17 +115,17 @@ fn parse(text: &str) -> Answer<AnnotationsFile> {
     AnnotationsFile::parse(text).map_err(|error| Problem::invalid("annotations", error))
 }
 
-/// The frame that a part of this name shows.
+/// The frame number in a part's name such as `frame_12`.
 fn frame(name: &str) -> Option<u64> {
     name.strip_prefix("frame_")?.parse().ok()
 }
 
-/// Every marked frame must be there.
+/// Refuses a form that lacks the picture of a marked frame.
 fn check_frames(annotations: &AnnotationsFile, pictures: &Pictures) -> Answer<()> {
     if pictures.files.is_empty() {
         return Err(Problem::invalid(
             "video",
-            "is missing; send the clip in which `frame` counts, or frame_<n> pictures",
+            "is missing; send the clip that the `frame` numbers refer to, or frame_<n> pictures",
         ));
     }
     let missing = annotations.labels.iter().find(|label| !pictures.is_video && !pictures.frames.contains(&label.frame));
@@ -139,12 +141,15 @@ fn check_frames(annotations: &AnnotationsFile, pictures: &Pictures) -> Answer<()
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "describes the form; it is read part by part")]
 pub struct AdviceForm {
-    /// A photo, or a recording that begins with such a picture.
+    /// A photo, or a recording whose first frame shows the box without tools.
     #[schema(value_type = String, format = Binary)]
     picture: Vec<u8>,
 }
 
-/// Ask which tapes suit the box, by a picture of it without tools: a job ranks them, and has them as `advice` once it is done
+/// Ask which tape colours suit the box
+///
+/// Takes a picture of the box without tools. A job ranks the tapes; read the job once it is done: its `advice` holds
+/// the ranking.
 #[utoipa::path(post, path = "/boxes/{id}/palette/advice", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = AdviceForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
@@ -160,7 +165,7 @@ pub async fn advise(State(app): State<App>, by: Staff, At(key): At, mut form: Fo
     let [picture] = &pictures.files[..] else {
         return Err(Problem::invalid(
             "picture",
-            "must be there, once: a photo of the box without tools, or a recording",
+            "must be sent exactly once: a photo of the box without tools, or a recording",
         ));
     };
     let input = AdviceInput { of: of.id, picture: picture.clone() };

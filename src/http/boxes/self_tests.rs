@@ -1,4 +1,4 @@
-//! A box's self-test: a recording of the printed checkerboard and a rod, and the traffic light that came of it.
+//! A box's self-tests: each checks a recording of the printed checkerboard and a rod, and results in a traffic light.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -28,7 +28,7 @@ use crate::time::day_began_ms;
 pub struct SelfTest {
     id: SelfTestId,
     created_at: Time,
-    /// Who tested it; told to staff alone.
+    /// Name of the person who tested it; `null` for trainees.
     who: Option<String>,
     /// The camera that was tested.
     calibration: CalibrationId,
@@ -51,7 +51,7 @@ impl SelfTest {
     }
 }
 
-/// The light of a box's last self-test of today.
+/// The traffic light of a box's last self-test today.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct TodaysLight {
     id: SelfTestId,
@@ -60,7 +60,7 @@ pub struct TodaysLight {
 }
 
 impl App {
-    /// The light of today, by the server's clock and time zone.
+    /// The light of today's last self-test; the server's clock and time zone define today.
     pub(super) async fn light_of_today(&self, scope: &Scope, of: BoxId) -> Answer<Option<TodaysLight>> {
         let since_ms = day_began_ms(self.clock.now_ms());
         let last = self.store.self_tests().light_since(scope, of, since_ms).await?;
@@ -95,15 +95,18 @@ pub struct SelfTestForm {
     /// The recording: the board alone, then a rod held on its corners, then the board alone.
     #[schema(value_type = String, format = Binary)]
     video: Vec<u8>,
-    /// Inner corners as COLUMNSxROWS, if the board is another than the calibration's.
+    /// Inner corners as COLUMNSxROWS; required if the calibration was made with another board.
     board: Option<String>,
-    /// Side of a square, mm, if the board is another.
+    /// Side of a square, mm; required with `board`.
     square_mm: Option<f64>,
-    /// How far beyond the tape the tool's point lies, mm; 0, as without it, for a rod that ends flat where its tape ends.
+    /// Distance from the end of the tape to the tip of the rod, mm. 0, the default, is for a rod that ends flat with
+    /// its tape.
     reach_mm: Option<f64>,
 }
 
-/// Send a recording of a self-test: a job makes the box's light of it
+/// Test the box with a recording
+///
+/// A job checks the recording and sets the box's traffic light.
 #[utoipa::path(post, path = "/boxes/{id}/self-tests", tag = "boxes",
     params(("id" = String, Path, description = "id or code")),
     request_body(content = SelfTestForm, content_type = "multipart/form-data"), responses((status = ACCEPTED, body = Queued)))]
@@ -116,7 +119,7 @@ pub async fn test(State(app): State<App>, by: Staff, At(key): At, form: Form) ->
     let (board, square_mm) = board.or_else(|| calibration.camera.board()).ok_or_else(|| {
         Problem::invalid(
             "board",
-            "is missing, and the camera does not say with which it was calibrated; say 9x6 and square_mm",
+            "is missing, and the calibration does not name its board; give the inner corners, such as 9x6, and square_mm",
         )
     })?;
     let input = SelfTestInput {
@@ -135,10 +138,10 @@ pub async fn test(State(app): State<App>, by: Staff, At(key): At, form: Form) ->
 }
 
 fn unready(what: &str) -> Problem {
-    Refusal::Conflict.with(format!("The box has no {what} yet: there is nothing to test. Set it up first."))
+    Refusal::Conflict.with(format!("The box has no {what} yet, so it cannot be tested. Set it up first."))
 }
 
-/// What a [`SelfTestForm`] says.
+/// The content of a [`SelfTestForm`].
 struct Asked {
     recording: Pictures,
     board: Option<(BoardSize, f64)>,
@@ -160,8 +163,8 @@ impl Asked {
         let board = match (board, square_mm) {
             (Some(board), Some(square_mm)) => Some((board, square_mm)),
             (None, None) => None,
-            (Some(_), None) => return Err(Problem::invalid("square_mm", "is missing beside board")),
-            (None, Some(_)) => return Err(Problem::invalid("board", "is missing beside square_mm")),
+            (Some(_), None) => return Err(Problem::invalid("square_mm", "is missing; board needs it")),
+            (None, Some(_)) => return Err(Problem::invalid("board", "is missing; square_mm needs it")),
         };
         Ok(Self { recording, board, reach_mm })
     }

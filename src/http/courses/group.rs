@@ -1,4 +1,4 @@
-//! The plan that a group follows: whoever teaches the group says which, and reads how its trainees have come through it.
+//! The course plan that a group follows, and the progress of its trainees. The group's instructors choose the plan.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -22,12 +22,12 @@ use crate::time::Day;
 pub struct FollowedCourse {
     id: CourseId,
     name: Name,
-    /// The course's first day, where the service stands.
+    /// The course's first day, in the service's time zone.
     begins: Day,
 }
 
 impl FollowedCourse {
-    /// This plan, from this day on.
+    /// The plan with the day on which the group begins it.
     pub fn new(id: CourseId, name: Name, begins: Day) -> Self {
         Self { id, name, begins }
     }
@@ -40,28 +40,28 @@ impl From<store::Followed> for FollowedCourse {
     }
 }
 
-/// A plan to be followed.
+/// The plan that a group shall follow.
 #[derive(Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewFollowed {
-    /// Which plan.
+    /// The plan's id.
     course: CourseId,
     /// The course's first day.
     begins: Day,
 }
 
-/// A group's trainees against the steps of its course.
+/// The progress of a group's trainees in its course.
 #[derive(Serialize, ToSchema)]
 pub struct GroupCourse {
     group: GroupId,
     course: FollowedCourse,
-    /// The plan's steps, in their order.
+    /// The plan's steps, in order.
     steps: Vec<DueStep>,
-    /// Who is in the group, by name; at most 500.
+    /// The group's trainees, by name; at most 500.
     trainees: Vec<Trainee>,
-    /// One row for each of them.
+    /// One row for each trainee.
     rows: Vec<CourseRow>,
-    /// Are there more trainees in the group than rows?
+    /// True if the group has more trainees than are listed.
     more: bool,
 }
 
@@ -79,17 +79,19 @@ impl From<cohorts::GroupCourse> for GroupCourse {
     }
 }
 
-/// Read how a group's trainees have come through its course
+/// Read the progress of a group's trainees in its course
 ///
-/// A standard counts as passed whenever it was passed; sessions count from the course's first day on. Not found, where the group
-/// follows no plan.
+/// A standard counts as passed even if it was passed before the course began; sessions count from the course's first
+/// day on. The answer is 404 if the group follows no plan.
 #[utoipa::path(get, path = "/groups/{id}/course", tag = "courses",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = GroupCourse)))]
 pub async fn of_group(State(app): State<App>, by: Staff, at: At) -> Answer<Json<GroupCourse>> {
     Ok(Json(app.cohorts.group_course(&by.scope, at.id()?).await?.into()))
 }
 
-/// Let a group follow a course plan, in place of the one that it followed
+/// Set the course plan that a group follows
+///
+/// It replaces the plan that the group followed before.
 #[utoipa::path(put, path = "/groups/{id}/course", tag = "courses",
     params(("id" = String, Path, description = "id")), request_body = NewFollowed,
     responses((status = OK, body = GroupCourse)))]
@@ -104,7 +106,9 @@ pub async fn follow(
     Ok(Json(app.cohorts.group_course(&by.scope, group).await?.into()))
 }
 
-/// End that a group follows a course plan; plan and sessions stay
+/// Stop a group from following its course plan
+///
+/// The plan and the sessions stay.
 #[utoipa::path(delete, path = "/groups/{id}/course", tag = "courses",
     params(("id" = String, Path, description = "id")), responses((status = NO_CONTENT)))]
 pub async fn unfollow(State(app): State<App>, by: Staff, at: At) -> Answer<StatusCode> {

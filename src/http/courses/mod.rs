@@ -1,10 +1,10 @@
-//! Course plans, and how far people have come in a course. Everybody reads plans, staff change them; of people one reads those whom one
-//! sees.
+//! Course plans, and the progress of trainees in a course. Every member may read plans; staff may edit them. Progress
+//! is limited to trainees in the caller's scope.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `mod.rs` | plans: list, make, read, change, delete |
-//! | `group.rs` | the plan that a group follows, and its trainees against the steps |
+//! | `mod.rs` | plans: list, create, read, replace, delete |
+//! | `group.rs` | the plan that a group follows, and the progress of its trainees |
 //! | `own.rs` | one trainee's courses |
 
 mod group;
@@ -33,7 +33,7 @@ use crate::time::Day;
 pub struct CoursePlan {
     id: CourseId,
     name: Name,
-    /// Its steps, in their order.
+    /// Its steps, in order.
     steps: Vec<PlanStep>,
     created_at: Time,
 }
@@ -42,18 +42,19 @@ pub struct CoursePlan {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct PlanStep {
     task: Named,
-    /// Due so many days after the course's beginning, 0: on its first day; `null`: at any time.
+    /// Days from the course's first day until the step is due; 0: due on the first day, `null`: no due date.
     within_days: Option<u32>,
-    /// How many sessions are asked for, since the course began; `null`: that the task's standard is passed.
+    /// Number of sessions that the step requires since the course began; `null`: it requires a pass of
+    /// the task's standard.
     sessions: Option<u32>,
 }
 
-/// A step of a plan that somebody follows.
+/// A step of a plan that a group follows.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct DueStep {
     #[serde(flatten)]
     step: PlanStep,
-    /// The last day on which it is in time; `null`: at any time.
+    /// The last day on which it is in time; `null`: no due date.
     due: Option<Day>,
 }
 
@@ -74,7 +75,7 @@ impl From<store::CourseStep> for PlanStep {
 }
 
 impl DueStep {
-    /// As it is due in a course that begins then.
+    /// The step with its due date in a course that begins on this day.
     fn new(step: store::CourseStep, begins: Day) -> Self {
         Self { due: step.due(begins), step: step.into() }
     }
@@ -93,9 +94,9 @@ pub async fn list(
     Ok(Json(Page::of(courses, CoursePlan::from)))
 }
 
-/// Make a course plan
+/// Create a course plan
 ///
-/// A step without `sessions` asks that its task's standard is passed, so the task must have one.
+/// A step without `sessions` requires a pass of its task's standard, so the task must have a standard.
 #[utoipa::path(post, path = "/courses", tag = "courses", request_body = NewCourse,
     responses((status = CREATED, body = CoursePlan)))]
 pub async fn create(State(app): State<App>, by: Staff, Json(new): Json<NewCourse>) -> Answer<Created<CoursePlan>> {
@@ -111,9 +112,9 @@ pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Cour
     Ok(Json(course.into()))
 }
 
-/// Say anew what a course plan is called and asks for
+/// Replace a course plan: its name and its steps
 ///
-/// The groups that follow it follow what it says now.
+/// The change applies to all groups that follow the plan.
 #[utoipa::path(put, path = "/courses/{id}", tag = "courses", params(("id" = String, Path, description = "id")),
     request_body = NewCourse, responses((status = OK, body = CoursePlan)))]
 pub async fn replace(
@@ -135,7 +136,7 @@ pub async fn delete(State(app): State<App>, by: Staff, at: At) -> Answer<StatusC
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// A task that is not there is the request's mistake, not its address's.
+/// Reports a missing task as a mistake in the body (422), not in the address (404).
 fn mistaken(error: StoreError) -> Problem {
     match error {
         StoreError::NotFound { what } => unknown(what, what),

@@ -1,4 +1,4 @@
-//! One trainee's courses: what is next, and until when.
+//! One trainee's courses: the next step, and when it is due.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -14,15 +14,15 @@ use crate::http::show::Page;
 use crate::http::state::App;
 use crate::ids::GroupId;
 
-/// A trainee's way through one course.
+/// A trainee's progress in one course.
 #[derive(Serialize, ToSchema)]
 pub struct OwnCourse {
-    /// By which group; `null` to trainees, to whom groups are not shown.
+    /// The group that follows the course; `null` for trainees, who do not see groups.
     group: Option<CourseGroup>,
     course: FollowedCourse,
-    /// Number, from 1, of the first step that is not passed; `null`: all are.
+    /// Number, from 1, of the first step that is not passed; `null`: all steps are passed.
     next: Option<usize>,
-    /// The plan's steps, in their order.
+    /// The plan's steps, in order.
     steps: Vec<OwnStep>,
 }
 
@@ -33,7 +33,7 @@ pub struct CourseGroup {
     name: Name,
 }
 
-/// A step, and how it stands.
+/// A step and the trainee's progress in it.
 #[derive(Serialize, ToSchema)]
 pub struct OwnStep {
     #[serde(flatten)]
@@ -42,12 +42,12 @@ pub struct OwnStep {
 }
 
 impl OwnCourse {
-    fn new(found: cohorts::OwnCourse, tells_groups: bool) -> Self {
+    fn new(found: cohorts::OwnCourse, show_group: bool) -> Self {
         let cohorts::OwnCourse { of, course, row } = found;
         let CourseRow { next, steps: progress, .. } = row;
         let steps = course.steps.into_iter().map(|step| DueStep::new(step, of.begins)).zip(progress);
         Self {
-            group: tells_groups.then_some(CourseGroup { id: of.group_id, name: of.group_name }),
+            group: show_group.then_some(CourseGroup { id: of.group_id, name: of.group_name }),
             course: FollowedCourse::new(course.id, course.name, of.begins),
             next,
             steps: steps.map(|(step, progress)| OwnStep { step, progress }).collect(),
@@ -55,9 +55,9 @@ impl OwnCourse {
     }
 }
 
-/// Read how a trainee has come through the courses of their groups, the latest first
+/// Read a trainee's progress in the courses of their groups, latest first
 ///
-/// To instructors, those of the groups that they teach.
+/// Instructors see the courses of the groups that they teach.
 #[utoipa::path(get, path = "/trainees/{id}/course", tag = "courses",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<OwnCourse>)))]
 pub async fn of_trainee(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<OwnCourse>>> {

@@ -1,4 +1,4 @@
-//! What people say about seconds of sessions.
+//! Comments on moments and stretches of sessions.
 
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
@@ -15,19 +15,19 @@ use crate::http::state::App;
 use crate::ids::{CommentId, SessionId};
 use crate::store;
 
-/// What somebody says about a second of a session, or about a stretch of it.
+/// A comment on a moment or a stretch of a session.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Comment {
     id: CommentId,
-    /// What they are called; `null` where they are here no more.
+    /// Name of the author; `null` if the person was deleted.
     who: Option<String>,
-    /// Is it of who asks? Then they may withdraw it.
+    /// True if it is the caller's own comment, which the caller may withdraw.
     own: bool,
-    /// From which second of the recording.
+    /// Beginning of the stretch, seconds of the recording.
     from_s: f64,
-    /// To which; the same for one moment.
+    /// End of the stretch, seconds; equal to `from_s` for a single moment.
     to_s: f64,
-    /// What they say: text, never markup.
+    /// The comment: plain text, never markup.
     text: String,
     created_at: Time,
 }
@@ -35,9 +35,10 @@ pub struct Comment {
 /// A session's comments.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Comments {
-    /// By their seconds; at most 500.
+    /// The comments in order of time; at most 500.
     items: Vec<Comment>,
-    /// Comments of other members of staff that are shown once who asks has rated the session: nobody rates what they have read.
+    /// Number of hidden comments by other staff. They are shown after the caller has rated the session, so that ratings
+    /// stay independent.
     hidden: i64,
 }
 
@@ -49,7 +50,7 @@ impl Comment {
     }
 }
 
-/// List a session's comments, by their seconds
+/// List a session's comments, in order of time
 #[utoipa::path(get, path = "/sessions/{id}/comments", tag = "ratings",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = Comments)))]
 pub async fn comments(State(app): State<App>, by: Member, at: At) -> Answer<Json<Comments>> {
@@ -58,7 +59,7 @@ pub async fn comments(State(app): State<App>, by: Member, at: At) -> Answer<Json
     Ok(Json(Comments { items, hidden: seen.hidden }))
 }
 
-/// Say something about a second of a session, or about a stretch of it
+/// Comment on a moment or a stretch of a session
 #[utoipa::path(post, path = "/sessions/{id}/comments", tag = "ratings",
     params(("id" = String, Path, description = "id")), request_body = NewComment,
     responses((status = CREATED, body = Comment)))]
@@ -75,7 +76,7 @@ pub async fn comment(
     Ok(Created { location, made: Comment::new(comment, &by.scope) })
 }
 
-/// Withdraw a comment of one's own
+/// Withdraw an own comment
 #[utoipa::path(delete, path = "/sessions/{id}/comments/{comment}", tag = "ratings",
     params(("id" = String, Path, description = "id"), ("comment" = String, Path, description = "id of the comment")),
     responses((status = NO_CONTENT)))]

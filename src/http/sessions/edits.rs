@@ -1,4 +1,4 @@
-//! What people change about a scored session: trim it, exchange its tools' names, set it aside. Each can be undone.
+//! Edits of a scored session: trim it, swap the names of its tools, set it aside. Each edit can be undone.
 
 use axum::extract::{Path, State};
 use serde::Serialize;
@@ -16,53 +16,53 @@ use crate::http::state::App;
 use crate::ids::{EditId, JobId, SessionId};
 use crate::store;
 
-/// A change of a session.
+/// An edit of a session.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Edit {
     id: EditId,
-    /// What is changed.
+    /// The kind of edit.
     kind: EditKind,
-    /// From which second of the recording; `null` of what is about the whole session.
+    /// Beginning of the edited stretch, seconds of the recording; `null` for an edit of the whole session.
     from_s: Option<f64>,
-    /// To which.
+    /// End of the edited stretch, seconds of the recording; `null` for an edit of the whole session.
     to_s: Option<f64>,
-    /// The two tools that change names.
+    /// The two tools whose names are swapped.
     tools: Option<[String; 2]>,
-    /// Why: text, never markup.
+    /// The reason: plain text, never markup.
     why: String,
-    /// Who made it; `null` where they are here no more.
+    /// Name of the person who made the edit; `null` if the person was deleted.
     who: Option<String>,
     created_at: Time,
-    /// By whom and when it was undone; `null`: it is in force.
+    /// When it was undone, and the name of the person; `null`: it is in force.
     undone: Option<Undone>,
 }
 
-/// That an edit was undone.
+/// Time and person of an undo.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Undone {
-    /// By whom; `null` where they are here no more.
+    /// Name of the person; `null` if the person was deleted.
     who: Option<String>,
     at: Time,
 }
 
-/// A session's edits, and how its score stands to them.
+/// A session's edits, and whether its score includes them.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Edits {
-    /// The oldest first, those that were undone included; at most 200.
+    /// The edits, oldest first, including those that were undone; at most 200.
     items: Vec<Edit>,
-    /// What is left by the trims in force; `null`: all of the recording.
+    /// The stretch that the trims in force leave; `null`: the whole recording.
     kept: Option<Kept>,
-    /// Which state of its trims and swaps this is. A `POST` that names it is refused if there is another by then.
+    /// Revision of the trims and swaps. A `POST` with an outdated revision is refused.
     revision: u64,
-    /// Is the score made with the edits in force?
+    /// Whether the score includes the edits in force.
     score: ScoreState,
-    /// The work that makes it; `null` where it is made.
+    /// The job that computes the new score; `null` once the score includes the edits.
     job: Option<JobId>,
-    /// Why it could not be made; the score is that of before. The job can be tried again, or the edit be undone.
+    /// Why the new score could not be computed; until then the previous score counts. Retry the job, or undo the edit.
     error: Option<ProblemDocument>,
 }
 
-/// What is left of a recording.
+/// The stretch of a recording that trims leave, in seconds.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Kept {
     from_s: f64,
@@ -94,19 +94,19 @@ impl From<store::SessionEdits> for Edits {
     }
 }
 
-/// List what was changed about a session, by whom and why
+/// List a session's edits, with their authors and reasons
 #[utoipa::path(get, path = "/sessions/{id}/edits", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = Edits)))]
 pub async fn edits(State(app): State<App>, by: Member, at: At) -> Answer<Json<Edits>> {
     Ok(Json(app.store.edits().of_session(&by.scope, at.id()?).await?.into()))
 }
 
-/// Trim a session, exchange two tools' names over a stretch, or set it aside
+/// Trim a session, swap the names of two tools over a stretch, or set the session aside
 ///
-/// Nothing that was measured is touched. A trim or a swap is followed by a new result, made of the stored path and kept beside the
-/// old ones; its features, quality, evidence and advice are of what is left, and so is every later result until the edit is undone.
-/// Trims add up: what lies within all of them counts. A session that is set aside keeps its score, and counts in no progress, cohort,
-/// standard, model or correlation.
+/// An edit changes no measurement. After a trim or a swap, the service computes a new result from the stored path and
+/// keeps the old ones. Features, quality, evidence and advice of the new result, and of every later one until the edit
+/// is undone, cover only the stretch that is left. Trims add up: the stretch inside all of them counts. A session that
+/// is set aside keeps its score, but counts in no progress, cohort, standard, model or correlation.
 #[utoipa::path(post, path = "/sessions/{id}/edits", tag = "sessions",
     params(("id" = String, Path, description = "id")), request_body = NewEdit,
     responses((status = CREATED, body = Edit)))]
@@ -123,7 +123,9 @@ pub async fn edit(State(app): State<App>, by: Staff, at: At, Json(new): Json<New
     Ok(Created { location: format!("/api/v1/sessions/{session}/edits/{}", edit.id), made: edit.into() })
 }
 
-/// Undo an edit: it stays in the list, with who undid it and when
+/// Undo an edit
+///
+/// It stays in the list, with the time of the undo and the name of the person.
 #[utoipa::path(delete, path = "/sessions/{id}/edits/{edit}", tag = "sessions",
     params(("id" = String, Path, description = "id"), ("edit" = String, Path, description = "id of the edit")),
     responses((status = OK, body = Edit)))]
@@ -139,27 +141,28 @@ pub async fn undo_edit(
 }
 
 impl App {
-    /// The change as it can be made to the session's path, and the revision for which that holds.
+    /// Checks the change against the session's path. Returns the change as it can be applied, and the revision of the
+    /// edits that it was checked against.
     async fn fitting(&self, scope: &Scope, session: SessionId, change: Change) -> Answer<(Change, Option<u64>)> {
         let result = self.result(scope, session).await?;
         let in_force = self.store.edits().in_force(session).await?;
         let stored = self.vault.read(result.trajectory, super::trajectory::MOST).await?;
         let is_import = result.versions.calibration.is_none();
-        // A long session takes a moment to read: not on a thread that serves others.
-        let looked = tokio::task::spawn_blocking(move || {
+        // Reading a long session takes a moment, so it runs on a blocking thread.
+        let checked = tokio::task::spawn_blocking(move || {
             let paths =
                 Paths::from_bytes(&stored).map_err(|cause| Problem::internal("reading a stored trajectory", cause))?;
             if paths.tracking.is_none() && !is_import {
                 return Err(Refusal::Conflict.with(
-                    "The program that tracked it did not keep all that a score depends on. Track the session again, then edit it.",
+                    "An older version of the program tracked this session, and its result cannot be edited. Track the session again, then edit it.",
                 ));
             }
             Ok((fitting(&paths, &in_force, change)?, Some(in_force.revision)))
         });
-        looked.await.map_err(|cause| Problem::internal("reading a stored trajectory", cause))?
+        checked.await.map_err(|cause| Problem::internal("reading a stored trajectory", cause))?
     }
 
-    /// Tells workers that there may be work, and those who watch that the session stands differently.
+    /// Notifies workers of a possible job, and watchers of the session's new state.
     async fn tell_edited(&self, scope: &Scope, session: SessionId) -> Answer<()> {
         let session = self.store.sessions().get(scope, session).await?;
         self.tell_session(&session);

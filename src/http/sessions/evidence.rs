@@ -1,4 +1,4 @@
-//! Where a session's features come from, and what to work on next.
+//! The seconds that determined a session's features, and advice on what to practise next.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -13,24 +13,24 @@ use crate::http::read::{At, Json};
 use crate::http::state::App;
 use crate::store;
 
-/// The seconds that made a session's features.
+/// The seconds that determined a session's features.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Evidence {
-    /// Version of the program that made it; `null` while there is no result.
+    /// Version of the program that computed the result; `null` while there is no result.
     pipeline: Option<String>,
-    /// A row for each feature, in the order in which people read them; `null` where the result has none: it is not there yet,
-    /// or is of a program that did not keep them, and scoring the session again makes them.
+    /// One row for each feature, in display order. `null` if there is no result yet, or if an older program computed it
+    /// without evidence; scoring the session again adds it.
     features: Option<Vec<EvidenceRow>>,
 }
 
-/// What to work on next.
+/// What to practise next.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct AdviceGiven {
-    /// Version of the task's standard that the session is held against; `null` without one.
+    /// Version of the task's standard that the session is compared with; `null`: the task has no standard.
     standard: Option<i64>,
-    /// At most three, the most important first.
+    /// At most three pieces of advice, the most important first.
     items: Vec<Advice>,
-    /// Why there is none; `null` where there is.
+    /// Why there is no advice; `null` if there is some.
     none: Option<NoAdvice>,
 }
 
@@ -39,35 +39,33 @@ pub struct AdviceGiven {
 pub struct NoAdvice {
     /// Stable name: `not_scored`, `refused`, `no_standard`, `no_evidence`, `no_seconds` or `nothing_sure`.
     reason: &'static str,
-    /// The same in words.
+    /// The reason in words, for people.
     detail: &'static str,
 }
 
 const NOT_SCORED: NoAdvice = NoAdvice { reason: "not_scored", detail: "The session is not scored yet." };
-const REFUSED: NoAdvice = NoAdvice {
-    reason: "refused",
-    detail: "The session is refused: its numbers must not be believed, and nor would advice be.",
-};
+const REFUSED: NoAdvice =
+    NoAdvice { reason: "refused", detail: "The quality check refused this session, so there is no advice on it." };
 const NO_STANDARD: NoAdvice = NoAdvice {
     reason: "no_standard",
-    detail: "The task has no standard yet, and advice is given against its limits alone. Set one: POST tasks/{id}/standards.",
+    detail: "The task has no standard yet. Advice compares a session with the standard's limits: set a standard first.",
 };
 const NO_EVIDENCE: NoAdvice = NoAdvice {
     reason: "no_evidence",
-    detail: "The result is of a program that did not keep where features come from. Score the session again.",
+    detail: "An older version of the program scored this session. Score it again to get advice.",
 };
 const NOTHING_SURE: NoAdvice =
-    NoAdvice { reason: "nothing_sure", detail: "No feature misses its limit by more than it may be off." };
+    NoAdvice { reason: "nothing_sure", detail: "No feature misses its limit by more than its measurement error." };
 const NO_SECONDS: NoAdvice = NoAdvice {
     reason: "no_seconds",
-    detail: "A limit is missed, but no seconds stand out of which a rule could speak.",
+    detail: "A limit is missed, but no moment of the session stands out as the cause.",
 };
 
-/// Read which seconds made a session's features
+/// Read which seconds determined a session's features
 ///
-/// Each feature has at most three stretches that do not overlap, the weightiest first, or the reason why it has none. They are
-/// the hand's doing: what errors of the path alone could have made is left out, and where a tool was not seen only the features
-/// of the view point, with whose doing that was.
+/// Each feature has at most three stretches that do not overlap, the weightiest first, or the reason why it has none.
+/// Stretches show the trainee's movement: those that measurement errors of the path alone could explain are left out.
+/// Stretches where a tool was not seen appear only for the features of the view, with the cause.
 #[utoipa::path(get, path = "/sessions/{id}/evidence", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = Evidence)))]
 pub async fn evidence(State(app): State<App>, by: Member, at: At) -> Answer<Json<Evidence>> {
@@ -77,10 +75,11 @@ pub async fn evidence(State(app): State<App>, by: Member, at: At) -> Answer<Json
     Ok(Json(Evidence { pipeline: result.map(|result| result.versions.pipeline), features }))
 }
 
-/// Read what to work on next
+/// Read what to practise next
 ///
-/// Rules compare a session's features with its task's standard. A rule speaks only where the whole error bar of a feature
-/// breaks the limit and there are seconds to look at; of a refused session, and without a standard, none does.
+/// Rules compare a session's features with its task's standard. A rule gives advice only if the whole error bar of a
+/// feature breaks the limit and there are seconds to look at. There is no advice for a refused session, or without a
+/// standard.
 #[utoipa::path(get, path = "/sessions/{id}/advice", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = AdviceGiven)))]
 pub async fn session_advice(State(app): State<App>, by: Member, at: At) -> Answer<Json<AdviceGiven>> {

@@ -17,18 +17,20 @@ use crate::http::state::App;
 use crate::store::{Session, SessionResult, Standard};
 use crate::time::to_rfc3339;
 
-/// How it is written.
+/// Selects the format of a table.
 #[derive(Clone, Copy, Debug, Deserialize, IntoParams, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Written {
-    /// How it is written.
+    /// Format of the table.
     #[serde(default)]
     #[param(inline)]
     format: TableFormat,
 }
 
-/// Read the features as a table: a row for each tool and feature, with value, error bar, unit and versions
+/// Read the features as a table
+///
+/// One row for each tool and feature, with value, error bar, unit and versions.
 #[utoipa::path(get, path = "/sessions/{id}/features", tag = "sessions",
     params(("id" = String, Path, description = "id"), Written),
     responses((status = OK, description = "The table: session, trainee, task, …", content(
@@ -47,8 +49,9 @@ pub async fn features(
 
 /// Read a session as an xAPI statement
 ///
-/// It holds for versions 1.0.3 and 2.0 of the specification. The actor is an account of this service, by the trainee's code. The verb
-/// is `passed` or `failed` where the task's standard could judge the session, and else `completed`. What is not known is absent.
+/// It conforms to versions 1.0.3 and 2.0 of the specification. The actor is an account of this service, identified by
+/// the trainee's id. The verb is `passed` or `failed` if the task's standard could judge the session, else `completed`.
+/// Unknown values are absent.
 #[utoipa::path(get, path = "/sessions/{id}/xapi", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = Statement)))]
 pub async fn xapi(State(app): State<App>, by: Member, at: At, headers: HeaderMap) -> Answer<Json<Statement>> {
@@ -58,7 +61,7 @@ pub async fn xapi(State(app): State<App>, by: Member, at: At, headers: HeaderMap
     Ok(Json(statement(&app.home(&headers), &session, &result, standard.as_ref())))
 }
 
-/// The statement of a session's result.
+/// The xAPI statement of a session's result.
 pub fn statement(home: &str, session: &Session, result: &SessionResult, standard: Option<&Standard>) -> Statement {
     let judged = |standard: &Standard| {
         let hand = session.trainee_handedness;

@@ -1,4 +1,4 @@
-//! The files of a session: the recording, a picture of it, what the tracker saw.
+//! The files of a session: the recording, a preview picture, the tracker's diagnostics.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, Method, header};
@@ -22,10 +22,10 @@ use crate::http::state::App;
 use crate::ids::SessionId;
 use crate::store::SessionResult;
 
-/// Play the recording: whole, or the part that `Range` names
+/// Play the recording: the whole file, or the part that `Range` names
 #[utoipa::path(get, path = "/sessions/{id}/video", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "The recording as it was sent", content_type = "video/*"),
-        (status = PARTIAL_CONTENT, description = "The part that was asked for", content_type = "video/*"),
+        (status = PARTIAL_CONTENT, description = "The requested part", content_type = "video/*"),
         (status = 416, description = "Refused: `range-not-satisfiable`", content_type = "application/problem+json", body = ProblemDocument)))]
 pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, headers: HeaderMap) -> Answer<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
@@ -37,7 +37,7 @@ pub async fn video(State(app): State<App>, by: Member, at: At, method: Method, h
     app.stored(video, session.media_type, disposition).await?.answer(&method, &headers).await
 }
 
-/// A picture of the recording
+/// Read a picture of the recording
 #[utoipa::path(get, path = "/sessions/{id}/preview.jpg", tag = "sessions",
     params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "One frame", content_type = "image/jpeg")))]
@@ -54,20 +54,21 @@ pub async fn preview(
     app.stored(preview, "image/jpeg".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
-/// Which frames.
+/// Selects frames.
 #[derive(Clone, Copy, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Frames {
-    /// Only from this frame on.
+    /// Only this frame and later ones.
     from_frame: Option<u64>,
-    /// Only before this frame.
+    /// Only frames before this one.
     to_frame: Option<u64>,
 }
 
-/// What the tracker saw on every frame, and why it dropped what it dropped
+/// Read what the tracker saw on every frame
 ///
-/// Tools go by the names that they have by the session's edits. What was trimmed off was seen all the same, and is in it.
+/// Includes the reasons for rejected measurements. The names of the tools follow the session's edits. Frames that were
+/// trimmed off are included.
 #[utoipa::path(get, path = "/sessions/{id}/diagnostics", tag = "sessions",
     params(("id" = String, Path, description = "id"), Frames),
     responses((status = OK, description = "Columns: borders and tips in pixels of the recorded frame, reasons", body = Object)))]
@@ -87,7 +88,7 @@ pub async fn diagnostics(
     swaps.retain(|change| matches!(change, Change::Swap(..)));
     if frames.from_frame.or(frames.to_frame).is_some() || !swaps.is_empty() {
         let files = (app.vault.read(stored, MOST).await?, app.vault.read(result.trajectory, MOST).await?);
-        // A long session takes a moment to read: not on a thread that serves others.
+        // Reading a long session takes a moment, so it runs on a blocking thread.
         let written = tokio::task::spawn_blocking(move || part(&files, frames, &swaps));
         let part = written.await.map_err(|cause| Problem::internal("reading diagnostics", cause))??;
         return Ok(([(header::CONTENT_TYPE, "application/json")], part).into_response());
@@ -95,7 +96,7 @@ pub async fn diagnostics(
     app.stored(stored, "application/json".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
-/// Some frames of diagnostics and trajectory, with names exchanged.
+/// The diagnostics of some frames, with swapped tool names.
 fn part((seen, path): &(Vec<u8>, Vec<u8>), frames: Frames, swaps: &[Change]) -> Answer<Vec<u8>> {
     let failed = |cause: String| Problem::internal("reading diagnostics", cause);
     let frames = frames.from_frame.unwrap_or(0)..frames.to_frame.unwrap_or(u64::MAX);
@@ -109,25 +110,25 @@ fn part((seen, path): &(Vec<u8>, Vec<u8>), frames: Frames, swaps: &[Change]) -> 
     diagnostics::part(seen, frames, name_at).map_err(|cause| failed(cause.to_string()))
 }
 
-/// A session of another tracker's rows has no recording.
+/// The problem for a session that was imported from another tracker: it has no recording.
 fn no_picture(tracker: &TrackerName) -> Problem {
     Refusal::Conflict.with(format!(
-        "The session was imported from {tracker} and has no video. Its path is at `trajectory`, its features are in the session."
+        "The session was imported from {tracker} and has no video. Read its path at `trajectory`; the session holds its features."
     ))
 }
 
 impl App {
-    /// The latest result of a session; a session without one is told apart from one that is not there.
+    /// The latest result of a session. A session without a result gives 409, a missing session 404.
     pub(super) async fn result(&self, scope: &Scope, id: SessionId) -> Answer<SessionResult> {
         let result = self.store.sessions().result(scope, id).await?;
         result.ok_or_else(|| {
             Refusal::Conflict.with(
-                "The session is not tracked yet. Wait until its status is `done`; its `error` says why if it is not.",
+                "The session is not tracked yet. Wait until its status is `done`. If tracking failed, `error` of the session gives the reason.",
             )
         })
     }
 
-    /// A file of the vault, to be sent.
+    /// Opens a file of the vault for sending.
     async fn stored(&self, hash: BlobHash, media_type: String, disposition: String) -> Answer<StoredFile> {
         let (file, length) = self.vault.open_blob(hash).await?;
         let etag = format!("\"{hash}\"");

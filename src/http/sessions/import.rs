@@ -1,4 +1,4 @@
-//! Rows that another tracker measured: the table is the body.
+//! Imports a path that another tracker measured; the table is the request's body.
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
@@ -15,38 +15,39 @@ use crate::http::show::Created;
 use crate::http::state::App;
 use crate::intake::About;
 
-/// What is said of a tracker that has no name.
+/// Name of a tracker if the request names none.
 const NAMELESS: &str = "another tracker";
 
-/// What the rows are of.
+/// What the imported path belongs to.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct RowsOf {
-    /// Whose, by id or code.
+    /// The trainee, by id or code.
     #[param(required)]
     trainee: Option<String>,
-    /// Which task, by id or code.
+    /// The task, by id or code.
     #[param(required)]
     task: Option<String>,
-    /// Which box, by id or code. Where its tools are known, the rows must be of these.
+    /// The box, by id or code. If the box's tools are known, the table may contain only these.
     #[serde(rename = "box")]
     #[param(rename = "box", required)]
     in_box: Option<String>,
-    /// What measured them, at most 40 characters; without it, `another tracker`. Only values of one tracker are compared.
+    /// Name of the tracker, at most 40 characters; default: `another tracker`. Only values of the same
+    /// tracker are compared.
     tracker: Option<String>,
-    /// The file's name, for people.
+    /// Name of the file, for people.
     filename: Option<String>,
-    /// When it was recorded, RFC 3339; without it, now.
+    /// When it was recorded, RFC 3339; default: now.
     recorded_at: Option<String>,
 }
 
 /// Import the path of another tracker
 ///
-/// A CSV table in UTF-8 with the columns `frame,time_s,tool,x_mm,y_mm,z_mm`; those of `GET /sessions/{id}/trajectory` beside them
-/// are optional. It becomes a session without a video, scored as any other; its values have error bars only where the columns
-/// `sigma_xy_mm` and `sigma_z_mm` say how far each row may be off. A table that no tracker writes is refused with the line and the
-/// column.
+/// The body is a CSV table in UTF-8 with the columns `frame,time_s,tool,x_mm,y_mm,z_mm`. The other columns of `GET
+/// /sessions/{id}/trajectory` are optional. The table becomes a session without a video and is scored like any other.
+/// Its features have error bars only if the columns `sigma_xy_mm` and `sigma_z_mm` give the error of each row. An
+/// invalid table is refused; the problem names the line and the column.
 #[utoipa::path(post, path = "/sessions/import", tag = "sessions", params(RowsOf),
     request_body(content = String, content_type = "text/csv"), responses((status = CREATED, body = Session)))]
 pub async fn import(
@@ -68,9 +69,9 @@ pub async fn import(
     let body = Limited::new(request.into_body(), most).collect().await;
     let table = body.map_err(|cause| unreadable(&*cause, most as u64))?.to_bytes();
     let (intake, scope) = (app.intake.clone(), by.scope);
-    // On a task of its own: a sender that closes right after its last byte must not undo the import.
+    // In a separate task: a sender that closes right after its last byte must not cancel the import.
     let taken = app.shutdown.spawn(async move { intake.import(&scope, about, tracker, (table, room)).await });
-    let session = taken.await.map_err(|cause| Problem::internal("taking a table", cause))??;
+    let session = taken.await.map_err(|cause| Problem::internal("importing a table", cause))??;
     Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: Session::of(session, None) })
 }
 
@@ -80,5 +81,5 @@ fn expect_csv(headers: &HeaderMap) -> Answer<()> {
         return Ok(());
     }
     Err(Refusal::UnsupportedMediaType
-        .with("Send the table itself: `curl -H 'Content-Type: text/csv' --data-binary @track.csv`."))
+        .with("Send the table itself as the body: `curl -H 'Content-Type: text/csv' --data-binary @track.csv`."))
 }

@@ -1,7 +1,7 @@
-//! A session while it arrives: positions, running features and small pictures, over WebSocket, as `docs/live.md` has it.
+//! Shows a session live over WebSocket: positions, running features and small pictures (`docs/live.md`).
 //!
-//! Nothing that is said here is kept: the session's trajectory, made with hindsight once the recording is whole, is what
-//! counts. A watcher that is slow is told how much it missed.
+//! Live values are not stored. The session's trajectory, smoothed once the recording is complete, is what counts. A
+//! slow watcher misses messages and receives their number.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,38 +29,38 @@ use crate::http::state::App;
 use crate::ids::SessionId;
 use crate::live::{Following, Watch};
 
-/// How often it is looked whether a recording that nobody sends goes on, or has ended.
+/// How often to check whether a recording without a sender has resumed or ended.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// How often it is looked whether the sign-in still counts.
+/// How often to check that the watcher is still signed in and may see the session.
 const STILL_ALLOWED: Duration = Duration::from_secs(5);
-/// How long a watcher may take for one message.
+/// How long a watcher may take to receive one message.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Bytes before a picture: the number of its frame.
 const PICTURE_HEAD: usize = 8;
 
-/// What a watcher is told.
+/// A message to a watcher.
 #[derive(Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 enum Word {
-    /// What the session's task asks for; nothing is judged before the recording is whole.
+    /// The limits of the task's standard. The session is judged only once the recording is complete.
     Targets { standard: i64, targets: Vec<Target> },
-    /// Nobody sends the recording at the moment.
+    /// The recording has no sender at the moment.
     Waiting,
-    /// It arrives.
+    /// The recording is arriving.
     Live {
         width: u32,
         height: u32,
-        /// Names of the tools; `null` where it is not tracked, and then `why` says why not.
+        /// Names of the tools; `null` if the recording is not tracked live, and then `why` gives the reason.
         tools: Option<Vec<String>>,
         why: Option<String>,
     },
     /// A frame was tracked.
     Frame(Frame),
-    /// Features so far, the light, and whether camera and trocars stand where they did.
+    /// Features so far, the light, and whether camera and trocars have moved.
     Features { features: Vec<LiveFeature>, light: Option<Light>, placement: Option<Placement> },
-    /// The watcher was too slow for so many messages.
+    /// The watcher was too slow and missed this many messages.
     Missed { count: u64 },
-    /// The recording is whole: the session stands so.
+    /// The recording is complete, and the session has this status.
     Ended { status: SessionStatus },
 }
 
@@ -69,23 +69,23 @@ struct Frame {
     frame: u64,
     time_s: f64,
     tools: Vec<Tool>,
-    /// Between two tips, with its standard deviation, mm.
+    /// Distance of the two tips and its standard deviation, mm.
     distance_mm: Option<[f64; 2]>,
 }
 
-/// The scene's light against the first frame's.
+/// The scene's light, relative to the first frame.
 #[derive(Debug, Serialize)]
 struct Light {
     luma_ratio: f64,
     chroma_shift: [f64; 2],
 }
 
-/// Against the box's earlier sessions.
+/// Shifts of camera and trocars since the box's earlier sessions.
 #[derive(Debug, Serialize)]
 struct Placement {
-    /// How far the camera has moved; `null` where it has not.
+    /// Shift of the camera; `null` if it has not moved.
     camera: Option<Shift>,
-    /// How far each tool's trocar has; `null` where it has not, or all have with the camera.
+    /// Shift of each tool's trocar; `null` if it has not moved, or only together with the camera.
     ports: Vec<Option<Shift>>,
 }
 
@@ -104,9 +104,9 @@ impl From<&PlacementShape> for Placement {
 
 #[derive(Debug, Serialize)]
 struct Tool {
-    /// `seen`, `bridged` (by motion alone, for a moment), `left_view` or `lost`.
+    /// `seen`, `bridged` (predicted from its motion for a moment), `left_view` or `lost`.
     state: &'static str,
-    /// Why it was not measured on this frame.
+    /// Why the tool was not measured on this frame.
     reason: Option<&'static str>,
     tip_mm: Option<[f64; 3]>,
     /// Standard deviations across and along the line of sight.
@@ -148,7 +148,7 @@ impl From<&FollowedFrame> for Frame {
     }
 }
 
-/// The distance of two tips and its standard deviation, mm, to first order; `None` where they cannot be told apart.
+/// The distance of two tips and its standard deviation to first order, mm; `None` if the tips coincide.
 fn distance(one: &PathRow, other: &PathRow) -> Option<[f64; 2]> {
     let between = Vector3::from(one.tip_mm) - Vector3::from(other.tip_mm);
     let towards = between.try_normalize(1e-6)?;
@@ -159,12 +159,12 @@ fn distance(one: &PathRow, other: &PathRow) -> Option<[f64; 2]> {
     Some([between.norm(), (variance(one)? + variance(other)?).sqrt()])
 }
 
-/// What is watched.
+/// Selects what a watcher receives.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Watched {
-    /// Small pictures too; `false` for programs that want the numbers alone.
+    /// Whether to send small pictures; `false` for programs that need only numbers.
     #[serde(default = "yes")]
     #[param(default = true)]
     pictures: bool,
@@ -174,9 +174,9 @@ fn yes() -> bool {
     true
 }
 
-/// Watch a session while it arrives
+/// Watch a session live
 ///
-/// A WebSocket; `docs/live.md` describes what is said on it.
+/// Opens a WebSocket; `docs/live.md` describes the protocol.
 #[utoipa::path(get, path = "/sessions/{id}/live", tag = "sessions",
     params(("id" = String, Path, description = "id"), Watched),
     responses((status = 101, description = "The connection is a WebSocket from here on")))]
@@ -189,14 +189,15 @@ pub async fn live(
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Answer<Response> {
     let upgrade = upgrade.map_err(|_| {
-        Refusal::BadRequest.with("This is a WebSocket: open it as one. docs/live.md describes what is said on it.")
+        Refusal::BadRequest
+            .with("This address accepts only WebSocket connections. docs/live.md describes the protocol.")
     })?;
     origin::refuse_foreign(&headers)?;
     let session = app.store.sessions().get(&by.scope, at.id()?).await?.id;
-    let full = || busy("Too many pages watch at once. Close one that you no longer need, then try again.");
+    let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
     let place = app.streams.take(&by.scope).ok_or_else(full)?;
     let watcher = Watcher { app, scope: by.scope, headers, session, pictures: watched.pictures };
-    // A watcher says nothing.
+    // A watcher sends no messages, so small buffers are enough.
     let upgrade = upgrade.max_message_size(1024).max_frame_size(1024).read_buffer_size(1024).write_buffer_size(0);
     Ok(upgrade.on_upgrade(move |socket| async move {
         let shutdown = watcher.app.shutdown.clone();
@@ -205,7 +206,7 @@ pub async fn live(
     }))
 }
 
-/// One watcher.
+/// The connection of one watcher.
 struct Watcher {
     app: App,
     scope: Scope,
@@ -214,14 +215,14 @@ struct Watcher {
     pictures: bool,
 }
 
-/// Why a watcher is told nothing more.
+/// The watcher cannot receive more: disconnected, signed out, or not allowed to see the session.
 struct Gone;
 
-/// Why a recording is not watched any more, for the moment.
+/// Why [`Watcher::follow`] returned.
 enum Pause {
-    /// Nobody has it open.
+    /// The feed was closed; the recording may resume.
     Closed,
-    /// It is over: the watcher has gone, signed out, or the service ends.
+    /// The watcher is gone, see [`WatcherGone`].
     Over,
 }
 
@@ -233,10 +234,10 @@ impl Watcher {
             () = ending => {}
         }
         let frame = CloseFrame { code: 1000, reason: "".into() };
-        let _ = timeout(PATIENCE, socket.send(Message::Close(Some(frame)))).await; // whoever has gone does not hear it
+        let _ = timeout(PATIENCE, socket.send(Message::Close(Some(frame)))).await; // the watcher may be gone already
     }
 
-    /// Tells all there is until the recording has ended.
+    /// Sends messages until the recording has ended.
     async fn tell(&self, socket: &mut WebSocket) -> Result<(), Gone> {
         self.tell_targets(socket).await?;
         let mut is_waiting = false;
@@ -260,7 +261,7 @@ impl Watcher {
         }
     }
 
-    /// Tells the limits to come, if the task has a standard.
+    /// Sends the limits of the task's standard, if it has one.
     async fn tell_targets(&self, socket: &mut WebSocket) -> Result<(), Gone> {
         let store = &self.app.store;
         let task = store.sessions().get(&self.scope, self.session).await.map_err(|_| Gone)?.task_id;
@@ -268,40 +269,40 @@ impl Watcher {
         say(socket, &Word::Targets { standard: standard.version, targets: standard.definition.targets }).await
     }
 
-    /// Waits a moment, and hears whether the watcher is still there.
+    /// Waits for [`POLL_INTERVAL`]; fails if the watcher disconnects or is signed out.
     async fn rest(&self, socket: &mut WebSocket) -> Result<(), Gone> {
-        let rested = tokio::time::sleep(LOOK_EVERY);
-        tokio::pin!(rested);
+        let pause = tokio::time::sleep(LOOK_EVERY);
+        tokio::pin!(pause);
         loop {
             tokio::select! {
-                () = &mut rested => break,
-                heard = socket.recv() => if !is_there(heard) { return Err(Gone) },
+                () = &mut pause => break,
+                received = socket.recv() => if !is_there(received) { return Err(Gone) },
             }
         }
         if SignedIn::still(&self.app, &self.headers).await { Ok(()) } else { Err(Gone) }
     }
 
-    /// Is the watcher still signed in, and may they still see the session?
+    /// Whether the watcher is still signed in and may still see the session.
     async fn is_allowed(&self) -> bool {
         SignedIn::still(&self.app, &self.headers).await
             && self.app.store.sessions().get(&self.scope, self.session).await.is_ok()
     }
 
-    /// Tells what the frames show for as long as the recording is open.
+    /// Sends the results of live tracking for as long as the recording is open.
     async fn accompany(&self, socket: &mut WebSocket, mut watch: Watch) -> Pause {
         let mut still_allowed = interval(STILL_ALLOWED);
         let mut still_sent = interval(LOOK_EVERY);
         watch.following.mark_changed();
         loop {
-            let said = tokio::select! {
+            let sent = tokio::select! {
                 biased;
-                heard = socket.recv() => if is_there(heard) { Ok(()) } else { Err(Gone) },
-                // Before the news, of which a slow watcher always has some.
+                received = socket.recv() => if is_there(received) { Ok(()) } else { Err(Gone) },
+                // Checked before the results, because a slow watcher always has results waiting.
                 _ = still_allowed.tick() => if self.is_allowed().await { Ok(()) } else { Err(Gone) },
                 _ = still_sent.tick(), if watch.news.is_empty() => {
                     if watch.is_sent() { Ok(()) } else { return Pause::Closed }
                 }
-                // Closed only together with the news, of which there may be some left.
+                // Closes only together with the results below, so waiting results are still sent.
                 Ok(()) = watch.following.changed() => say(socket, &live_word(&mut watch)).await,
                 news = watch.news.recv() => match news {
                     Ok(followed) => tell_of(socket, &followed, &watch).await,
@@ -309,7 +310,7 @@ impl Watcher {
                     Err(RecvError::Closed) => return Pause::Closed,
                 },
             };
-            if said.is_err() {
+            if sent.is_err() {
                 return Pause::Over;
             }
         }
@@ -347,13 +348,13 @@ async fn tell_of(socket: &mut WebSocket, followed: &Arc<Followed>, watch: &Watch
     Ok(())
 }
 
-/// Whatever a watcher says means only that it is there.
-fn is_there(heard: Option<Result<Message, axum::Error>>) -> bool {
-    !matches!(heard, None | Some(Err(_) | Ok(Message::Close(_))))
+/// Whether the watcher is still connected. The content of its messages does not matter.
+fn is_there(received: Option<Result<Message, axum::Error>>) -> bool {
+    !matches!(received, None | Some(Err(_) | Ok(Message::Close(_))))
 }
 
-async fn say(socket: &mut WebSocket, word: &Word) -> Result<(), Gone> {
-    let text = serde_json::to_string(word).map_err(|_| Gone)?;
+async fn say(socket: &mut WebSocket, message: &Word) -> Result<(), Gone> {
+    let text = serde_json::to_string(message).map_err(|_| Gone)?;
     send(socket, Message::Text(text.into())).await
 }
 

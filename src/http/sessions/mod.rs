@@ -1,4 +1,4 @@
-//! Recordings that are here, how they stand, and what came of them.
+//! Sessions: recordings, their status, results, files, ratings, comments and edits.
 
 mod comments;
 mod edits;

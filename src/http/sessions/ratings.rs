@@ -1,4 +1,4 @@
-//! What instructors give sessions on forms.
+//! Ratings of sessions by instructors, on standard forms.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -14,22 +14,22 @@ use crate::http::state::App;
 use crate::ids::{RatingId, SessionId};
 use crate::store;
 
-/// What a rater gave a session on a form.
+/// A rating of a session on a form.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Rating {
     id: RatingId,
-    /// What the rater is called; `null` where they are here no more.
+    /// Name of the rater; `null` if the person was deleted.
     who: Option<String>,
-    /// Is it of who asks?
+    /// True if it is the caller's own rating.
     own: bool,
     form: Form,
-    /// Wording of the form.
+    /// Version of the form's wording.
     version: i64,
     /// The marks, in the form's order.
     items: Vec<Mark>,
-    /// Their sum; `null` where an item was not judged.
+    /// Sum of the marks; `null` if an item was not judged.
     total: Option<u32>,
-    /// Was it given before anything of other raters could be seen? Agreement and correlations are made of such alone.
+    /// True if the rater could see nothing of other raters before. Agreement and correlations use only such ratings.
     blind: bool,
     created_at: Time,
 }
@@ -37,14 +37,14 @@ pub struct Rating {
 /// A session's ratings.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Ratings {
-    /// The last of each rater on each form, newest first. A member of staff sees others' on a form after one of their own; the
-    /// session's trainee sees all.
+    /// The latest rating of each rater on each form, newest first. Staff see other ratings on a form after rating the
+    /// session on it themselves; the session's trainee sees all.
     items: Vec<Rating>,
-    /// How many people have rated on each form.
+    /// Number of raters on each form.
     raters: Vec<Raters>,
 }
 
-/// How many people have rated on a form.
+/// Number of raters on a form.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Raters {
     form: Form,
@@ -60,13 +60,13 @@ impl Rating {
     }
 }
 
-/// List the forms on which sessions are rated
+/// List the rating forms
 #[utoipa::path(get, path = "/rating-forms", tag = "ratings", responses((status = OK, body = Page<FormInfo>)))]
 pub async fn rating_forms(_by: Member) -> Json<Page<FormInfo>> {
     Json(Page::whole(FormInfo::all()))
 }
 
-/// List a session's ratings, as far as one may see them
+/// List a session's ratings that the caller may see
 #[utoipa::path(get, path = "/sessions/{id}/ratings", tag = "ratings",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = Ratings)))]
 pub async fn ratings(State(app): State<App>, by: Member, at: At) -> Answer<Json<Ratings>> {
@@ -76,10 +76,11 @@ pub async fn ratings(State(app): State<App>, by: Member, at: At) -> Answer<Json<
     Ok(Json(Ratings { items, raters }))
 }
 
-/// Give a session a rating
+/// Rate a session
 ///
-/// Every item of the form is named, with a mark from 1 to 5, or `null` where it was not judged. A rating never changes: the same
-/// person's next one on the form takes its place, and the earlier is kept. The session's trainee sees it.
+/// The body names every item of the form with a mark from 1 to 5, or `null` if it was not judged. A rating never
+/// changes: a person's next rating on the same form replaces it in the list, and the earlier one is kept. The session's
+/// trainee sees it.
 #[utoipa::path(post, path = "/sessions/{id}/ratings", tag = "ratings",
     params(("id" = String, Path, description = "id")), request_body = NewRating,
     responses((status = CREATED, body = Rating)))]

@@ -1,4 +1,4 @@
-//! Sessions are listed, read, tried again, erased.
+//! List, read, retry and erase sessions.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -20,7 +20,7 @@ use crate::http::show::{Page, Paging};
 use crate::http::state::App;
 use crate::store::{self, SessionFilter};
 
-/// Which sessions.
+/// Selects sessions.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -31,20 +31,20 @@ pub struct Which {
     /// Only of this task, by id or code.
     #[param(value_type = Option<String>)]
     task: Option<Key>,
-    /// Only in this box, by id or code.
+    /// Only recorded in this box, by id or code.
     #[serde(rename = "box")]
     #[param(rename = "box", value_type = Option<String>)]
     in_box: Option<Key>,
-    /// Only those that stand so.
+    /// Only with this status.
     status: Option<SessionStatus>,
-    /// Most items of the page, 1 to 200.
+    /// Most items on the page, 1 to 200.
     #[param(minimum = 1, maximum = 200)]
     limit: Option<u32>,
-    /// `next` of the page before.
+    /// `next` of the previous page.
     cursor: Option<String>,
 }
 
-/// List the sessions that one sees, newest first
+/// List the sessions that the caller may see, newest first
 #[utoipa::path(get, path = "/sessions", tag = "sessions", params(Which), responses((status = OK, body = Page<Session>)))]
 pub async fn list(State(app): State<App>, by: Member, Params(which): Params<Which>) -> Answer<Json<Page<Session>>> {
     let Which { trainee, task, in_box, status, limit, cursor } = which;
@@ -73,7 +73,9 @@ pub async fn get(State(app): State<App>, by: Member, at: At) -> Answer<Json<Sess
     Ok(Json(app.judged(&by.scope, session).await?.with_live(live)))
 }
 
-/// Track a session again: after a failure, or with a newer camera, newer colours or a newer program
+/// Track a session again
+///
+/// After a failure, or with a newer calibration, newer colours or a newer version of the program.
 #[utoipa::path(post, path = "/sessions/{id}/retry", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = Session)))]
 pub async fn retry(State(app): State<App>, by: Staff, at: At) -> Answer<Json<Session>> {
@@ -104,7 +106,7 @@ impl App {
         Ok(Session::of(session, result).judged_by(standard.as_ref(), handedness).with_verdict(verdict))
     }
 
-    /// Tells workers and those who watch that a session stands differently.
+    /// Notifies watchers that a session changed, and workers of a possible job.
     pub fn tell_session(&self, session: &store::Session) {
         let (id, trainee, status) = (session.id, session.trainee_id, session.status());
         let progress = super::show::progress(status, session.job_progress);

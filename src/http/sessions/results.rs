@@ -1,4 +1,4 @@
-//! All results of a session: which one counts, and what each was made with.
+//! All results of a session: which one is in use, and the versions behind each.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -14,25 +14,25 @@ use crate::http::state::App;
 use crate::ids::ResultId;
 use crate::store::SessionResult;
 
-/// Most results in the list: each version of program, camera and colours made one.
+/// Most results in the list. There is one for each combination of program, calibration and colours that was used.
 const MOST: u32 = 200;
 
-/// What one version of the program made of a session.
+/// A result of a session.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ResultSummary {
     id: ResultId,
-    /// Is it the one whose features are shown? The latest is.
+    /// True for the latest result, whose features the session shows.
     in_use: bool,
     /// `valid`, `usable_with_care` or `refused`; `null` in results of earlier versions.
     verdict: Option<String>,
-    /// What it was made with.
+    /// Versions of the program, calibration and colours that it was computed with.
     versions: Versions,
-    /// `revision` of the session's edits that it was made with; 0: of none.
+    /// `revision` of the session's edits that it includes; 0: no edits.
     edits: u64,
     created_at: Time,
 }
 
-/// List what each version of the program made of a session, the one in use first
+/// List all results of a session, the one in use first
 #[utoipa::path(get, path = "/sessions/{id}/results", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = Page<ResultSummary>)))]
 pub async fn results(State(app): State<App>, by: Member, at: At) -> Answer<Json<Page<ResultSummary>>> {

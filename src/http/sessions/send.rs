@@ -1,4 +1,4 @@
-//! A recording in one call: the video is the body.
+//! Receives a whole recording in one request; the video is the body.
 
 use axum::extract::{Request, State};
 use axum::http::header;
@@ -14,30 +14,31 @@ use crate::http::show::Created;
 use crate::http::state::App;
 use crate::intake::About;
 
-/// What the recording is of.
+/// What the recording belongs to.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Of {
-    /// Whose recording, by id or code; a trainee may leave it out.
+    /// The trainee, by id or code; a trainee may leave it out.
     trainee: Option<String>,
-    /// Which task, by id or code.
+    /// The task, by id or code.
     #[param(required)]
     task: Option<String>,
-    /// Which box, by id or code.
+    /// The box, by id or code.
     #[serde(rename = "box")]
     #[param(rename = "box", required)]
     in_box: Option<String>,
-    /// The file's name, for people.
+    /// Name of the file, for people.
     filename: Option<String>,
-    /// When it was recorded, RFC 3339; without it, now.
+    /// When it was recorded, RFC 3339; default: now.
     recorded_at: Option<String>,
 }
 
-/// Send a recording in one call
+/// Send a recording in one request
 ///
-/// The same recording of the same trainee, task and box is refused with `duplicate-recording` and the `session` that it
-/// is already. A cut loses the recording: over poor connections use `/uploads`, which goes on where it was cut.
+/// A recording that was sent before for the same trainee, task and box is refused with `duplicate-recording`, and the
+/// problem names its `session`. If the connection breaks, the recording has to be sent again from the beginning: over
+/// poor connections use `/uploads`, which resumes.
 #[utoipa::path(post, path = "/sessions", tag = "sessions", params(Of),
     request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "The video: MP4/MOV, Matroska/WebM, AVI or MPEG-TS"),
     responses((status = CREATED, body = Session)))]
@@ -55,13 +56,13 @@ pub async fn send(
     }
     let (intake, scope) = (app.intake.clone(), by.scope);
     let bytes = request.into_body().into_data_stream().map(|bytes| bytes.map_err(Into::into));
-    // On a task of its own: a sender that closes right after its last byte must not undo the recording.
+    // In a separate task: a sender that closes right after its last byte must not cancel the intake.
     let taken = app.shutdown.spawn(async move { intake.take(&scope, recording, bytes).await });
-    let session = taken.await.map_err(|cause| Problem::internal("taking a recording", cause))??;
+    let session = taken.await.map_err(|cause| Problem::internal("receiving a recording", cause))??;
     Ok(Created { location: format!("/api/v1/sessions/{}", session.id), made: Session::of(session, None) })
 }
 
-/// A form around the video would be stored as if it were one.
+/// Refuses a multipart form, which would be stored as if it were the video.
 fn refuse_forms(request: &Request) -> Answer<()> {
     let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if !kind.starts_with("multipart/") {

@@ -1,4 +1,4 @@
-//! A session as it is shown.
+//! A session in answers: builds it from the store's rows.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -17,7 +17,7 @@ use crate::http::show::{Named, Time};
 use crate::ids::{ResultId, SessionId};
 use crate::store;
 
-/// One recording of one trainee doing one task in one box, how it stands, and what came of it.
+/// One recording of one trainee doing one task in one box, with its status and results.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Session {
     id: SessionId,
@@ -25,111 +25,113 @@ pub struct Session {
     task: Named,
     #[serde(rename = "box")]
     in_box: Named,
-    /// The recording's name as it was sent.
+    /// Name of the file that was sent.
     filename: String,
     recorded_at: Time,
     created_at: Time,
     status: SessionStatus,
-    /// Has somebody set it aside, so that it counts in nothing? `GET /sessions/{id}/edits` says who, when and why.
+    /// True if the session was set aside and counts nowhere. `GET /sessions/{id}/edits` gives person, time and reason.
     set_aside: bool,
     /// Share that is tracked, 0 to 1.
     progress: f64,
-    /// Place in the queue, from 1, while it waits there.
+    /// Position in the queue, from 1; `null` if it does not wait there.
     queue_position: Option<i64>,
     source: Source,
-    /// Why it does not go on, or did not.
+    /// Why the session waits or failed.
     error: Option<ProblemDocument>,
-    /// Whoever tracked it died or fell silent too often; staff may try again.
+    /// True if tracking crashed or timed out too often, so it is not tried again on its own. Staff may retry it.
     quarantined: bool,
     video: Video,
     /// Names of the tools, in the trajectory's order.
     tools: Vec<String>,
     features: Vec<Feature>,
-    /// Features as they stood when the recording ended, where it was tracked while it arrived: by the causal filter over all
-    /// that was seen, without the smoother's hindsight, so they differ from `features`.
+    /// Features at the end of live tracking, if the session was tracked live. The causal filter computes them from all
+    /// frames without later smoothing, so they differ from `features`.
     live_features: Option<Vec<LiveFeature>>,
-    /// Place in a reference cohort, if a model scored it.
+    /// Rank in a reference cohort, if a model scored the session.
     score: Option<Value>,
-    /// What the task's model of skill says of it, or why it says nothing; `null` in lists, and while there is no result.
+    /// Verdict of the task's model of skill, or why it gives none; `null` in lists, and while there is no result.
     verdict: Option<SkillVerdict>,
-    /// What was observed, predicted and missed, and whether the features may be believed: those of a refused session have
-    /// no values. Results of earlier versions have fewer fields.
+    /// What was observed, predicted and missed, and whether the features are trustworthy: features of a refused session
+    /// have no values. Results of earlier versions have fewer fields.
     #[schema(value_type = Option<QualityDocument>)]
     quality: Option<Value>,
-    /// What the result was made with.
+    /// Versions of the program, calibration and colours that the result was computed with.
     versions: Option<Versions>,
-    /// Which of the session's results this is: the latest counts, `GET /sessions/{id}/results` lists all.
+    /// Id of this result, the session's latest. `GET /sessions/{id}/results` lists all.
     result: Option<ResultId>,
 }
 
 /// Where a session's path comes from.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Source {
-    /// `recording`: tracked here. `import`: rows of another tracker, not measured by Trocar; there is no video, and error bars are
-    /// those that the rows state, if they do.
+    /// `recording`: tracked by Trocar. `import`: measured by another tracker; there is no video, and error bars exist
+    /// only if the imported table states the errors.
     kind: &'static str,
-    /// What that tracker is called; `null` of a recording.
+    /// Name of the other tracker; `null` for a recording.
     tracker: Option<TrackerName>,
 }
 
 /// A recording.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Video {
-    /// Its length; `null` while it arrives.
+    /// Size of the file, bytes; `null` while it arrives.
     bytes: Option<u64>,
-    /// Its fingerprint, 64 hexadecimal digits; `null` while it arrives.
+    /// SHA-256 of the file, 64 hexadecimal digits; `null` while it arrives.
     sha256: Option<String>,
     media_type: String,
-    /// Width as displayed, pixels; known once it was decoded, like the following.
+    /// Width as displayed, pixels; `null`, like the next three, until the video was decoded.
     width: Option<u32>,
     /// Height as displayed, pixels.
     height: Option<u32>,
-    /// Decoded frames.
+    /// Number of decoded frames.
     frames: Option<u64>,
-    /// From the first frame to the last, s.
+    /// Time from the first frame to the last, s.
     duration_s: Option<f64>,
 }
 
-/// One feature.
+/// One feature of a session.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Feature {
     /// Stable name, such as `path_length`.
     name: String,
     /// Title for people.
     title: String,
-    /// Under which head it stands: `time`, `speed`, `path`, `smoothness`, `movements`, `two_hands` or `view`; `null` where it is
-    /// measured no more.
+    /// Group of features: `time`, `speed`, `path`, `smoothness`, `movements`, `two_hands` or `view`; `null` if the
+    /// feature is no longer measured.
     family: Option<&'static str>,
     /// Unit of `value`; empty for a pure number.
     unit: String,
     /// The tool's marker; `null` for a feature of the whole session.
     tool: Option<String>,
     space: FeatureSpace,
-    /// The value; `null` where there are too few observations, and then `not_enough` says of what.
+    /// The value; `null` if there are too few observations.
     value: Option<f64>,
+    /// Which observations are missing; `null` if there is a value.
     not_enough: Option<String>,
-    /// How far the value may be off; `null` where that is not known, and then `no_error` says why.
+    /// The error bar of the value; `null` if it is unknown.
     error: Option<FeatureError>,
+    /// Why the error bar is unknown; `null` if there is one.
     no_error: Option<String>,
-    /// The limit that the task's standard sets it; `null` without one.
+    /// The limit in the task's standard; `null`: none.
     target: Option<Limit>,
-    /// What the value is worth against it.
+    /// Judgement of the value by this limit.
     judgement: Option<Judgement>,
 }
 
-/// A limit, and the standard that sets it.
+/// A feature's limit, and the standard that sets it.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Limit {
-    /// The limit, in the feature's unit; keeping it exactly is enough.
+    /// The limit, in the feature's unit; a value equal to it passes.
     limit: f64,
-    /// Which side of it is better.
+    /// Whether smaller or larger values are better.
     better: Better,
     /// Version of the task's standard.
     standard: i64,
 }
 
 impl Session {
-    /// A session with its latest result, if there is one.
+    /// Builds the answer from a session and its latest result, if there is one.
     pub fn of(session: store::Session, result: Option<store::SessionResult>) -> Self {
         let status = session.status();
         let facts = result.as_ref().map(|result| result.video);
@@ -176,12 +178,12 @@ impl Session {
         shown
     }
 
-    /// The same with what was told live.
+    /// Adds the features of live tracking.
     pub fn with_live(self, live_features: Option<Vec<LiveFeature>>) -> Self {
         Self { live_features, ..self }
     }
 
-    /// The same, judged by its task's standard.
+    /// Judges the features by the task's standard.
     pub fn judged_by(mut self, standard: Option<&store::Standard>, handedness: Option<Handedness>) -> Self {
         if let (Some(standard), Some(versions)) = (standard, &self.versions) {
             self.features.iter_mut().for_each(|feature| feature.judge(standard, &versions.pipeline, handedness));
@@ -189,7 +191,7 @@ impl Session {
         self
     }
 
-    /// The same with what the task's model of skill says.
+    /// Adds the verdict of the task's model of skill.
     pub fn with_verdict(self, verdict: Option<SkillVerdict>) -> Self {
         Self { verdict, ..self }
     }
@@ -204,7 +206,7 @@ impl Session {
     }
 }
 
-/// Share that is tracked: what the job says, but all of it once it is done.
+/// Share that is tracked: the job's progress, or 1 once the session is done.
 pub fn progress(status: SessionStatus, of_job: Option<f64>) -> f64 {
     if status == SessionStatus::Done { 1.0 } else { of_job.unwrap_or(0.0) }
 }
@@ -249,7 +251,7 @@ impl Feature {
 }
 
 impl From<problem::Problem> for ProblemDocument {
-    /// A problem that lies in the past, so its status is only what it would have been.
+    /// A stored problem of a job. It never was an answer, so its status is always 422.
     fn from(problem: problem::Problem) -> Self {
         let problem::Problem { slug, title, detail } = problem;
         Self { kind: format!("/problems/{slug}"), title, status: 422, detail }

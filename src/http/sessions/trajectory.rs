@@ -1,4 +1,4 @@
-//! The path of a session, in the form that one's program reads.
+//! A session's path as JSON, CSV or Parquet.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -16,61 +16,64 @@ use crate::http::file::disposition;
 use crate::http::read::{At, Params};
 use crate::http::state::App;
 
-/// Longest stored paths that are read at once, bytes: about four hours of two tools.
+/// Largest stored file that is read into memory, bytes: about four hours of two tools.
 pub(super) const MOST: u64 = 512 * 1024 * 1024;
 
-/// A way to write a trajectory.
+/// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// One row per frame and tool.
+    /// CSV with one row per frame and tool.
     Csv,
-    /// The same as JSON columns.
+    /// JSON with one array for each column.
     #[default]
     Json,
-    /// The same as Apache Parquet.
+    /// Apache Parquet.
     Parquet,
 }
 
-/// Which of a session's three paths.
+/// One of a session's three paths.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Smoothness {
-    /// Looks ahead and back: what scores are made of.
+    /// Smoothed with earlier and later frames; scores use this path.
     #[default]
     Smoothed,
-    /// Filtered forwards only, without the smoother; fulcrum and shared errors are those of the whole recording.
+    /// Filtered with earlier frames only, without the smoother; fulcrum and shared errors come from
+    /// the whole recording.
     Filtered,
     /// As measured, frame by frame.
     Raw,
 }
 
-/// Fewest and most rows of a tool that may be asked for.
+/// Allowed values of `points`.
 const POINTS: std::ops::RangeInclusive<usize> = 10..=100_000;
 
-/// Which path, and how.
+/// Selects a path and its format.
 #[derive(Clone, Copy, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Wanted {
-    /// How it is written.
+    /// Format of the answer.
     #[serde(default)]
     #[param(inline)]
     format: Format,
-    /// Which one.
+    /// Which of the three paths.
     #[serde(default)]
     #[param(inline)]
     kind: Smoothness,
-    /// Without what was trimmed off, as it is scored; `false`: all of it. Exchanged names are exchanged in both.
+    /// `true`: without the stretches that were trimmed off, as it is scored; `false`: the whole path. Swapped tool
+    /// names apply in both cases.
     #[serde(default = "yes")]
     #[param(default = true)]
     trimmed: bool,
-    /// Only rows from this frame on.
+    /// Only rows of this frame and later ones.
     from_frame: Option<u64>,
-    /// Only rows before this frame.
+    /// Only rows of frames before this one.
     to_frame: Option<u64>,
-    /// At most about so many rows of each tool, chosen so that curves of x, y, z and speed look alike: the extremes of each stretch stay.
-    /// In JSON, `thinned` says whether any were left out, and `after_gap` for each row whether its tool was absent before it.
+    /// Approximate maximum of rows per tool. Rows are chosen so that curves of x, y, z and speed keep their shape: the
+    /// extremes of each stretch stay. In JSON, `thinned` is true if rows were left out, and `after_gap` is true for
+    /// each row before which its tool was absent.
     #[param(minimum = 10, maximum = 100000)]
     points: Option<usize>,
 }
@@ -79,7 +82,7 @@ fn yes() -> bool {
     true
 }
 
-/// Read the path of the tools, as it is edited
+/// Read the path of the tools, with the session's edits applied
 #[utoipa::path(get, path = "/sessions/{id}/trajectory", tag = "sessions",
     params(("id" = String, Path, description = "id"), Wanted),
     responses((status = OK, description = "The table: frame, time_s, tool, x_mm, y_mm, z_mm, …", content(
@@ -93,7 +96,7 @@ pub async fn trajectory(
     let id = at.id()?;
     let result = app.result(&by.scope, id).await?;
     if result.versions.calibration.is_none() && !matches!(wanted.kind, Smoothness::Smoothed) {
-        return Err(Refusal::Conflict.with("An imported path has one form only. Ask for it with `kind=smoothed`."));
+        return Err(Refusal::Conflict.with("An imported session has only one path. Request it with `kind=smoothed`."));
     }
     if wanted.points.is_some_and(|points| !POINTS.contains(&points)) {
         return Err(Problem::invalid(
@@ -103,7 +106,7 @@ pub async fn trajectory(
     }
     let edits = app.store.edits().in_force(id).await?;
     let stored = app.vault.read(result.trajectory, MOST).await?;
-    // A long session takes seconds to write: not on a thread that serves others.
+    // Writing a long session takes seconds, so it runs on a blocking thread.
     let written = tokio::task::spawn_blocking(move || write(&stored, edits.changes, wanted));
     let table = written.await.map_err(|cause| Problem::internal("writing a trajectory", cause))??;
     let name = format!("{id}.{}", wanted.format.extension());

@@ -1,4 +1,4 @@
-//! How a feature is spread over people, with a limit in it.
+//! Distribution of a feature over people, and the effect of a limit.
 
 use axum::extract::State;
 use serde::Deserialize;
@@ -14,33 +14,35 @@ use crate::http::error::{Answer, Problem};
 use crate::http::read::{At, Json, Params};
 use crate::http::state::App;
 
-/// Most cohorts that are held beside each other.
+/// Most cohorts in one comparison.
 const MOST_COHORTS: usize = 4;
 
-/// Of what, over whom, and where a limit would lie.
+/// Selects a feature, the people and a limit.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct SpreadOf {
-    /// Stable name of a feature of which more or less is better, such as `duration`.
+    /// Stable name of a feature such as `duration`, for which smaller or larger values are better.
     feature: String,
     /// The tool's marker; absent for a feature of the whole session.
     tool: Option<String>,
-    /// Where it is measured; absent: in three dimensions, if it is.
+    /// The space of the feature; default: three dimensions, if the feature is measured there.
     space: Option<FeatureSpace>,
-    /// Over these cohorts, by id or code, at most four with commas between; absent: over everybody whom one sees.
+    /// The cohorts to compare, by id or code, at most four, separated by commas; default: all people that the caller
+    /// may see.
     cohorts: Option<String>,
-    /// Of a tool's feature: over those who prefer this hand.
+    /// For a tool's feature: only people who prefer this hand.
     hand: Option<Handedness>,
-    /// Where a limit would lie: then each group says which share keeps it and which breaks it.
+    /// A limit to try: the answer then gives the shares of each group that keep and break it.
     limit: Option<f64>,
 }
 
-/// Read how a feature is spread over people, and what a limit would make of them
+/// Read the distribution of a feature over people
 ///
-/// One value a person, the median of their last five sessions, by this version of the program; without names, and only of people
-/// whom one sees. Of novices the share that keeps a limit is its false passes, of experts the share that breaks it its false fails: both
-/// as a standard between contrasting groups tells them, at whichever limit.
+/// One value for each person: the median of the last five sessions measured by this version of the program. It contains
+/// no names, and only people that the caller may see. With a limit, the share of novices that keep it are its false
+/// passes, and the share of experts that break it its false fails. A standard between contrasting groups reports the
+/// same shares for its own limit.
 #[utoipa::path(get, path = "/tasks/{id}/distribution", tag = "tasks",
     params(("id" = String, Path, description = "id or code"), SpreadOf),
     responses((status = OK, body = Distribution)))]

@@ -1,4 +1,4 @@
-//! A task's features as a table: everybody's, for those who run the centre.
+//! Exports a task's features of all trainees as a table, for administrators.
 
 use std::collections::HashSet;
 
@@ -19,28 +19,30 @@ use crate::http::state::App;
 use crate::ids::TraineeId;
 use crate::store::{PageRequest, SessionFilter};
 
-/// Which rows, and how they are written.
+/// Selects the rows of a table and its format.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Rows {
-    /// How it is written.
+    /// Format of the table.
     #[serde(default)]
     #[param(inline)]
     format: TableFormat,
-    /// Only of the people of this cohort, by id or code.
+    /// Only members of this cohort, by id or code.
     #[param(value_type = Option<String>)]
     cohort: Option<Key>,
-    /// How people are called. A code is made of the name where nobody chose another: for a table that leaves the centre, the id.
+    /// How the table identifies trainees. A code may be derived from the name: use ids in a table that
+    /// leaves the centre.
     #[serde(default)]
     #[param(inline)]
     trainees: CalledBy,
 }
 
-/// Read all features of a task as one table, without names
+/// Read all features of a task as one table
 ///
-/// A row for each session that is done and not set aside, tool and feature, newest sessions first; it is sent while it is read, so that a connection that
-/// closes before the table's end means that it broke off.
+/// The table contains no names. It has one row for each feature and tool of each session that is done and not set
+/// aside, newest sessions first. It is sent while it is read: if the connection closes before the table's end, the
+/// export failed.
 #[utoipa::path(get, path = "/tasks/{id}/features", tag = "tasks",
     params(("id" = String, Path, description = "id or code"), Rows),
     responses((status = OK, description = "The table: session, trainee, task, …", content(
@@ -63,7 +65,7 @@ pub async fn features(
     export::of_many(app, by.scope, Many { filter, only, called: trainees }, format, &name).await
 }
 
-/// Everybody in a cohort, read page by page.
+/// All members of a cohort, read page by page.
 async fn members(app: &App, scope: &Scope, cohort: &Key) -> Answer<HashSet<TraineeId>> {
     let (mut all, mut after) = (HashSet::new(), None);
     loop {

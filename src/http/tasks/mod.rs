@@ -1,4 +1,4 @@
-//! What trainees do. Everybody reads tasks, staff change them.
+//! Tasks: the exercises that trainees do. Every member may read them; staff may edit them.
 
 mod distribution;
 mod features;
@@ -26,7 +26,7 @@ use crate::http::state::App;
 use crate::ids::TaskId;
 use crate::store;
 
-/// An exercise.
+/// A task: an exercise in the box.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Task {
     id: TaskId,
@@ -79,7 +79,7 @@ pub async fn change(
     Ok(Json(task.into()))
 }
 
-/// Delete a task of which no session was recorded and which no course plan names
+/// Delete a task that has no sessions and is in no course plan
 #[utoipa::path(delete, path = "/tasks/{id}", tag = "tasks", params(("id" = String, Path, description = "id or code")),
     responses((status = NO_CONTENT)))]
 pub async fn delete(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {

@@ -1,4 +1,5 @@
-//! Tasks' models of skill. Everybody reads how good one is, administrators make them; a version is never changed.
+//! Models of skill of tasks. Every member may read how accurate a model is; administrators train models. A version
+//! never changes.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -20,22 +21,23 @@ pub struct Model {
     id: ModelId,
     /// 1, 2, … within the task; the highest is the one in use.
     version: i64,
-    /// Version of the program that measured its sessions; those of another version are not judged.
+    /// Version of the program that measured its training sessions. It judges only sessions of the same version.
     pipeline: String,
-    /// `logistic`, `lda`, `knn`, `tree` or `svm`; `null` once it is withdrawn, like the next two.
+    /// `logistic`, `lda`, `knn`, `tree` or `svm`; `null`, like the next two, once the model is withdrawn.
     learner: Option<String>,
     /// The learner's parameter.
     parameter: Option<String>,
-    /// The features that it goes by, those that tell levels apart best first.
+    /// The features that the model uses, those that separate the levels best first.
     features: Option<Vec<String>>,
     report: Report,
-    /// SHA-256 of the values that it was made of; `null` to all but administrators, for who knows most of the values could find
-    /// the last one by it.
+    /// SHA-256 of the training values. `null` for all but administrators: a person who knows most of the values could
+    /// recover the last one from it.
     fingerprint: Option<String>,
-    /// Name of the person who made it; `null` to trainees, and where nobody is there any more.
+    /// Name of the person who trained it; `null` for trainees, and if the person was deleted.
     who: Option<String>,
     created_at: Time,
-    /// When somebody of whom it was made was erased, and what it had learnt with them; `null`: not yet.
+    /// When the model was withdrawn: a person in its training data was erased, and with the person everything that it
+    /// had learned. `null`: not withdrawn.
     withdrawn_at: Option<Time>,
 }
 
@@ -58,7 +60,9 @@ impl Model {
     }
 }
 
-/// List a task's models of skill, newest first: the first is the one in use
+/// List a task's models of skill, newest first
+///
+/// The first one is in use.
 #[utoipa::path(get, path = "/tasks/{id}/models", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Model>)))]
 pub async fn models(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Model>>> {
@@ -67,11 +71,12 @@ pub async fn models(State(app): State<App>, by: Member, At(key): At) -> Answer<J
     Ok(Json(Page::whole(models.into_iter().map(|model| Model::new(model, &by.scope)))))
 }
 
-/// Make a task's model of skill: the next version, unless the one in use is made of the same
+/// Train a task's model of skill
 ///
-/// From the last three usable sessions of each person of a declared level, measured by this version of the program, at most forty
-/// people of a level. It takes some minutes, and goes on if nobody waits for it; one is made at a time. With fewer than eight
-/// people of a level it is refused, and `missing` says how many more it takes.
+/// The result is the next version, unless the version in use was trained with the same data. Training uses the last
+/// three usable sessions of each person with a declared level, measured by this version of the program, and at most 40
+/// people of a level. It takes some minutes and continues if the client disconnects; one model is trained at a time.
+/// Training is refused with fewer than eight people of a level; `missing` then gives the number of people still needed.
 #[utoipa::path(post, path = "/tasks/{id}/models", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), responses((status = CREATED, body = Model)))]
 pub async fn train_model(State(app): State<App>, by: Administrator, At(key): At) -> Answer<Created<Model>> {

@@ -1,4 +1,4 @@
-//! What the ratings of a task's sessions are worth.
+//! How reliable the ratings of a task's sessions are, and how they correlate with features.
 
 use axum::extract::State;
 use serde::Deserialize;
@@ -12,19 +12,20 @@ use crate::http::state::App;
 
 pub use crate::cohorts::{Agreement, Correlations};
 
-/// Of which ratings.
+/// Selects ratings.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct OfForm {
-    /// On which form.
+    /// The rating form.
     form: Form,
 }
 
-/// Read whether those who rate a task's sessions agree
+/// Read the agreement of the raters of a task's sessions
 ///
-/// Intraclass correlations of blind and whole ratings, of two-way random effects and absolute agreement, with 95 % intervals,
-/// over people who were rated by the same raters: each person counts once, by the newest such session. Of those whom one sees.
+/// Intraclass correlations (two-way random effects, absolute agreement) with 95 % intervals. They use blind and
+/// complete ratings of people who were rated by the same raters; each person counts once, with the newest such session.
+/// Limited to people that the caller may see.
 #[utoipa::path(get, path = "/tasks/{id}/agreement", tag = "ratings",
     params(("id" = String, Path, description = "id or code"), OfForm), responses((status = OK, body = Agreement)))]
 pub async fn agreement(
@@ -37,10 +38,10 @@ pub async fn agreement(
     Ok(Json(app.cohorts.agreement(&by.scope, of, form).await?))
 }
 
-/// Read with which features the ratings of a task's sessions go
+/// Read the correlations between ratings and features of a task's sessions
 ///
-/// Spearman's ρ over people, of the means over their rated sessions, with 95 % intervals and chances adjusted for all features
-/// asked at once. Of those whom one sees.
+/// Spearman's ρ over people, computed from each person's means over the rated sessions, with 95 % intervals and
+/// p-values adjusted for the number of features. Limited to people that the caller may see.
 #[utoipa::path(get, path = "/tasks/{id}/correlations", tag = "ratings",
     params(("id" = String, Path, description = "id or code"), OfForm), responses((status = OK, body = Correlations)))]
 pub async fn correlations(

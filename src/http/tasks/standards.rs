@@ -1,4 +1,5 @@
-//! What tasks ask for. Everybody reads standards, staff set them; a version is never changed.
+//! Standards of tasks: the limits that a session has to meet. Every member may read standards; staff may set them. A
+//! version never changes.
 
 use axum::extract::State;
 use serde::Serialize;
@@ -24,13 +25,13 @@ pub struct Standard {
     version: i64,
     #[serde(flatten)]
     definition: Definition,
-    /// Name of the person who set it; `null` to trainees, and where nobody is there any more.
+    /// Name of the person who set it; `null` for trainees, and if the person was deleted.
     who: Option<String>,
     created_at: Time,
 }
 
 impl Standard {
-    /// As it is shown to this scope.
+    /// The standard as this scope may see it.
     pub fn new(standard: store::Standard, scope: &Scope) -> Self {
         let store::Standard { id, version, definition, who, created_at_ms, .. } = standard;
         let who = who.filter(|_| scope.is_staff());
@@ -39,7 +40,9 @@ impl Standard {
     }
 }
 
-/// List a task's standards, newest first: the first is the one in use
+/// List a task's standards, newest first
+///
+/// The first one is in use.
 #[utoipa::path(get, path = "/tasks/{id}/standards", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Standard>)))]
 pub async fn standards(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Standard>>> {
@@ -48,10 +51,11 @@ pub async fn standards(State(app): State<App>, by: Member, At(key): At) -> Answe
     Ok(Json(Page::whole(standards.into_iter().map(|standard| Standard::new(standard, &by.scope)))))
 }
 
-/// Set a task's standard: the next version, unless the one in use says the same
+/// Set a task's standard
 ///
-/// Each limit is worked out from what its cohorts measured by now, in the last five sessions of each person: for administrators
-/// alone, where it is made from people. Ask for a proposal first.
+/// The result is the next version, unless the version in use is the same. A limit derived from cohorts is computed from
+/// their present measurements, from the last five sessions of each person; only administrators may set such a limit.
+/// Request a proposal first.
 #[utoipa::path(post, path = "/tasks/{id}/standards", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
     responses((status = CREATED, body = Standard)))]
@@ -67,7 +71,7 @@ pub async fn set_standard(
     Ok(Created { location: format!("/api/v1/tasks/{of}/standards"), made: Standard::new(standard, &by.scope) })
 }
 
-/// Work a standard out without setting it
+/// Compute a standard without setting it
 #[utoipa::path(post, path = "/tasks/{id}/standards/proposals", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
     responses((status = OK, body = Proposal)))]
@@ -81,7 +85,9 @@ pub async fn propose_standard(
     Ok(Json(app.cohorts.propose(&by.scope, of, new).await?))
 }
 
-/// List published limits to choose from: the times of the Fundamentals of Laparoscopic Surgery
+/// List published limits to choose from
+///
+/// They are the times of the Fundamentals of Laparoscopic Surgery.
 #[utoipa::path(get, path = "/tasks/{id}/standards/presets", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = Page<Preset>)))]
 pub async fn presets(State(app): State<App>, by: Member, At(key): At) -> Answer<Json<Page<Preset>>> {

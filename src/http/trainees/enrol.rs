@@ -1,4 +1,4 @@
-//! Many trainees at once.
+//! Enrols many trainees at once.
 
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
@@ -18,24 +18,24 @@ use crate::store::Enrolment;
 pub struct NewEnrolment {
     /// The rows, 1 to 500.
     rows: Vec<EnrolmentRow>,
-    /// Only look whether it could be done, and enrol nobody?
+    /// `true`: only check the rows, and enrol no trainee.
     #[serde(default)]
     only_check: bool,
 }
 
-/// What came of a list.
+/// Result of an enrolment or of a check.
 #[derive(Serialize, ToSchema)]
 pub struct EnrolmentOutcome {
-    /// Who is enrolled now, in the order of the rows; nobody, where it was only looked at.
+    /// The enrolled trainees, in the order of the rows; empty after a check.
     enrolled: Vec<Trainee>,
-    /// What is wrong, row by row; only where it was only looked at.
+    /// The problems of a check, row by row; empty after an enrolment.
     problems: Vec<RowProblem>,
 }
 
-/// Enrol many trainees at once: all of a list, or nobody
+/// Enrol many trainees at once
 ///
-/// If any row cannot be used, nobody is enrolled, and `problems` of the refusal names every such row, its field and what is wrong.
-/// `only_check` tells the same beforehand.
+/// All rows or none: if any row cannot be used, no trainee is enrolled, and `problems` of the refusal lists every such
+/// row, its field and the reason. `only_check` returns the same list without enrolling.
 #[utoipa::path(post, path = "/enrolments", tag = "trainees", request_body = NewEnrolment,
     responses((status = OK, body = EnrolmentOutcome)))]
 pub async fn enrol(
@@ -63,7 +63,7 @@ fn refused(problems: Vec<RowProblem>) -> Problem {
     let rows = problems.iter().map(|problem| problem.row).collect::<std::collections::BTreeSet<_>>().len();
     let what = if rows == 1 { "row cannot" } else { "rows cannot" };
     let detail = format!(
-        "{rows} {what} be used, so that nobody was enrolled. Mend what `problems` names and send the list again."
+        "{rows} {what} be used, so no trainee was enrolled. Correct the rows listed in `problems` and send the list again."
     );
     Refusal::Invalid.with(detail).member("problems", serde_json::json!(problems))
 }

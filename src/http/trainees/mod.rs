@@ -1,4 +1,4 @@
-//! Who trains. A scope sees its own; staff register, change and erase.
+//! Trainees. A caller sees the trainees in the own scope; staff register, change and erase trainees.
 
 mod enrol;
 mod progress;
@@ -22,7 +22,7 @@ use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
 use crate::ids::TraineeId;
 use crate::store;
 
-/// Somebody who trains.
+/// A trainee.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Trainee {
     id: TraineeId,
@@ -40,7 +40,7 @@ impl From<store::Trainee> for Trainee {
     }
 }
 
-/// List the trainees that one sees
+/// List the trainees that the caller may see
 #[utoipa::path(get, path = "/trainees", tag = "trainees", params(Paging), responses((status = OK, body = Page<Trainee>)))]
 pub async fn list(State(app): State<App>, by: Member, Params(paging): Params<Paging>) -> Answer<Json<Page<Trainee>>> {
     let page = paging.request(app.settings.page_items)?;
@@ -78,7 +78,7 @@ pub async fn change(
     Ok(Json(trainee.into()))
 }
 
-/// Erase a trainee with account, recordings and results
+/// Erase a trainee, with account, recordings and results
 #[utoipa::path(delete, path = "/trainees/{id}", tag = "trainees",
     params(("id" = String, Path, description = "id or code")), responses((status = NO_CONTENT)))]
 pub async fn erase(State(app): State<App>, by: Staff, At(key): At) -> Answer<StatusCode> {

@@ -1,4 +1,4 @@
-//! How a trainee gets on at a task.
+//! A trainee's progress in a task.
 
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
@@ -15,41 +15,42 @@ use crate::http::read::{At, Json, Params};
 use crate::http::state::App;
 use crate::http::tasks::{Standard, Task};
 
-/// What one wants to know.
+/// Selects task, features and cohort.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct Which {
-    /// Of which task, by id or code; without it, that of the newest session.
+    /// The task, by id or code; default: the task of the newest session.
     #[param(value_type = Option<String>)]
     task: Option<Key>,
-    /// Which feature, such as `path_length`; without it, those that the task's standard limits, or the duration.
+    /// The feature, such as `path_length`; default: the features with a limit in the task's standard,
+    /// else the duration.
     feature: Option<String>,
-    /// Of this tool alone; without it, of all that have the feature.
+    /// The tool; default: all tools that have the feature.
     tool: Option<String>,
-    /// Where it is measured; without it, in three dimensions, if it is measured there.
+    /// The space of the feature; default: three dimensions, if the feature is measured there.
     space: Option<FeatureSpace>,
-    /// Among whom the newest value is placed: a cohort's id or code.
+    /// The cohort to rank the newest value in, by id or code.
     #[param(value_type = Option<String>)]
     cohort: Option<Key>,
 }
 
-/// A trainee's sessions of a task over time: their features, places, learning curves, and what the task's standard makes of
-/// them.
+/// A trainee's sessions of a task over time: features, ranks in a cohort, learning curves, and judgements by the task's
+/// standard.
 #[derive(Serialize, ToSchema)]
 pub struct Progress {
     trainee: Trainee,
-    /// `null` where none was named and there is no session.
+    /// The task; `null` if the request named none and the trainee has no sessions.
     task: Option<Task>,
-    /// What the task asks for; `null` where nobody has set that.
+    /// The task's standard; `null`: none was set.
     standard: Option<Standard>,
-    /// Among whom the newest values are placed; `null` where none was named.
+    /// The cohort that the newest values are ranked in; `null` if the request named none.
     cohort: Option<Cohort>,
     #[serde(flatten)]
     course: answer::Course,
 }
 
-/// Read how a trainee gets on at a task
+/// Read a trainee's progress in a task
 #[utoipa::path(get, path = "/trainees/{id}/progress", tag = "trainees",
     params(("id" = String, Path, description = "id or code"), Which), responses((status = OK, body = Progress)))]
 pub async fn progress(

@@ -17,13 +17,13 @@ use crate::http::show::Paging;
 use crate::http::state::App;
 use crate::store::SessionFilter;
 
-/// Most statements on a page: each is made of a whole result.
+/// Most statements on a page, because each needs a whole result.
 const MOST_STATEMENTS: u32 = 50;
 
-/// Read a trainee's sessions as xAPI statements, by the page, newest first
+/// List a trainee's sessions as xAPI statements, newest first
 ///
-/// As a learning record store gives them: `more` is the address of the next page, and empty on the last. Sessions without a result,
-/// and those that were set aside, have no statement.
+/// The format is that of a learning record store: `more` is the address of the next page, and empty on the last one.
+/// Sessions without a result and sessions that were set aside have no statement.
 #[utoipa::path(get, path = "/trainees/{id}/xapi", tag = "trainees",
     params(("id" = String, Path, description = "id or code"), Paging), responses((status = OK, body = StatementResult)))]
 pub async fn xapi(

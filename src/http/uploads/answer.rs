@@ -1,4 +1,4 @@
-//! How far an upload is, as headers.
+//! The state of an upload as response headers.
 
 use axum::http::{HeaderMap, HeaderValue};
 
@@ -6,7 +6,7 @@ use super::headers::{TROCAR_DUPLICATE, TROCAR_SESSION, UPLOAD_EXPIRES, UPLOAD_OF
 use crate::intake::Received;
 use crate::time::to_http_date;
 
-/// The headers that say how far an upload is and what became of it.
+/// The headers with an upload's offset and expiry or, once it is complete, its session.
 pub fn progress(received: &Received) -> HeaderMap {
     let mut headers = HeaderMap::new();
     headers.insert(UPLOAD_OFFSET, HeaderValue::from(received.received));

@@ -1,4 +1,4 @@
-//! An upload goes on, is asked about, or ends.
+//! Continue an upload, read its offset, or delete it.
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -16,10 +16,10 @@ use crate::ids::UploadId;
 use crate::intake::tus::Checksum;
 use crate::intake::{Piece, Received};
 
-/// How far is an upload?
+/// Read an upload's offset
 #[utoipa::path(head, path = "/uploads/{id}", tag = "uploads",
     params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
-    responses((status = OK, description = "`Upload-Offset`, `Upload-Length`; once whole `Trocar-Session`")))]
+    responses((status = OK, description = "`Upload-Offset`, `Upload-Length`; once the upload is complete, `Trocar-Session`")))]
 pub async fn progress(State(app): State<App>, by: Member, at: At) -> Answer<Response> {
     let id = at.id()?;
     let received = app.intake.resume(&by.scope, id).await?;
@@ -31,13 +31,16 @@ pub async fn progress(State(app): State<App>, by: Member, at: At) -> Answer<Resp
     Ok((StatusCode::OK, headers).into_response())
 }
 
-/// Send the next piece: what is answered for is on the disk, also when the connection breaks
+/// Send the next piece
+///
+/// `Upload-Offset` of the answer counts only bytes that are stored on disk. If the connection breaks, the bytes that
+/// arrived are stored; read the offset and continue from there.
 #[utoipa::path(patch, path = "/uploads/{id}", tag = "uploads",
     params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
-        ("Upload-Offset" = u64, Header, description = "Where the piece begins"),
+        ("Upload-Offset" = u64, Header, description = "Offset of the piece, bytes"),
         ("Upload-Checksum" = Option<String>, Header, description = "`sha1 BASE64` or `sha256 BASE64` of the piece")),
     request_body(content = Vec<u8>, content_type = "application/offset+octet-stream"),
-    responses((status = NO_CONTENT, description = "`Upload-Offset`; once whole `Trocar-Session`, and `Trocar-Duplicate: true` if that was there before")))]
+    responses((status = NO_CONTENT, description = "`Upload-Offset`; once the upload is complete, `Trocar-Session`, and `Trocar-Duplicate: true` if that session existed before")))]
 pub async fn append(State(app): State<App>, by: Member, at: At, request: Request) -> Answer<Response> {
     expect_piece(request.headers())?;
     let (offset, sum) = (number(request.headers(), &UPLOAD_OFFSET)?, checksum(request.headers())?);
@@ -45,7 +48,7 @@ pub async fn append(State(app): State<App>, by: Member, at: At, request: Request
     Ok((StatusCode::NO_CONTENT, answer::progress(&received)).into_response())
 }
 
-/// Give an upload up: its bytes are deleted
+/// Delete an unfinished upload and its bytes
 #[utoipa::path(delete, path = "/uploads/{id}", tag = "uploads",
     params(("id" = String, Path, description = "id"), ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
     responses((status = NO_CONTENT)))]
@@ -54,8 +57,8 @@ pub async fn terminate(State(app): State<App>, by: Member, at: At) -> Answer<Sta
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Takes a request's body in, on a task of its own: hyper drops a handler with its connection, and what came must still
-/// be made durable.
+/// Receives a request's body in a separate task. hyper drops the handler when the connection closes, but the bytes that
+/// arrived must still be made durable.
 pub(super) async fn receive(
     app: &App,
     scope: Scope,

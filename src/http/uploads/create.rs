@@ -1,4 +1,4 @@
-//! What the service speaks, and the beginning of an upload.
+//! Describe the supported tus protocol, and begin an upload.
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
@@ -13,7 +13,7 @@ use crate::http::state::App;
 use crate::intake::tus::{CHECKSUMS, EXTENSIONS, Metadata, VERSION};
 use crate::intake::{About, Received};
 
-/// Which version and parts of tus are spoken
+/// Read the supported version and extensions of tus
 #[utoipa::path(options, path = "/uploads", tag = "uploads",
     responses((status = NO_CONTENT, description = "`Tus-Version`, `Tus-Extension`, `Tus-Max-Size`, `Tus-Checksum-Algorithm`")))]
 pub async fn describe(State(app): State<App>, _by: Member) -> Response {
@@ -26,16 +26,16 @@ pub async fn describe(State(app): State<App>, _by: Member) -> Response {
     (StatusCode::NO_CONTENT, HeaderMap::from_iter(headers)).into_response()
 }
 
-/// Begin an upload, or send a short recording whole
+/// Begin an upload, or send a short recording in one request
 ///
-/// `Upload-Metadata` holds `trainee`, `task` and `box` by id or code (a trainee may leave `trainee` out), and may hold
-/// `filename` and `recorded_at` (RFC 3339). A body of `application/offset+octet-stream` is its first piece.
+/// `Upload-Metadata` contains `trainee`, `task` and `box` by id or code (a trainee may leave `trainee` out), and
+/// optionally `filename` and `recorded_at` (RFC 3339). A body of `application/offset+octet-stream` is the first piece.
 #[utoipa::path(post, path = "/uploads", tag = "uploads",
     params(("Tus-Resumable" = String, Header, description = "`1.0.0`"),
-        ("Upload-Length" = u64, Header, description = "Bytes in all"),
+        ("Upload-Length" = u64, Header, description = "Total number of bytes"),
         ("Upload-Metadata" = String, Header, description = "`key base64, …`")),
-    request_body(content = Vec<u8>, content_type = "application/offset+octet-stream", description = "The first piece, or nothing"),
-    responses((status = CREATED, description = "`Location`: where to go on; `Upload-Offset`, `Upload-Expires`")))]
+    request_body(content = Vec<u8>, content_type = "application/offset+octet-stream", description = "The first piece, or an empty body"),
+    responses((status = CREATED, description = "`Location`: address of the upload; `Upload-Offset`, `Upload-Expires`")))]
 pub async fn create(State(app): State<App>, by: Member, request: Request) -> Answer<Response> {
     let headers = request.headers();
     let metadata = text(headers, &UPLOAD_METADATA)?.unwrap_or_default();
@@ -53,7 +53,7 @@ pub async fn create(State(app): State<App>, by: Member, request: Request) -> Ans
 
 fn upload_length(headers: &HeaderMap) -> Answer<u64> {
     if headers.contains_key("upload-defer-length") {
-        return Err(Refusal::BadRequest.with("Say `Upload-Length` now: telling it later is not spoken here."));
+        return Err(Refusal::BadRequest.with("Send `Upload-Length` now: deferred lengths are not supported."));
     }
     number(headers, &UPLOAD_LENGTH)
 }

@@ -1,4 +1,4 @@
-//! The headers of tus: read from requests, written to answers.
+//! The headers of the tus protocol in requests and answers.
 
 use std::str::FromStr;
 
@@ -12,25 +12,25 @@ use crate::intake::tus::{Checksum, HeaderProblem, VERSION};
 
 /// The protocol's version, in every request and answer.
 pub const TUS_RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
-/// Versions that the service speaks.
+/// Protocol versions that the service supports.
 pub const TUS_VERSION: HeaderName = HeaderName::from_static("tus-version");
-/// Bytes that are here.
+/// Number of bytes received so far.
 pub const UPLOAD_OFFSET: HeaderName = HeaderName::from_static("upload-offset");
-/// Bytes in all.
+/// Total number of bytes.
 pub const UPLOAD_LENGTH: HeaderName = HeaderName::from_static("upload-length");
-/// What the sender says of the recording.
+/// The sender's metadata on the recording.
 pub const UPLOAD_METADATA: HeaderName = HeaderName::from_static("upload-metadata");
-/// When the upload is forgotten unless it goes on.
+/// When the upload is deleted unless it continues.
 pub const UPLOAD_EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
 /// The session that the upload became.
 pub const TROCAR_SESSION: HeaderName = HeaderName::from_static("trocar-session");
-/// `true` when that session was there before.
+/// `true` if that session existed before.
 pub const TROCAR_DUPLICATE: HeaderName = HeaderName::from_static("trocar-duplicate");
 
 /// Media type of a piece.
 const PIECE: &str = "application/offset+octet-stream";
 
-/// Middleware: refuses other versions of the protocol, and names ours in every answer.
+/// Middleware: refuses other versions of the protocol, and adds the supported version to every answer.
 pub async fn speak_tus(request: Request, next: Next) -> Response {
     let version = request.headers().get(&TUS_RESUMABLE);
     let understood = request.method() == Method::OPTIONS || version.is_some_and(|version| version == VERSION);
@@ -41,19 +41,20 @@ pub async fn speak_tus(request: Request, next: Next) -> Response {
 
 fn other_version() -> Problem {
     Refusal::PreconditionFailed
-        .with(format!("Send `Tus-Resumable: {VERSION}`; other versions of tus are not spoken here."))
+        .with(format!("Send `Tus-Resumable: {VERSION}`; other versions of tus are not supported."))
         .header(TUS_VERSION, VERSION)
 }
 
 /// A header's text.
 pub fn text(headers: &HeaderMap, name: &HeaderName) -> Answer<Option<String>> {
     let Some(value) = headers.get(name) else { return Ok(None) };
-    let text =
-        value.to_str().map_err(|_| Refusal::BadRequest.with(format!("`{name}` holds other than visible ASCII.")))?;
+    let text = value
+        .to_str()
+        .map_err(|_| Refusal::BadRequest.with(format!("`{name}` may contain only visible ASCII characters.")))?;
     Ok(Some(text.to_owned()))
 }
 
-/// A header's number, which must be there.
+/// The number in a required header.
 pub fn number(headers: &HeaderMap, name: &HeaderName) -> Answer<u64> {
     let value = text(headers, name)?.filter(|text| !text.starts_with('+'));
     let number = value.as_deref().map(u64::from_str);
@@ -68,7 +69,7 @@ pub fn is_piece(headers: &HeaderMap) -> bool {
     headers.get(header::CONTENT_TYPE).is_some_and(|kind| kind == PIECE)
 }
 
-/// Refuses bodies that are no piece.
+/// Refuses a body that is not a piece.
 pub fn expect_piece(headers: &HeaderMap) -> Answer<()> {
     if is_piece(headers) {
         return Ok(());
@@ -76,7 +77,7 @@ pub fn expect_piece(headers: &HeaderMap) -> Answer<()> {
     Err(Refusal::UnsupportedMediaType.with(format!("Send the bytes with `Content-Type: {PIECE}`.")))
 }
 
-/// The checksum of the body, if one is told.
+/// The body's checksum, if the request states one.
 pub fn checksum(headers: &HeaderMap) -> Answer<Option<Checksum>> {
     let value = text(headers, &HeaderName::from_static("upload-checksum"))?;
     Ok(value.as_deref().map(Checksum::parse).transpose()?)
