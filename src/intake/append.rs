@@ -1,4 +1,4 @@
-//! Bytes into an upload: written, synced, noted, and only then told.
+//! Receives pieces of uploads: bytes are written, synced and recorded before they are acknowledged.
 
 use std::error::Error;
 
@@ -14,34 +14,34 @@ use crate::ids::UploadId;
 use crate::store::{Finished, StoreError, Upload};
 use crate::vault::{UploadFile, VaultError};
 
-/// What a connection may say while a piece arrives.
+/// Any error of the connection while a piece arrives.
 pub type BoxError = Box<dyn Error + Send + Sync>;
 
 /// A piece of a recording.
 pub struct Piece<B> {
-    /// Where it begins: the bytes that came before.
+    /// Where it begins: the number of bytes before it.
     pub offset: u64,
-    /// Its length, if the sender says it.
+    /// Its length in bytes, if the sender states it.
     pub length: Option<u64>,
-    /// What its bytes must sum up to.
+    /// The checksum that its bytes must have.
     pub checksum: Option<Checksum>,
     /// Its bytes.
     pub bytes: B,
 }
 
-/// How far an upload is.
+/// The progress of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
     /// Bytes that are durable.
     pub received: u64,
-    /// When it is forgotten unless it goes on, epoch ms.
+    /// When it expires unless more bytes arrive, epoch ms.
     pub expires_at_ms: i64,
-    /// What became of it, once it is whole.
+    /// Its outcome, once it is complete.
     pub finished: Option<Finished>,
 }
 
 impl Intake {
-    /// One upload that the scope sees and whose time is not over.
+    /// An upload that the scope sees and that has not expired.
     pub async fn upload(&self, scope: &Scope, id: UploadId) -> IntakeResult<Upload> {
         let upload = self.store.uploads().get(scope, id).await?;
         if upload.session_id.is_none() && upload.expires_at_ms <= self.clock.now_ms() {
@@ -50,7 +50,7 @@ impl Intake {
         Ok(upload)
     }
 
-    /// Appends a piece. Runs to its end whether or not the sender is still there: call it on a task of its own.
+    /// Appends a piece. Call it on a task of its own, so that it runs to its end even if the sender disconnects.
     pub async fn append<B>(&self, scope: &Scope, id: UploadId, piece: Piece<B>) -> IntakeResult<Received>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
@@ -64,14 +64,15 @@ impl Intake {
         self.progress(scope, id).await
     }
 
-    /// How far an upload is, asked by whoever wants to go on with it: their own broken connection is given up.
+    /// The progress of an upload, for a sender that wants to resume. Ends the sender's own broken connection.
     pub async fn resume(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
         self.upload(scope, id).await?;
         self.senders.end_silent(id).await;
         self.progress(scope, id).await
     }
 
-    /// How far an upload is. One that is whole but no session yet, because something ended in between, becomes one.
+    /// The progress of an upload. A complete upload that did not become a session yet, because of an interruption,
+    /// becomes one.
     async fn progress(&self, scope: &Scope, id: UploadId) -> IntakeResult<Received> {
         let upload = self.upload(scope, id).await?;
         let (received, expires_at_ms) = (upload.received, upload.expires_at_ms);
@@ -79,7 +80,7 @@ impl Intake {
         Ok(Received { received, expires_at_ms, finished })
     }
 
-    /// Ends an upload that nobody wants any more. A piece that is just arriving finds it gone.
+    /// Deletes an upload at the sender's request. A piece that is just arriving fails.
     pub async fn terminate(&self, scope: &Scope, id: UploadId) -> IntakeResult<()> {
         self.store.uploads().delete(scope, id).await?;
         Ok(self.vault.delete_upload(id).await?)
@@ -93,14 +94,14 @@ impl Intake {
         Ok(finished)
     }
 
-    /// Takes a piece in under the upload's lock.
+    /// Receives a piece under the upload's lock.
     async fn receive<B>(&self, scope: &Scope, id: UploadId, noted: u64, piece: Piece<B>) -> IntakeResult<()>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
         let file = self.vault.open_upload(id, noted).await;
         let file = file.map_err(|error| if gone(&error) { not_found() } else { error.into() })?;
-        // Only now is nobody else writing: what was read before the lock may be old.
+        // Read again under the lock: the earlier read may be out of date.
         let upload = self.upload(scope, id).await?;
         if piece.offset != upload.received || upload.received != noted {
             return Err(IntakeError::Offset { received: upload.received });
@@ -114,7 +115,8 @@ impl Intake {
     }
 }
 
-/// The file went between row and lock: the upload was terminated or has just become a session.
+/// True if the file disappeared between reading the row and locking: the upload was deleted or has just become a
+/// session.
 fn gone(error: &VaultError) -> bool {
     matches!(error, VaultError::NotFound)
 }
@@ -129,9 +131,9 @@ struct Arriving<'i> {
     sending: &'i Sending,
     id: UploadId,
     file: UploadFile,
-    /// Bytes that the row says are durable.
+    /// Bytes that are durable according to the row.
     noted: u64,
-    /// Bytes that the whole recording has.
+    /// Length of the whole recording, bytes.
     most: u64,
     sum: Option<RunningSum>,
 }
@@ -141,20 +143,20 @@ impl Arriving<'_> {
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
     {
-        let came = self.take_all(&mut bytes).await;
-        // Bytes that should have a sum are worth nothing before it is right: the next piece finds them cut off.
+        let received = self.take_all(&mut bytes).await;
+        // Bytes with a checksum must not count before it has been verified: the next piece cuts them off.
         if let Some(sum) = self.sum.take() {
-            came?;
+            received?;
             if !sum.matches() {
                 return Err(IntakeError::Mismatch);
             }
             return self.note().await;
         }
         self.note().await?;
-        came
+        received
     }
 
-    /// Writes what comes; on the way, what came is made durable, unless it must first be proved by its sum.
+    /// Writes arriving bytes. Makes them durable from time to time, unless a checksum must be verified first.
     async fn take_all<B>(&mut self, bytes: &mut B) -> IntakeResult<()>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
@@ -187,7 +189,7 @@ impl Arriving<'_> {
         Ok(())
     }
 
-    /// Makes what came durable and notes it: file first, row second.
+    /// Makes the written bytes durable and records them: file first, row second.
     async fn note(&mut self) -> IntakeResult<()> {
         let received = self.file.sync().await?;
         if received > self.noted {

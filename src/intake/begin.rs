@@ -1,4 +1,4 @@
-//! Whose recording, of what, where: checked before a byte is sent.
+//! Checks a recording's trainee, task and box before any byte is sent.
 
 use super::{Intake, IntakeError, IntakeResult};
 use crate::domain::scope::Scope;
@@ -7,25 +7,25 @@ use crate::ids::{BoxId, TaskId, TraineeId, UploadId};
 use crate::store::{NewUpload, StoreError, Upload};
 use crate::time::from_rfc3339;
 
-/// The name of a recording that came without one.
+/// File name of a recording that was sent without one.
 const NAMELESS: &str = "recording";
 
-/// What a sender says of a recording; ids or codes.
+/// A sender's description of a recording; things are named by id or code.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct About {
-    /// Whose it is; without it, a trainee's own.
+    /// The trainee; without it, the trainee who sends.
     pub trainee: Option<String>,
-    /// Which exercise.
+    /// The task.
     pub task: Option<String>,
-    /// Which box.
+    /// The box.
     pub in_box: Option<String>,
-    /// The file's name at the sender's.
+    /// The file name on the sender's machine.
     pub filename: Option<String>,
     /// When it was recorded, RFC 3339.
     pub recorded_at: Option<String>,
 }
 
-/// The same, found and checked.
+/// A recording's description, checked and resolved to ids.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
     pub(super) trainee: TraineeId,
@@ -36,7 +36,7 @@ pub struct Recording {
 }
 
 impl Intake {
-    /// Finds what the sender names, as far as the scope sees it.
+    /// Resolves the names in the description to things that the scope sees.
     pub async fn recognise(&self, scope: &Scope, about: About) -> IntakeResult<Recording> {
         let trainee = about.trainee.or_else(|| scope.own_trainee().map(|own| own.to_string()));
         let trainee = trainee.ok_or(IntakeError::Missing("trainee"))?;
@@ -54,7 +54,7 @@ impl Intake {
         })
     }
 
-    /// Begins an upload of `length` bytes. `metadata` is what the sender said, to be said back.
+    /// Begins an upload of `length` bytes. `metadata` is the sender's text, to be returned on request.
     pub async fn begin(
         &self,
         scope: &Scope,
@@ -81,7 +81,7 @@ impl Intake {
         }
     }
 
-    /// Refuses a length that no recording has.
+    /// Refuses a length of 0 or above the limit.
     pub fn check_length(&self, length: u64) -> IntakeResult<()> {
         match length {
             0 => Err(IntakeError::Empty),

@@ -1,11 +1,11 @@
-//! What kind of container a file's first bytes announce: for the `Content-Type` of a recording and nothing else.
+//! Detects the container format from a file's first bytes, only for the `Content-Type` of a recording.
 //!
-//! Whether it can be read at all is found out by the confined child; the name that a sender gave is never asked.
+//! The sandboxed child process finds out whether it can be decoded. The sender's file name is never used.
 
-/// First bytes that are looked at.
+/// Number of bytes to look at.
 pub const HEAD_BYTES: usize = 400;
 
-/// Media type of a recording by its first bytes.
+/// The media type of a recording by its first bytes.
 pub fn media_type(head: &[u8]) -> &'static str {
     let at = |offset: usize, magic: &[u8]| head.get(offset..).is_some_and(|rest| rest.starts_with(magic));
     if at(4, b"ftypqt  ") {

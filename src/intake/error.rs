@@ -1,4 +1,4 @@
-//! Why a recording was not taken.
+//! Errors of receiving recordings.
 
 use crate::domain::files::trajectory::ImportProblem;
 use crate::store::StoreError;
@@ -7,81 +7,81 @@ use crate::vault::VaultError;
 /// Result of an intake function.
 pub type IntakeResult<T> = Result<T, IntakeError>;
 
-/// Why a recording, or a piece of it, was not taken. What was acknowledged before stays.
+/// Why a recording, or a piece of it, was not accepted. Bytes that were acknowledged before are kept.
 #[derive(Debug, thiserror::Error)]
 pub enum IntakeError {
-    /// It is not said whose, what or where.
+    /// The trainee, task or box is missing.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// It names a trainee, task or box that is not there, or not to be seen.
+    /// The trainee, task or box does not exist or is outside the scope.
     #[error("there is no such {0}")]
     Unknown(&'static str),
     /// A value that cannot be used.
     #[error("{field}: {why}")]
     Invalid {
-        /// Which.
+        /// The field.
         field: &'static str,
         /// What was expected.
         why: String,
     },
-    /// Longer than a recording may be, or than was announced.
+    /// Longer than the limit for a recording, or than announced.
     #[error("more than {most} bytes")]
     TooLong {
-        /// Most bytes.
+        /// Maximum number of bytes.
         most: u64,
     },
-    /// Not a byte came.
+    /// No byte arrived.
     #[error("the recording is empty")]
     Empty,
     /// Too many uploads are unfinished.
     #[error("{most} uploads are unfinished")]
     TooMany {
-        /// Most of them.
+        /// Maximum number of unfinished uploads.
         most: u64,
     },
     /// The piece does not begin where the last one ended.
-    #[error("{received} bytes are here")]
+    #[error("{received} bytes have been received")]
     Offset {
         /// Bytes that are durable.
         received: u64,
     },
-    /// The upload's time is over.
+    /// The upload has expired.
     #[error("the upload has expired")]
     Expired,
-    /// The piece is not what its sender meant; it was dropped.
+    /// The piece does not match its checksum; it was dropped.
     #[error("the bytes differ from their checksum")]
     Mismatch,
-    /// The connection ended before the piece did, and this is what it said; what came is durable.
+    /// The connection ended before the piece did, with this error; the bytes that arrived are durable.
     #[error("the connection ended early")]
     Cut(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The sender went on elsewhere while nothing came here; what came is durable.
-    #[error("the sender went on with another request")]
+    /// The sender resumed on another connection while this one was silent; the bytes that arrived are durable.
+    #[error("the sender resumed the upload with another request")]
     Resumed,
-    /// The service ends; what came is durable.
+    /// The service is ending; the bytes that arrived are durable.
     #[error("the service is ending")]
     Ending,
-    /// The same recording of the same trainee, task and box is here.
+    /// The same trainee, task and box already have this recording.
     #[error("this recording is session {session}")]
     Known {
         /// The session's id.
         session: String,
     },
-    /// It is no table of a tracker's rows.
+    /// The table is not a valid table of tracked rows.
     #[error(transparent)]
     Table(#[from] ImportProblem),
-    /// Other tables are being read.
+    /// Too many tables are being read at the same time.
     #[error("{most} tables are being read")]
     Importing {
-        /// How many at a time.
+        /// Maximum number of tables at a time.
         most: usize,
     },
-    /// The thread that read a table did not come back.
+    /// The thread that read a table panicked or was cancelled.
     #[error("reading a table: {0}")]
     Broken(#[from] tokio::task::JoinError),
-    /// The store refused.
+    /// An error of the store.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The vault refused.
+    /// An error of the vault.
     #[error(transparent)]
     Vault(#[from] VaultError),
 }

@@ -1,4 +1,5 @@
-//! A whole upload becomes a session: the file a blob, then session and job in one transaction, then the file goes.
+//! Turns a complete upload into a session: the file becomes a blob, then session and job are stored in one transaction,
+//! then the file is deleted.
 
 use tokio::io::AsyncReadExt;
 
@@ -9,14 +10,14 @@ use crate::domain::scope::Scope;
 use crate::store::{Finished, Store, StoreError, Upload};
 use crate::vault::{Vault, VaultError};
 
-/// Makes the session of a whole upload. Safe to do again, from the start-up too: what was done is found done.
+/// Makes the session of a complete upload. Safe to repeat, also at start-up: completed steps are recognised.
 pub async fn finish(store: &Store, vault: &Vault, scope: &Scope, upload: &Upload) -> IntakeResult<Finished> {
     if let Some(session) = upload.session_id {
         return Ok(Finished { session, is_new: false });
     }
     let kept = match vault.keep_upload(upload.id).await {
         Ok(kept) => kept,
-        // Somebody else has just finished it and taken the file away.
+        // Another request has just finished it and deleted the file.
         Err(VaultError::NotFound) => return found(store, scope, upload).await,
         Err(error) => return Err(error.into()),
     };
@@ -32,11 +33,11 @@ async fn found(store: &Store, scope: &Scope, upload: &Upload) -> IntakeResult<Fi
     session.map(|session| Finished { session, is_new: false }).ok_or(gone)
 }
 
-/// A stored recording's media type.
+/// The media type of a stored recording.
 pub(super) async fn media_type_of(vault: &Vault, hash: BlobHash) -> IntakeResult<&'static str> {
     let mut head = Vec::with_capacity(HEAD_BYTES);
     let mut reader = vault.open_range(hash, 0, HEAD_BYTES as u64).await?;
-    // A head that cannot be read is no reason to refuse the recording: whoever tracks it will say what is wrong.
+    // An unreadable file is not refused here: tracking it will report the problem.
     let _ = reader.read_to_end(&mut head).await;
     Ok(media_type(&head))
 }

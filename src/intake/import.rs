@@ -1,5 +1,5 @@
-//! A table of rows that another tracker measured: read strictly, kept as it was sent, a session once it is durable. Its scoring
-//! is a job as that of a recording.
+//! Imports tables of rows that another tracker measured. A table is parsed strictly, stored as it was sent, and becomes
+//! a session once it is durable. It is scored by a job, like a recording.
 
 use bytes::Bytes;
 use tokio::sync::OwnedSemaphorePermit;
@@ -13,32 +13,32 @@ use crate::domain::text::TrackerName;
 use crate::media::Limits;
 use crate::store::Session;
 
-/// Tables that are read at a time: each lies in memory whole.
+/// Maximum number of tables that are read at the same time: each is in memory as a whole.
 pub(super) const AT_A_TIME: usize = 2;
 
-/// Most tools in a table: two hands and what assists them.
+/// Maximum number of tools in a table: two hands and two assisting tools.
 const MOST_TOOLS: usize = 4;
 
-/// What a table is stored as.
+/// Media type of a stored table.
 const MEDIA_TYPE: &str = "text/csv";
 
-/// Room for one table in memory.
+/// A permit to hold one table in memory.
 #[derive(Debug)]
 pub struct Room(#[allow(dead_code, reason = "held until the table is read")] OwnedSemaphorePermit);
 
 impl Intake {
-    /// Room for one more table; to be taken before a byte of it is read.
+    /// Acquires a permit for one more table; call it before reading a byte of the table.
     pub fn room_for_table(&self) -> IntakeResult<Room> {
         let permit = self.imports.clone().try_acquire_owned();
         permit.map(Room).map_err(|_| IntakeError::Importing { most: AT_A_TIME })
     }
 
-    /// Longest table, bytes.
+    /// Maximum size of a table, bytes.
     pub fn max_table_bytes(&self) -> usize {
         self.settings.import_bytes
     }
 
-    /// Takes a whole table. Call it on a task of its own: some senders close right after their last byte.
+    /// Imports a whole table. Call it on a task of its own, since some senders disconnect right after their last byte.
     pub async fn import(
         &self,
         scope: &Scope,
@@ -58,13 +58,13 @@ impl Intake {
         let (video, media_type) = (kept.blob(), MEDIA_TYPE.to_owned());
         let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type };
         let session = self.store.sessions().import(scope, new, tracker).await.map_err(known)?;
-        drop(kept); // only now does a row protect the file
+        drop(kept); // from here on a row protects the file
         self.tell(&session);
         Ok(session)
     }
 }
 
-/// A table may ask for as much as a recording.
+/// Limits for a table: as large as those for a recording.
 fn limits(rows: usize) -> ImportLimits {
     let Limits { duration_s, frames, .. } = Limits::default();
     ImportLimits { rows, tools: MOST_TOOLS, frames, duration_s }

@@ -1,21 +1,21 @@
-//! Recordings arriving: in pieces that survive every cut (tus), or in one call.
+//! Receives recordings: in resumable pieces (tus), or in one request.
 //!
 //! ```text
-//! begin: who, what, where are checked ─▶ empty file ─▶ row
-//! append: bytes ─▶ file ─▶ fdatasync ─▶ row says how many ─▶ the sender hears of them     (again and again)
-//! finish: file becomes a blob ─▶ session and job in one transaction ─▶ file goes
+//! begin: check trainee, task, box ─▶ empty file ─▶ row
+//! append: bytes ─▶ file ─▶ fdatasync ─▶ count in the row ─▶ acknowledged to the sender     (repeated)
+//! finish: file becomes a blob ─▶ session and job in one transaction ─▶ file is deleted
 //! ```
-//! Whatever ends in between, the next request or the next start goes on from the row: no byte that the sender heard of is
-//! lost, and a cut costs at most [`CHECKPOINT`] and what was on the wire.
+//! After an interruption at any point, the next request or the next start continues from the row: no acknowledged byte
+//! is lost, and a lost connection costs at most [`CHECKPOINT`] and the bytes on the wire.
 //!
 //! | file | holds |
 //! |---|---|
-//! | [`tus`] | what the protocol's headers say |
-//! | `begin.rs` | which trainee, task and box; refused before a byte is sent |
-//! | `append.rs` | bytes into an upload |
-//! | `senders.rs` | a sender who comes back takes over from their own broken connection |
-//! | `finish.rs` | a whole upload becomes a session |
-//! | `whole.rs` | a recording in one call |
+//! | [`tus`] | parses the protocol's headers |
+//! | `begin.rs` | checks trainee, task and box before a byte is sent |
+//! | `append.rs` | appends bytes to an upload |
+//! | `senders.rs` | a sender that resumes replaces its own broken connection |
+//! | `finish.rs` | turns a complete upload into a session |
+//! | `whole.rs` | a recording in one request |
 //! | `import.rs` | a table of rows that another tracker measured |
 //! | [`container`] | a recording's media type by its first bytes |
 
@@ -50,11 +50,11 @@ use crate::time::{SharedClock, millis};
 use crate::vault::Vault;
 use senders::Senders;
 
-/// Bytes after which an arriving recording is made durable though the request goes on: most of what a cut costs. More
-/// means fewer syncs; a client should not have to send more than 8 MiB again.
+/// An arriving recording is made durable each time after this many bytes, even in the middle of a request. This bounds
+/// the loss when a connection breaks. More means fewer syncs; a client should not have to send more than 8 MiB again.
 pub const CHECKPOINT: u64 = 4 * 1024 * 1024;
 
-/// Where recordings arrive. Clones are the same place.
+/// Receives recordings. Clones share one state.
 #[derive(Clone, Debug)]
 pub struct Intake {
     store: Store,
@@ -65,12 +65,12 @@ pub struct Intake {
     shutdown: Shutdown,
     settings: UploadSettings,
     senders: Arc<Senders>,
-    /// Places for tables that are being read.
+    /// Permits for tables that are being read.
     imports: Arc<Semaphore>,
 }
 
 impl Intake {
-    /// Puts recordings into this vault and this store.
+    /// Stores recordings in this vault and this store.
     pub fn new(
         (store, vault): (Store, Vault),
         (queue, events): (Queue, Events),
@@ -83,17 +83,17 @@ impl Intake {
         Self { store, vault, queue, events, clock, shutdown, settings, senders, imports }
     }
 
-    /// Longest recording, bytes.
+    /// Maximum length of a recording, bytes.
     pub fn max_bytes(&self) -> u64 {
         self.settings.max_bytes
     }
 
-    /// When an upload that goes on now is forgotten unless it goes on again, epoch ms.
+    /// When an upload that receives bytes now expires unless more arrive, epoch ms.
     fn expires_at_ms(&self) -> i64 {
         self.clock.now_ms() + millis(Duration::from_secs(self.settings.expire_h.saturating_mul(3600)))
     }
 
-    /// Tells workers and watchers of a new session.
+    /// Announces a new session: wakes a worker and publishes an event.
     fn tell(&self, session: &Session) {
         let (id, trainee, status) = (session.id, session.trainee_id, session.status());
         self.events.tell(Event::Session { id, trainee, status, progress: 0.0 });

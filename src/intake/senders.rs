@@ -1,9 +1,9 @@
-//! Who is sending right now, so that a sender who comes back after a silent break takes over from their own past.
+//! Active senders. A sender that resumes after a broken connection replaces its own old connection.
 //!
-//! A connection that breaks without a word (a cable pulled, a tablet asleep) looks like a slow one for as long as the
-//! minimum rate allows, and holds the upload's lock. Whoever resumes asks first how far the upload is: that question
-//! ends a piece of which nothing has come for [`SILENCE`], after what came of it is durable. A piece that does arrive is
-//! never disturbed; a second one beside it is refused.
+//! A connection that breaks without a signal (a cable pulled, a tablet asleep) looks like a slow one for as long as the
+//! minimum rate allows, and holds the upload's lock. A client that resumes first asks for the upload's progress. That
+//! request ends a piece without new bytes for [`SILENCE`], after its bytes are durable. A piece that is still arriving
+//! is never interrupted; a second one beside it is refused.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicI64, Ordering};
@@ -15,7 +15,7 @@ use tokio_util::sync::CancellationToken;
 use crate::ids::UploadId;
 use crate::time::{SharedClock, millis};
 
-/// So long must nothing have come.
+/// A piece is silent if no byte has arrived for this time.
 const SILENCE: Duration = Duration::from_secs(2);
 
 /// The pieces that are arriving.
@@ -29,13 +29,13 @@ pub(super) struct Senders {
 #[derive(Debug)]
 struct Sender {
     last_byte_ms: AtomicI64,
-    /// Asks the piece to end.
+    /// Requests that the piece end.
     leave: CancellationToken,
-    /// Tells that it has ended.
+    /// Set when it has ended.
     gone: CancellationToken,
 }
 
-/// Held while a piece arrives. Only the holder of the upload's lock makes one.
+/// Registration of an arriving piece. Only the holder of the upload's lock creates one.
 #[derive(Debug)]
 pub(super) struct Sending {
     id: UploadId,
@@ -48,7 +48,7 @@ impl Senders {
         Arc::new(Self { clock, present: Mutex::default() })
     }
 
-    /// A piece begins to arrive.
+    /// Registers a piece that begins to arrive.
     pub fn enter(self: &Arc<Self>, id: UploadId) -> Sending {
         let sender = Arc::new(Sender {
             last_byte_ms: AtomicI64::new(self.clock.now_ms()),
@@ -59,7 +59,7 @@ impl Senders {
         Sending { id, sender, senders: self.clone() }
     }
 
-    /// Ends a piece of which nothing has come for a while, and waits until what came of it is durable.
+    /// Ends a silent piece and waits until its bytes are durable.
     pub async fn end_silent(&self, id: UploadId) {
         let found = self.present().get(&id).cloned();
         let Some(sender) = found else { return };
@@ -75,12 +75,12 @@ impl Senders {
 }
 
 impl Sending {
-    /// Bytes came.
+    /// Records that bytes arrived.
     pub fn came(&self) {
         self.sender.last_byte_ms.store(self.senders.clock.now_ms(), Ordering::Relaxed);
     }
 
-    /// Waits until the same sender wants to go on elsewhere.
+    /// Waits until the same sender resumes on another connection.
     pub async fn left(&self) {
         self.sender.leave.cancelled().await;
     }

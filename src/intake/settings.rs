@@ -1,4 +1,4 @@
-//! Limits of arriving recordings.
+//! Limits for receiving recordings.
 
 use serde::Deserialize;
 
@@ -6,15 +6,16 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UploadSettings {
-    /// Longest recording, bytes. Larger ones are refused before a byte is sent. Usually 8 GiB.
+    /// Maximum length of a recording, bytes. Longer ones are refused before a byte is sent. Usually 8 GiB.
     pub max_bytes: u64,
-    /// Hours without a new byte after which an unfinished upload is forgotten. Usually 48.
+    /// Hours without a new byte after which an unfinished upload is deleted. Usually 48.
     pub expire_h: u64,
-    /// Uploads that may be unfinished at a time, of all senders. Each holds its bytes on the disk. Usually 200.
+    /// Maximum number of unfinished uploads at a time, of all senders. Each occupies disk space. Usually 200.
     pub max_unfinished: u64,
-    /// Longest table of another tracker, bytes. Tables are read whole: more takes as much memory for a moment. Usually 64 MiB.
+    /// Maximum size of a table of another tracker, bytes. A table is held in memory as a whole while it is read.
+    /// Usually 64 MiB.
     pub import_bytes: usize,
-    /// Most rows of such a table. An hour of two tools at 60 frames a second is 432,000. Usually 500,000.
+    /// Maximum number of rows of such a table. An hour of two tools at 60 frames a second is 432,000. Usually 500,000.
     pub import_rows: usize,
 }
 

@@ -1,6 +1,6 @@
-//! What the headers of tus 1.0.0 say: <https://tus.io/protocols/resumable-upload>.
+//! The headers of tus 1.0.0: <https://tus.io/protocols/resumable-upload>.
 //!
-//! Only text in and values out; who writes which byte where is [`super`].
+//! This module only parses text into values; [`super`] receives the bytes.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -9,41 +9,41 @@ use sha2::Sha256;
 
 /// The protocol's version.
 pub const VERSION: &str = "1.0.0";
-/// Parts of the protocol beyond its core that we speak.
+/// Supported extensions of the protocol.
 pub const EXTENSIONS: &str = "creation,creation-with-upload,termination,checksum,expiration";
-/// Checksums that we know.
+/// Supported checksums.
 pub const CHECKSUMS: &str = "sha1,sha256";
-/// Longest `Upload-Metadata` that is read, bytes.
+/// Maximum length of `Upload-Metadata`, bytes.
 const MAX_METADATA: usize = 8 * 1024;
 
 /// What is wrong with a header, for people.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum HeaderProblem {
-    /// Metadata that are not pairs of key and base64.
+    /// Metadata that is not a list of pairs of key and base64.
     #[error("Upload-Metadata must be `key base64, key base64, …` with UTF-8 text of at most 8 KiB; wrong at `{0}`")]
     Metadata(String),
-    /// A checksum that is none.
+    /// A checksum that cannot be parsed or is not supported.
     #[error("Upload-Checksum must be `sha1 BASE64` or `sha256 BASE64` of the bytes in this request")]
     Checksum,
 }
 
-/// What an upload's creator tells of the recording.
+/// An upload's metadata: the sender's description of the recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Metadata {
     /// The file's name on the sender's machine.
     pub filename: Option<String>,
-    /// Whose recording it is: id or code.
+    /// The trainee: id or code.
     pub trainee: Option<String>,
-    /// Which exercise: id or code.
+    /// The task: id or code.
     pub task: Option<String>,
-    /// Which box: id or code.
+    /// The box: id or code.
     pub box_: Option<String>,
     /// When it was recorded, RFC 3339.
     pub recorded_at: Option<String>,
 }
 
 impl Metadata {
-    /// Reads `Upload-Metadata`; keys of other programs (`filetype`, `relativePath`…) are passed over.
+    /// Parses `Upload-Metadata`; keys of other programs (`filetype`, `relativePath`…) are ignored.
     pub fn parse(header: &str) -> Result<Self, HeaderProblem> {
         if header.len() > MAX_METADATA {
             return Err(HeaderProblem::Metadata("its length".to_owned()));
@@ -77,14 +77,14 @@ fn text(base64: &str) -> Option<String> {
 /// The checksum that a request's bytes must have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Checksum {
-    /// SHA-1: not safe against an attacker, but what tus requires to know.
+    /// SHA-1: not safe against an attacker, but tus requires its support.
     Sha1([u8; 20]),
     /// SHA-256.
     Sha256([u8; 32]),
 }
 
 impl Checksum {
-    /// Reads `Upload-Checksum`.
+    /// Parses `Upload-Checksum`.
     pub fn parse(header: &str) -> Result<Self, HeaderProblem> {
         let (name, value) = header.trim().split_once(' ').ok_or(HeaderProblem::Checksum)?;
         let bytes = STANDARD.decode(value.trim()).map_err(|_| HeaderProblem::Checksum)?;
@@ -96,7 +96,7 @@ impl Checksum {
         parsed.ok_or(HeaderProblem::Checksum)
     }
 
-    /// Begins to sum up the bytes as they come.
+    /// Begins to compute the checksum of arriving bytes.
     pub fn begin(self) -> RunningSum {
         match self {
             Checksum::Sha1(expected) => RunningSum::Sha1(sha1::Sha1::new(), expected),
@@ -105,7 +105,7 @@ impl Checksum {
     }
 }
 
-/// A checksum over the bytes so far, and what it must become.
+/// The checksum of the bytes so far, and its expected final value.
 pub enum RunningSum {
     /// See [`Checksum::Sha1`].
     Sha1(sha1::Sha1, [u8; 20]),
@@ -114,7 +114,7 @@ pub enum RunningSum {
 }
 
 impl RunningSum {
-    /// Takes more bytes in.
+    /// Adds bytes.
     pub fn update(&mut self, bytes: &[u8]) {
         match self {
             RunningSum::Sha1(sum, _) => sum.update(bytes),
@@ -122,7 +122,7 @@ impl RunningSum {
         }
     }
 
-    /// Whether the bytes were those that the client meant.
+    /// True if the bytes match the client's checksum.
     pub fn matches(self) -> bool {
         match self {
             RunningSum::Sha1(sum, expected) => sum.finalize()[..] == expected,

@@ -1,4 +1,5 @@
-//! A recording in one call: hashed while it is written, a session once it is durable, nothing at all if it is cut.
+//! Receives a recording in one request: it is hashed while it is written and becomes a session once it is durable. If
+//! the connection breaks, nothing is kept.
 
 use bytes::Bytes;
 use futures_util::{Stream, StreamExt};
@@ -12,7 +13,8 @@ use crate::store::{Session, StoreError};
 use crate::vault::Kept;
 
 impl Intake {
-    /// Takes a whole recording. Call it on a task of its own: some senders close right after their last byte.
+    /// Receives a whole recording. Call it on a task of its own, since some senders disconnect right after their last
+    /// byte.
     pub async fn take<B>(&self, scope: &Scope, recording: Recording, bytes: B) -> IntakeResult<Session>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
@@ -23,7 +25,7 @@ impl Intake {
         let video = kept.blob();
         let new = NewSession { trainee, task, in_box, filename, recorded_at_ms, video, media_type };
         let session = self.store.sessions().create(scope, new).await.map_err(known)?;
-        drop(kept); // only now does a row protect the file
+        drop(kept); // from here on a row protects the file
         self.tell(&session);
         Ok(session)
     }

@@ -1,4 +1,4 @@
-//! A job that is being worked on: the worker's side of the lease.
+//! A claimed job: the worker's side of the lease.
 
 use std::time::Duration;
 
@@ -7,9 +7,9 @@ use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
 use crate::store::{Job, Lease, Store, StoreResult};
 
-/// A job, held by one worker. It has one end, however often it is asked for: after the first, the lease is lost. An end that
-/// could not be stored (the disk is full) can be tried again. Dropped without one, the job is rescued when its lease runs
-/// out.
+/// A job held by one worker. It can end only once: after the first end the lease is lost. An end that could not be
+/// stored, because the disk is full, can be tried again. If this is dropped without an end, the job is rescued when its
+/// lease runs out.
 #[derive(Debug)]
 pub struct Held {
     queue: Queue,
@@ -27,13 +27,13 @@ impl Held {
         &self.lease.job
     }
 
-    /// How often to give word.
+    /// How often to send a heartbeat.
     pub fn heartbeat(&self) -> Duration {
         Duration::from_secs(self.queue.inner.settings.heartbeat_s)
     }
 
-    /// Says how far the work is, 0 to 1, and extends the lease. An error of [`super::is_lost`] means: stop, it is no longer
-    /// yours.
+    /// Reports progress, 0 to 1, and extends the lease. If the error satisfies [`super::is_lease_lost`], stop: another
+    /// worker may own the job.
     pub async fn progress(&mut self, progress: f64) -> StoreResult<()> {
         self.progress = progress.clamp(self.progress, 1.0).max(0.0);
         self.beat().await?;
@@ -42,28 +42,29 @@ impl Held {
         Ok(())
     }
 
-    /// Says that the work goes on, and extends the lease.
+    /// Extends the lease without new progress.
     pub async fn beat(&self) -> StoreResult<()> {
         self.store().jobs().heartbeat(&self.lease, self.progress, self.queue.inner.settings.lease()).await
     }
 
-    /// Ends the job as done. `save` stores what came of it with one of the store's `finish_…` functions, which end the job
+    /// Ends the job as done. `save` stores its result with one of the store's `finish_…` functions, which end the job
     /// in the same transaction.
     pub async fn finish<T>(&self, save: impl AsyncFnOnce(&Store, &Lease) -> StoreResult<T>) -> StoreResult<T> {
         let saved = save(self.store(), &self.lease).await?;
         self.queue.tell(&Job { progress: 1.0, state: JobState::Done, ..self.lease.job.clone() }).await;
-        self.queue.inner.arrived.notify_one(); // a box's new camera or colours may have queued its sessions
+        self.queue.inner.arrived.notify_one(); // a new camera or new colours may have queued the box's sessions
         Ok(saved)
     }
 
-    /// Ends the job as failed: the work cannot be done, for this reason.
+    /// Ends the job as failed, with the reason.
     pub async fn fail(&self, problem: Problem) -> StoreResult<Job> {
         let job = self.store().jobs().fail(&self.lease, problem).await?;
         self.queue.tell(&job).await;
         Ok(job)
     }
 
-    /// Whoever did the work died or ran out of time: it is tried again, or quarantined after the third time.
+    /// Records that the process working on the job crashed or timed out. The job is tried again, or quarantined after
+    /// the third time.
     pub async fn crashed(&self, problem: Problem) -> StoreResult<Job> {
         let job = self.store().jobs().crashed(&self.lease, problem).await?;
         self.queue.tell(&job).await;
@@ -71,7 +72,7 @@ impl Held {
         Ok(job)
     }
 
-    /// Hands the job back untouched, because the service ends.
+    /// Releases the job because the service is ending; no attempt is counted.
     pub async fn give_back(&self) -> StoreResult<()> {
         self.store().jobs().give_back(&self.lease).await?;
         self.queue.tell(&Job { progress: 0.0, state: JobState::Queued, ..self.lease.job.clone() }).await;

@@ -1,18 +1,20 @@
-//! Work, handed out one job at a time: lease, heartbeat, fencing, rescue. Knows nothing of what the work is.
+//! The job queue: lease, heartbeat, fencing, rescue. It is independent of the kind of work.
 //!
-//! A worker asks [`Queue::next`] and gets [`Held`] work: the right to it for [`QueueSettings::lease_s`] seconds, extended by
-//! each [`Held::progress`] or [`Held::beat`]. Whatever happens to the worker, the job ends:
+//! A worker calls [`Queue::next`] and gets a [`HeldJob`]: the lease of a job for [`QueueSettings::lease_s`] seconds,
+//! extended by each [`HeldJob::progress`] or [`HeldJob::renew_lease`]. Every job ends, even if its worker does not
+//! survive:
 //!
-//! | what happens | what becomes of the job |
+//! | event | consequence for the job |
 //! |---|---|
-//! | [`Held::finish`] | done, together with what it stored, in one transaction |
-//! | [`Held::fail`] | failed, with a problem for people: trying again would not help |
-//! | [`Held::crashed`] | queued again; after three times quarantined with the reason |
-//! | [`Held::give_back`] | queued again at its old place, nothing counted: the service ends |
-//! | silence | as crashed, by the next sweep after the lease has run out |
+//! | [`HeldJob::finish`] | done; its result is stored in the same transaction |
+//! | [`HeldJob::fail`] | failed, with a problem for people: another attempt would not help |
+//! | [`HeldJob::report_crash`] | queued again; quarantined with the reason after the third time |
+//! | [`HeldJob::release`] | queued again at its old position, no attempt counted: the service is ending |
+//! | no heartbeat | treated as a crash by the first sweep after the lease has run out |
 //!
-//! The lease's token guards every write, so that who comes late changes nothing ([`StoreError::LeaseLost`]). The service may
-//! end at any moment: the next start rescues what was running ([`Queue::recover`]).
+//! The token of the lease guards every write, so that a worker that has lost its lease changes nothing
+//! ([`StoreError::LeaseLost`]). The service may end at any moment: the next start rescues running jobs
+//! ([`Queue::recover`]).
 
 mod held;
 
@@ -32,18 +34,18 @@ use crate::shutdown::Shutdown;
 use crate::store::{Job, Store, StoreError, StoreResult};
 use crate::time::SharedClock;
 
-/// The queue's times.
+/// Times of the queue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct QueueSettings {
-    /// How long a job is its worker's without a word from it, s. Longer: slower rescue; shorter: paused workers lose their
-    /// jobs. At least two heartbeats. Usually 30.
+    /// How long a lease lasts without a heartbeat, s. Longer: slower rescue; shorter: paused workers lose their jobs.
+    /// At least two heartbeats. Usually 30.
     pub lease_s: u64,
-    /// How often a worker gives word, s. Usually 10.
+    /// How often a worker sends a heartbeat, s. Usually 10.
     pub heartbeat_s: u64,
-    /// How often jobs of silent workers are looked for, s. Usually 5.
+    /// How often expired leases are looked for, s. Usually 5.
     pub sweep_s: u64,
-    /// How often an idle worker looks for work that nobody told it of, s. Usually 5.
+    /// How often an idle worker polls for jobs, in case a notification was missed, s. Usually 5.
     pub look_s: u64,
 }
 
@@ -59,7 +61,7 @@ impl QueueSettings {
     }
 }
 
-/// The queue. Clones are the same queue.
+/// The job queue. Clones share one queue.
 #[derive(Clone, Debug)]
 pub struct Queue {
     inner: Arc<Inner>,
@@ -75,25 +77,25 @@ struct Inner {
 }
 
 impl Queue {
-    /// The queue in this store; it tells of every change.
+    /// The queue in this store. It publishes an event for every change of a job.
     pub fn new(store: Store, settings: QueueSettings, events: Events, clock: SharedClock) -> Self {
         Self { inner: Arc::new(Inner { store, clock, settings, events, arrived: Notify::new() }) }
     }
 
-    /// Says that work may have been queued: call it after a session is made or tried again. Forgotten, the work still starts
-    /// within [`QueueSettings::look_s`].
+    /// Wakes an idle worker because a job may have been queued: call it after a session is created or retried. Without
+    /// this call the job starts within [`QueueSettings::look_s`].
     pub fn work_arrived(&self) {
         self.inner.arrived.notify_one();
         self.inner.events.tell(Event::Queue);
     }
 
-    /// The next job, as soon as there is one; `None` once the service ends.
+    /// Waits for the next job and claims it; `None` once the service is ending.
     pub async fn next(&self, worker: &str, shutdown: &Shutdown) -> Option<Held> {
         while !shutdown.is_begun() {
             match self.claim(worker).await {
                 Ok(Some(held)) => return Some(held),
                 Ok(None) => {}
-                Err(error) => tracing::warn!(%error, worker, "asking for work"),
+                Err(error) => tracing::warn!(%error, worker, "could not claim a job; retrying"),
             }
             tokio::select! {
                 () = shutdown.begun() => {}
@@ -104,40 +106,40 @@ impl Queue {
         None
     }
 
-    /// The job that has waited longest, if any waits.
+    /// Claims the next job, if any is queued.
     pub async fn claim(&self, worker: &str) -> StoreResult<Option<Held>> {
         let lease = self.inner.store.jobs().claim(worker, self.inner.settings.lease()).await?;
         let Some(lease) = lease else { return Ok(None) };
-        self.inner.arrived.notify_one(); // there may be more: let the next idle worker look, too
+        self.inner.arrived.notify_one(); // there may be more jobs: wake the next idle worker
         self.tell(&lease.job).await;
         Ok(Some(Held::new(self.clone(), lease)))
     }
 
-    /// Rescues the jobs of workers that have fallen silent; returns how many.
+    /// Rescues the jobs whose lease has run out; returns how many.
     pub async fn sweep(&self) -> StoreResult<usize> {
         let problem = Problem::new(
             "worker-silent",
-            "The worker fell silent",
-            "whoever worked on it gave no word until its time was over; it is tried again, three times in all",
+            "The worker stopped responding",
+            "the worker did not report progress in time; the work is tried again, three times in all",
         );
         self.rescue(false, problem).await
     }
 
-    /// At a start: rescues every running job, for whoever ran it ended with the service's last life.
+    /// At a start: rescues every running job, since its worker ended with the previous process.
     pub async fn recover(&self) -> StoreResult<usize> {
         let problem = Problem::new(
             "service-ended",
-            "The service ended during the work",
-            "the service was ended suddenly while it worked on this; it is tried again, three times in all",
+            "The service stopped during the work",
+            "the service stopped suddenly during this work; the work is tried again, three times in all",
         );
         self.rescue(true, problem).await
     }
 
-    /// Sweeps every [`QueueSettings::sweep_s`] until the service ends.
+    /// Sweeps every [`QueueSettings::sweep_s`] seconds until the service ends.
     pub async fn keep_sweeping(&self, shutdown: &Shutdown) {
         while !shutdown.is_begun() {
             if let Err(error) = self.sweep().await {
-                tracing::warn!(%error, "looking for silent workers");
+                tracing::warn!(%error, "could not look for expired leases; retrying at the next sweep");
             }
             tokio::select! {
                 () = shutdown.begun() => {}
@@ -149,7 +151,7 @@ impl Queue {
     async fn rescue(&self, all: bool, problem: Problem) -> StoreResult<usize> {
         let swept = self.inner.store.jobs().sweep(all, problem).await?;
         for job in &swept.rescued {
-            tracing::warn!(job = %job.id, state = %job.state, attempt = job.attempt, "rescued from a silent worker");
+            tracing::warn!(job = %job.id, state = %job.state, attempt = job.attempt, "worker lost; job rescued");
             self.tell(job).await;
         }
         if !swept.rescued.is_empty() {
@@ -158,7 +160,7 @@ impl Queue {
         Ok(swept.rescued.len())
     }
 
-    /// Tells whoever watches how a job stands now. News only: a failure to read the session loses an event, nothing else.
+    /// Publishes a job's new state as an event. If the session cannot be read, only the event is lost.
     async fn tell(&self, job: &Job) {
         let session = match job.session_id {
             Some(id) => self.inner.store.sessions().get(&Scope::service(), id).await.ok(),
@@ -168,7 +170,7 @@ impl Queue {
         let Job { id, kind, state, progress, .. } = *job;
         self.inner.events.tell(Event::Job { id, kind, state, progress, trainee });
         if let Some(session) = session {
-            // What is only scored again stands as it stood; there is news of it once another result counts.
+            // Scoring again does not change the session's state; an event follows once another result is current.
             let is_again = kind == JobKind::Rescore;
             let (trainee, status) = (session.trainee_id, if is_again { session.status() } else { Some(state).into() });
             if !is_again || state == JobState::Done {
@@ -179,7 +181,8 @@ impl Queue {
     }
 }
 
-/// Was it the lease that was lost? Then the work is somebody else's now, or gone, and not to be mourned.
+/// True if the lease was lost: another worker owns the job, or it no longer exists, so the result is discarded without
+/// an error.
 pub fn is_lost(error: &StoreError) -> bool {
     matches!(error, StoreError::LeaseLost)
 }

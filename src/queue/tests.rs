@@ -1,5 +1,5 @@
-//! Laws of the queue, on a clock that the test turns: whatever happens to workers, every job ends, every session has one
-//! result, and who comes late changes nothing.
+//! Tests of the queue on a manual clock: despite all failures of workers, every job ends, every session has one result,
+//! and late writes change nothing.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,7 +23,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A queue with so many recordings of one trainee.
+    /// A queue with `jobs` recordings of one trainee.
     async fn with_jobs(jobs: usize) -> Self {
         let centre = Centre::ready().await;
         let trainee = centre.trainee("Ana").await.id;
@@ -114,7 +114,7 @@ async fn a_job_that_kills_the_whole_service_is_quarantined_after_three_starts() 
     let bench = Bench::with_jobs(1).await;
     for _ in 1..=3 {
         let held = bench.claim().await.unwrap();
-        assert_eq!(Bench::queue(&bench.centre).recover().await.unwrap(), 1); // another life of the service
+        assert_eq!(Bench::queue(&bench.centre).recover().await.unwrap(), 1); // a new process of the service
         drop(held);
     }
     assert!(bench.claim().await.is_none());
@@ -175,15 +175,16 @@ async fn whatever_happens_every_job_ends_and_every_session_has_one_result() {
     }
 }
 
-/// The same with the numbers that TRUST asks for: `TMPDIR=/dev/shm cargo test --lib ten_thousand -- --ignored`. In memory,
-/// since 60,000 commits one after the other take a disk half an hour, and this law is not about durability.
+/// The same with the numbers that TRUST requires: `TMPDIR=/dev/shm cargo test --lib ten_thousand -- --ignored`. In
+/// memory, since 60,000 sequential commits take half an hour on a disk, and this property is not about durability.
 #[tokio::test]
 #[ignore = "takes minutes"]
 async fn whatever_happens_every_one_of_ten_thousand_jobs_ends() {
     random_life(10_000, 1).await;
 }
 
-/// Workers claim, give word, finish, crash, fall silent and come back too late; the service ends and starts again.
+/// Workers claim, send heartbeats, finish, crash, stop responding and return too late; the service ends and starts
+/// again.
 async fn random_life(jobs: usize, seed: u64) {
     let bench = Bench::with_jobs(jobs).await;
     let mut chance = StdRng::seed_from_u64(seed);
@@ -221,7 +222,7 @@ async fn random_life(jobs: usize, seed: u64) {
             }
             92..98 => drop(bench.queue.sweep().await.unwrap()),
             98 => {
-                zombies.append(&mut working); // their processes live on for a while, as orphans do
+                zombies.append(&mut working); // their processes live on for a while as orphans
                 bench.queue.recover().await.unwrap();
             }
             _ => retry_quarantined(&bench).await,
@@ -270,7 +271,7 @@ fn late_or(outcome: Result<(), StoreError>, refused: &mut usize) {
     }
 }
 
-/// The clock stands still unless a test turns it: so does the sweeper.
+/// The clock stands still unless the test advances it, and so does the sweeper.
 #[tokio::test]
 async fn the_sweeper_looks_again_when_its_time_comes() {
     let bench = Bench::with_jobs(1).await;

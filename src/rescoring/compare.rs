@@ -1,14 +1,13 @@
-//! What changed between two results of a session: pure, and the same for the report's numbers and its rows.
+//! The differences between two results of a session. Pure; used for both the report's counts and its rows.
 
 use crate::domain::feature::FeatureKey;
 use crate::domain::rescoring::{Barred, Change, FeatureChange};
 use crate::domain::session::FeatureRow;
 
-/// Values that differ by less than this share of themselves differ by rounding alone: sums of a million terms in double precision
-/// agree to some 1e-10.
+/// Relative differences below this are rounding: sums of a million terms in double precision agree to about 1e-10.
 pub const ROUNDING: f64 = 1e-9;
 
-/// The features that are not what they were: those whose error bars do not overlap first, then in the order in which people read them.
+/// The features that changed: those whose error bars do not overlap first, then in the order of display.
 pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
     let find =
         |rows: &[FeatureRow], of: &FeatureKey| rows.iter().find(|row| FeatureKey::from(*row) == *of).and_then(barred);
@@ -20,7 +19,7 @@ pub fn changes(old: &[FeatureRow], new: &[FeatureRow]) -> Vec<FeatureChange> {
         Some(FeatureChange { of, title: row.title.clone(), unit: row.unit.clone(), change, old, new })
     };
     let mut changes: Vec<FeatureChange> = new.iter().chain(only_old).filter_map(change).collect();
-    changes.sort_by_key(|change| change.change != Change::Apart); // stable: otherwise as they were
+    changes.sort_by_key(|change| change.change != Change::Apart); // stable: otherwise in the order of display
     changes
 }
 
@@ -80,11 +79,7 @@ mod tests {
     fn a_change_is_apart_only_where_no_value_lies_in_both_bars() {
         assert_eq!(change(Some(10.0), Some(12.1), Some(1.0)), Some(Change::Apart));
         assert_eq!(change(Some(10.0), Some(12.0), Some(1.0)), Some(Change::WithinError), "they touch");
-        assert_eq!(
-            change(Some(10.0), Some(99.0), None),
-            Some(Change::WithinError),
-            "nobody knows how far it may be off"
-        );
+        assert_eq!(change(Some(10.0), Some(99.0), None), Some(Change::WithinError), "its error is unknown");
         assert_eq!(
             change(Some(10.0), Some(10.0 * (1.0 + 1e-12)), Some(0.0)),
             Some(Change::Apart),
@@ -100,10 +95,11 @@ mod tests {
     fn what_only_one_result_measures_is_told_and_what_is_apart_comes_first() {
         let old = [row("gone", Some(1.0), None), row("b", Some(1.0), Some(0.5)), row("c", Some(1.0), Some(0.5))];
         let new = [row("b", Some(1.1), Some(0.5)), row("c", Some(3.0), Some(0.5)), row("new", Some(1.0), None)];
-        let told: Vec<_> = changes(&old, &new).into_iter().map(|change| (change.of.feature, change.change)).collect();
+        let changed: Vec<_> =
+            changes(&old, &new).into_iter().map(|change| (change.of.feature, change.change)).collect();
         let expected =
             [("c", Change::Apart), ("b", Change::WithinError), ("new", Change::Gained), ("gone", Change::Lost)];
-        assert_eq!(told, expected.map(|(name, change)| (name.to_owned(), change)));
+        assert_eq!(changed, expected.map(|(name, change)| (name.to_owned(), change)));
     }
 
     proptest! {

@@ -1,11 +1,11 @@
-//! Orders to score sessions again, worked off in small batches behind everything else.
+//! Executes rescoring orders in small batches, at the lowest priority.
 //!
 //! ```text
-//! order ─▶ items wait ──feed──▶ jobs (at most so many, turn 2) ──▶ new results, beside the old ones
-//!                                  └─ ended ──settle──▶ old and new compared, the item done ──▶ report
+//! order ─▶ items wait ──queue──▶ jobs (bounded, lowest priority) ──▶ new results, beside the old ones
+//!                                  └─ ended ──settle──▶ compare old and new, item done ──▶ report
 //! ```
-//! An order of ten thousand sessions thus never has more than [`RescoringSettings::open`] jobs in the queue, and each of them lets
-//! new sessions go first. Whatever ends in between, the next look goes on from the rows.
+//! An order of ten thousand sessions never has more than [`RescoringSettings::open`] jobs in the queue, and new
+//! sessions go before each of them. After an interruption the next round continues from the rows.
 
 pub mod compare;
 
@@ -21,17 +21,17 @@ use crate::shutdown::Shutdown;
 use crate::store::{Compared, EndedItem, Store, StoreError, StoreResult};
 use crate::time::SharedClock;
 
-/// Items that are settled at a time: two results of each are read.
+/// Number of items to settle at a time: two results are read for each.
 const AT_A_TIME: u32 = 16;
 
 /// Limits of rescoring.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RescoringSettings {
-    /// Jobs of rescorings in the queue at a time, of all orders. More keep more workers busy; each may be under way when a new session
-    /// comes. Usually 16.
+    /// Maximum number of rescoring jobs in the queue, of all orders. More keep more workers busy; each may be running
+    /// when a new session arrives. Usually 16.
     pub open: u32,
-    /// How often orders are looked after, ms. Usually 1000.
+    /// Time between rounds of working on the orders, ms. Usually 1000.
     pub look_ms: u64,
 }
 
@@ -41,13 +41,13 @@ impl Default for RescoringSettings {
     }
 }
 
-/// Looks after all orders until the service ends.
+/// Works on all orders until the service ends.
 pub async fn keep(store: &Store, queue: &Queue, settings: &RescoringSettings, clock: SharedClock, ending: &Shutdown) {
     while !ending.is_begun() {
         match look(store, settings.open).await {
             Ok(0) => {}
             Ok(_) => queue.work_arrived(),
-            Err(error) => tracing::warn!(%error, "looking after rescorings"),
+            Err(error) => tracing::warn!(%error, "working on rescoring orders failed; retrying in the next round"),
         }
         tokio::select! {
             () = ending.begun() => {}
@@ -56,7 +56,7 @@ pub async fn keep(store: &Store, queue: &Queue, settings: &RescoringSettings, cl
     }
 }
 
-/// Settles what has ended and queues what fits; how many were queued.
+/// Settles ended items and queues jobs up to the limit; returns how many were queued.
 pub async fn look(store: &Store, open: u32) -> StoreResult<usize> {
     loop {
         let ended = store.rescorings().ended(AT_A_TIME).await?;
@@ -76,10 +76,10 @@ async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
     match &item.new_result {
         Ok(_) => match compared(store, &item).await {
             Ok(compared) => store.rescorings().settle(&item, compared).await,
-            Err(StoreError::NotFound { .. }) => Ok(()), // erased with its session meanwhile, and the item with it
-            // One damaged row must not hold up everybody's orders; a store that does not answer at all is asked again.
+            Err(StoreError::NotFound { .. }) => Ok(()), // the session was erased meanwhile, and its item with it
+            // One damaged row must not block all orders. Other errors of the store are retried.
             Err(error) if error.is_unreadable() => {
-                tracing::warn!(%error, session = %item.session, "comparing what a rescoring changed");
+                tracing::warn!(%error, session = %item.session, "results not comparable; rescoring item marked as failed");
                 store.rescorings().settle(&item, Err(not_compared())).await
             }
             Err(error) => Err(error),
@@ -91,7 +91,7 @@ async fn settle(store: &Store, item: EndedItem) -> StoreResult<()> {
     }
 }
 
-/// What the program's update changed; an edit that came in between changes more than that.
+/// The changes due to the new version of the program. An edit in between would change more than that.
 async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Result<Compared, Problem>> {
     let (service, session) = (Scope::service(), item.session);
     let new = item.new_result.as_ref().copied().unwrap_or(item.old_result);
@@ -114,19 +114,19 @@ async fn compared(store: &Store, item: &EndedItem) -> StoreResult<Result<Compare
 }
 
 fn edited_meanwhile() -> Problem {
-    let detail = "the new score stands, but somebody edited the session, or undid an edit, while the order was worked off, so \
-                  that a difference need not be the program’s";
-    Problem::new("edited-meanwhile", "It was edited meanwhile", detail)
+    let detail = "the new score is valid, but the session was edited during the rescoring, so differences may come from the \
+                  edit instead of the program";
+    Problem::new("edited-meanwhile", "The session was edited meanwhile", detail)
 }
 
 fn not_compared() -> Problem {
-    let detail = "the new score stands, but one of the two results cannot be read, so that nobody can say what changed; \
-                  the service’s log says which";
-    Problem::new("not-compared", "It could not be compared", detail)
+    let detail = "the new score is valid, but the old or the new result cannot be read, so the changes are unknown; the log \
+                  of the service names the session";
+    Problem::new("not-compared", "The results could not be compared", detail)
 }
 
 fn gone() -> Problem {
-    let detail = "its box has lost its camera or its colours, or the work was taken out of the queue; order the rescoring once more \
-                  when the box is ready";
-    Problem::new("not-queued", "It could not be worked on", detail)
+    let detail = "its box has no camera or no colours any more, or the job was removed from the queue; order the rescoring \
+                  again when the box is ready";
+    Problem::new("not-queued", "The session could not be scored again", detail)
 }

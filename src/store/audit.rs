@@ -1,4 +1,5 @@
-//! Who changed what of people's data: written in the transaction of the change, read by administrators.
+//! The audit trail: who changed which data. Each entry is written in the transaction of the change; administrators read
+//! it.
 
 use sqlx::sqlite::SqliteConnection;
 
@@ -8,10 +9,10 @@ use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::scope::Actor;
 
-/// How a backup is noted; its subject is how many files it holds.
+/// Action and noun of a backup's entry; its subject is the number of files in the backup.
 const BACKUP: (&str, &str) = ("create", "backup");
 
-/// The audit trail.
+/// Access to the audit trail.
 pub struct Audit<'s>(pub(super) &'s Store);
 
 /// One change.
@@ -29,9 +30,9 @@ pub struct AuditEntry {
     pub noun: String,
     /// Its id.
     pub subject: String,
-    /// What the person is called; `None` where it was none, or one who is here no more.
+    /// Name of the person who made the change; `None` if a program made it, or the account has been deleted.
     pub who: Option<String>,
-    /// What is called so that was changed, or whose it is; `None` where it is here no more, or has no name.
+    /// Name of the changed thing or of the person it belongs to; `None` if it no longer exists or has no name.
     pub called: Option<String>,
 }
 
@@ -82,13 +83,13 @@ impl Audit<'_> {
         Ok(Page::cut(rows, page, |entry: &AuditEntry| entry.id.to_string()))
     }
 
-    /// Notes that a backup of so many files was made.
+    /// Records that a backup of `files` files was made.
     pub async fn backed_up(&self, files: u64) -> StoreResult<()> {
         let now_ms = self.0.now_ms();
         self.0.write(async move |tx| note(tx, &Scope::service(), now_ms, BACKUP, files).await).await
     }
 
-    /// The last backup that was made of this centre.
+    /// The latest backup of this centre.
     pub async fn last_backup(&self, scope: &Scope) -> StoreResult<Option<Backup>> {
         require_administrator(scope, "the state of backups")?;
         let sql =
@@ -99,7 +100,7 @@ impl Audit<'_> {
     }
 }
 
-/// Notes a change, in the change's own transaction.
+/// Records a change, in the same transaction as the change.
 pub(super) async fn note(
     tx: &mut SqliteConnection,
     scope: &Scope,

@@ -1,5 +1,6 @@
-//! Which files of the vault the database refers to. A row comes with its first reference, in the same transaction, or before it,
-//! for a file that may get none, and goes after its last one; the file is there before the row and is deleted after it.
+//! Which files of the vault the database refers to. A file's row is written in the same transaction as the first
+//! reference to it, or earlier for a file that may never get one. The row is deleted after the last reference. The file
+//! exists before its row and is deleted after it.
 
 use sqlx::sqlite::SqliteConnection;
 
@@ -8,17 +9,17 @@ use super::columns::integer;
 use super::error::StoreResult;
 use crate::domain::blob::{Blob, BlobHash};
 
-/// The files that are referred to.
+/// Access to the rows of files.
 pub struct Blobs<'s>(pub(super) &'s Store);
 
 impl Blobs<'_> {
-    /// Files that nothing refers to any more, at most `most`.
+    /// Files that nothing refers to any more, at most `most` of them.
     pub async fn unreferenced(&self, most: u32) -> StoreResult<Vec<BlobHash>> {
         let sql = "SELECT hash FROM blob WHERE hash NOT IN (SELECT hash FROM blob_reference) LIMIT $1";
         Ok(sqlx::query_scalar(sql).bind(most).fetch_all(self.0.readers()).await?)
     }
 
-    /// Forgets a file unless something refers to it; `true` if nothing does, so that the file may be deleted.
+    /// Deletes a file's row unless something refers to it; `true` if nothing does, so that the file may be deleted.
     pub async fn forget_if_unreferenced(&self, hash: BlobHash) -> StoreResult<bool> {
         self.0
             .erase(|| {
@@ -33,7 +34,7 @@ impl Blobs<'_> {
             .await
     }
 
-    /// Notes a file that nothing refers to yet: if nothing ever does, it is collected.
+    /// Adds a row for a file that nothing refers to yet. If no reference follows, the file is collected.
     pub async fn note(&self, blob: Blob) -> StoreResult<()> {
         let now_ms = self.0.now_ms();
         self.0.write(async move |tx| record(tx, blob, now_ms).await).await
@@ -48,7 +49,7 @@ impl Blobs<'_> {
         Ok(found.is_some())
     }
 
-    /// How many files there are, and their bytes together: numbers without names.
+    /// The number of files and their total size in bytes: no personal data.
     pub async fn total(&self) -> StoreResult<(u64, u64)> {
         let sql = "SELECT count(*), coalesce(sum(bytes), 0) FROM blob";
         let (files, bytes): (i64, i64) = sqlx::query_as(sql).fetch_one(self.0.readers()).await?;
@@ -63,7 +64,7 @@ impl Blobs<'_> {
     }
 }
 
-/// Makes sure of a file's row, in the transaction that refers to it.
+/// Adds a file's row if it is missing, in the transaction that refers to it.
 pub(super) async fn record(tx: &mut SqliteConnection, blob: Blob, now_ms: i64) -> StoreResult<()> {
     sqlx::query("INSERT INTO blob (hash, bytes, created_at_ms) VALUES ($1, $2, $3) ON CONFLICT DO NOTHING")
         .bind(blob.hash)

@@ -1,4 +1,4 @@
-//! Where trainees train. Staff change boxes; people see all of them, an agent its own.
+//! Training boxes. Staff change them; people see all boxes, an agent its own.
 
 use super::audit::note;
 use super::error::{StoreResult, in_use, not_found, taken};
@@ -10,7 +10,7 @@ use crate::domain::files::annotations::View;
 use crate::domain::text::{Code, Key, Name, Paragraphs};
 use crate::ids::BoxId;
 
-/// The boxes.
+/// Access to the boxes.
 pub struct Boxes<'s>(pub(super) &'s Store);
 
 /// A box trainer with its camera.
@@ -22,7 +22,7 @@ pub struct TrainingBox {
     pub code: Code,
     /// What people call it.
     pub name: Name,
-    /// From where its camera looks, if said.
+    /// The view of its camera, if known.
     pub view: Option<View>,
     /// Anything worth knowing; may be empty.
     pub notes: Paragraphs,
@@ -93,7 +93,7 @@ impl Boxes<'_> {
             .await
     }
 
-    /// Deletes a box in which no session was recorded, with its calibrations, colours and jobs.
+    /// Deletes a box that has no sessions, with its calibrations, colours and jobs.
     pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "deleting boxes")?;

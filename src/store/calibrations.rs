@@ -1,4 +1,4 @@
-//! Versions of boxes' cameras: added, never changed. The latest is the one in use.
+//! Versions of the boxes' cameras: added, never changed. The latest is the one in use.
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -12,7 +12,7 @@ use crate::domain::calibration::{CalibrationSource, NewCalibration};
 use crate::domain::files::camera::CameraFile;
 use crate::ids::{BoxId, CalibrationId};
 
-/// The boxes' cameras.
+/// Access to the boxes' cameras.
 pub struct Calibrations<'s>(pub(super) &'s Store);
 
 /// A version of a box's camera.
@@ -20,23 +20,23 @@ pub struct Calibrations<'s>(pub(super) &'s Store);
 pub struct Calibration {
     /// Its id.
     pub id: CalibrationId,
-    /// Whose camera.
+    /// Its box.
     pub box_id: BoxId,
     /// 1, 2, … within the box.
     pub version: i64,
-    /// Where it came from.
+    /// How it was made.
     pub source: CalibrationSource,
-    /// The camera, with what the calibration says of itself.
+    /// The camera, with the calibration's own figures of quality.
     #[sqlx(json)]
     pub camera: CameraFile,
-    /// Reprojection error, pixels, if said.
+    /// Reprojection error, pixels, if known.
     pub rms_px: Option<f64>,
     /// When it was stored, epoch ms.
     pub created_at_ms: i64,
 }
 
 impl Calibrations<'_> {
-    /// Stores a camera that somebody sent as the box's next version. Sessions that waited for one are queued.
+    /// Stores an uploaded camera as the box's next version and queues the sessions that waited for one.
     pub async fn add(&self, scope: &Scope, of: BoxId, new: NewCalibration) -> StoreResult<Calibration> {
         require_staff(scope, "changing a box's camera")?;
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());

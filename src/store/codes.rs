@@ -1,11 +1,12 @@
-//! Codes of things that came without one.
+//! Codes for things that were created without one.
 
 use sqlx::sqlite::SqliteConnection;
 
 use super::error::{StoreError, StoreResult};
 use crate::domain::text::{Code, Name};
 
-/// The code to use: the given one, or one made of the name that `taken` (a query with the code as `$1`) does not find.
+/// Returns the given code, or derives a free one from the name. `taken` is a query that finds a row if the code `$1` is
+/// in use.
 pub(super) async fn choose(
     tx: &mut SqliteConnection,
     taken: &'static str,
@@ -14,7 +15,7 @@ pub(super) async fn choose(
     fallback: &'static str,
 ) -> StoreResult<Code> {
     if let Some(code) = given {
-        return Ok(code); // a given code that is taken meets the UNIQUE constraint
+        return Ok(code); // if it is taken, the UNIQUE constraint refuses it
     }
     let base = Code::from_name(name, fallback);
     let mut is_free = async |code: &Code| -> StoreResult<bool> {
@@ -24,13 +25,14 @@ pub(super) async fn choose(
     if is_free(&base).await? {
         return Ok(base);
     }
-    // Numbers are given in turn, so that a taken one has all below it taken, but for what was renamed since: the first free one lies
-    // between the last taken and the first free power of two. The five hundredth of one name costs some twenty looks, not five hundred.
+    // Numbers are assigned in ascending order, so all numbers below a taken one are taken, except for rows that were
+    // renamed since. The first free number lies between the last taken and the first free power of two. The 500th thing
+    // of one name therefore costs about 20 queries, not 500.
     let mut free = 2;
     while !is_free(&base.numbered(free)).await? {
         free = free
             .checked_mul(2)
-            .ok_or_else(|| StoreError::refused(format!("no code like `{base}` is left: give one yourself")))?;
+            .ok_or_else(|| StoreError::refused(format!("no code like `{base}` is free: enter one yourself")))?;
     }
     let mut taken = free / 2; // 1 is the code without a number
     while free - taken > 1 {

@@ -1,5 +1,5 @@
-//! Reference groups, and what their people measured. Administrators make them, since a cohort may hold anybody of the
-//! centre; people see that they are there, and of a list those members whom they see anyway.
+//! Cohorts: reference groups and their members' values. Only administrators make them, since a cohort may hold any
+//! trainee of the centre. People may see that a cohort exists; of its members they see only trainees in their scope.
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -16,10 +16,10 @@ use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CalibrationId, CohortId, GroupId, TaskId, TraineeId};
 
-/// The cohorts.
+/// Access to the cohorts.
 pub struct Cohorts<'s>(pub(super) &'s Store);
 
-/// People of a cohort with whom is compared: those who were enrolled last.
+/// Maximum number of people to compare with: those who were enrolled last.
 const MOST_COMPARED: i64 = 2_000;
 
 /// A reference group.
@@ -31,7 +31,7 @@ pub struct Cohort {
     pub code: Code,
     /// What people call it.
     pub name: Name,
-    /// Is who is in it listed? Otherwise it is everybody whom the next three describe.
+    /// True if its members are listed. Otherwise the next three fields select them.
     pub is_list: bool,
     /// Only people of this level.
     pub level: Option<Level>,
@@ -45,24 +45,24 @@ pub struct Cohort {
     pub created_at_ms: i64,
 }
 
-/// One value of one person of a cohort, from one of their last sessions.
+/// One value of a cohort member, from one of their last sessions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CohortValue {
-    /// Whose.
+    /// The trainee.
     pub trainee: TraineeId,
-    /// The hand that they prefer, if said.
+    /// The trainee's preferred hand, if known.
     pub handedness: Option<Handedness>,
     /// The camera that it was measured with.
     pub calibration: CalibrationId,
     /// Version of the program that measured it.
     pub pipeline: String,
-    /// Of which feature.
+    /// The feature.
     pub of: FeatureKey,
     /// The value, in the feature's unit.
     pub value: f64,
 }
 
-/// The trainee `member` is in the cohort `cohort`.
+/// Condition: the trainee `member` is in the cohort `cohort`.
 macro_rules! belongs {
     () => {
         "CASE WHEN cohort.is_list
@@ -76,7 +76,7 @@ macro_rules! belongs {
     };
 }
 
-/// Cohorts with all that a [`Cohort`] says; conditions follow.
+/// Selects [`CohortRecord`]s; conditions follow.
 macro_rules! select_cohorts {
     () => {
         concat!(
@@ -88,10 +88,10 @@ macro_rules! select_cohorts {
     };
 }
 
-/// What people, at most `$7` of them, measured at task `$4`, in their last `$5` believed sessions of it, of the features `$6` (a JSON
-/// array of keys): from each person to their sessions, and to each session's latest result, along indices alone. One row a
-/// person: rows cost more on their way out of SQLite than in it. What was not measured here is compared with nobody, and what
-/// somebody has set aside is no session.
+/// Selects values of at most `$7` people at task `$4`, from their last `$5` sessions that were not refused, for the
+/// features `$6` (a JSON array of keys). It goes from each person to their sessions and to each session's latest
+/// result, along indices only. Each person is one row, because returning rows from SQLite costs more than building them
+/// there. Sessions that were measured by another program or set aside are left out.
 macro_rules! values_of {
     ($($members:tt)*) => {
         concat!(
@@ -121,7 +121,7 @@ macro_rules! values_of {
     };
 }
 
-/// The people of cohort `$3` whom the scope sees.
+/// `values_of!` for the people of cohort `$3` in the scope.
 macro_rules! values_of_cohort {
     () => {
         values_of!(
@@ -133,7 +133,7 @@ macro_rules! values_of_cohort {
     };
 }
 
-/// Everybody whom the scope sees; `$3` is nothing.
+/// `values_of!` for everyone in the scope; `$3` is NULL.
 macro_rules! values_of_seen {
     () => {
         values_of!(
@@ -143,13 +143,13 @@ macro_rules! values_of_seen {
     };
 }
 #[cfg(test)]
-pub(super) use {belongs, values_of, values_of_cohort, values_of_seen}; // for the test of their plans
+pub(super) use {belongs, values_of, values_of_cohort, values_of_seen}; // for the test of their query plans
 
 type ValueRow =
     (TraineeId, Option<Handedness>, CalibrationId, String, String, Option<String>, FeatureSpace, Json<Vec<f64>>);
 
 impl Cohorts<'_> {
-    /// Makes a cohort.
+    /// Creates a cohort.
     pub async fn create(&self, scope: &Scope, new: NewCohort) -> StoreResult<Cohort> {
         require_administrator(scope, "making cohorts")?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CohortId::at(self.0.now_ms()));
@@ -185,7 +185,7 @@ impl Cohorts<'_> {
         row.ok_or(not_found("cohort"))
     }
 
-    /// Who is in it, of those whom the scope sees; who was enrolled first comes first.
+    /// Its members that the scope sees, in the order of enrolment.
     pub async fn members(&self, scope: &Scope, key: &Key, page: &PageRequest) -> StoreResult<Page<TraineeId>> {
         let id = self.get(scope, key).await?.id;
         let rows = sqlx::query_scalar(concat!(
@@ -200,7 +200,7 @@ impl Cohorts<'_> {
         Ok(Page::cut(rows.await?, page, TraineeId::to_string))
     }
 
-    /// Says anew what it is called and who is in it.
+    /// Replaces its name and its members.
     pub async fn replace(&self, scope: &Scope, id: CohortId, new: NewCohort) -> StoreResult<Cohort> {
         require_administrator(scope, "changing cohorts")?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -223,7 +223,7 @@ impl Cohorts<'_> {
         self.get(scope, &Key::from(&id)).await
     }
 
-    /// Deletes a cohort; its people stay, and so do standards that were made from it.
+    /// Deletes a cohort; its members stay, and so do standards that were made from it.
     pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_administrator(scope, "deleting cohorts")?;
@@ -236,8 +236,8 @@ impl Cohorts<'_> {
             .await
     }
 
-    /// What its people measured at a task in their last sessions of it, so many each, of these features. For aggregates
-    /// alone: it is asked with nobody's scope, and names people only so that each can count once.
+    /// Values of its members at a task: these features in the last `sessions` sessions of each. For aggregates only:
+    /// the query is not limited to a scope, and trainee ids are returned only so that each person counts once.
     pub async fn values(
         &self,
         id: CohortId,
@@ -248,7 +248,7 @@ impl Cohorts<'_> {
         self.values_seen(&Scope::service(), Some(id), task, sessions, features).await
     }
 
-    /// The same of those alone whom a scope sees: of a cohort, or of all.
+    /// Like [`CohortStore::values`], limited to trainees in the scope: of a cohort, or all of them.
     pub async fn values_seen(
         &self,
         scope: &Scope,
@@ -288,7 +288,7 @@ async fn list_members(tx: &mut SqliteConnection, id: CohortId, members: Vec<Trai
     Ok(())
 }
 
-/// The code may be somebody else's, and the group nobody's.
+/// Maps a taken code and a missing group.
 fn taken_or_missing(error: sqlx::Error, what: &'static str) -> super::StoreError {
     match error.as_database_error() {
         Some(e) if e.is_foreign_key_violation() => missing(what)(error),

@@ -1,4 +1,4 @@
-//! How our types lie in columns: ids, names and enumerations as their text, secrets' hashes as bytes.
+//! How our types are stored in columns: ids, names and enumerations as text, hashes of secrets as bytes.
 
 use sqlx::encode::IsNull;
 use sqlx::error::BoxDynError;
@@ -27,7 +27,7 @@ use crate::ids::{
 };
 use crate::time::Day;
 
-/// A type that is stored as text, by these two functions.
+/// Implements storage as text with the given write and read functions.
 macro_rules! as_text {
     ($($type:ty: $write:expr, $read:expr;)*) => { $(
         impl Type<Sqlite> for $type {
@@ -52,7 +52,7 @@ macro_rules! as_text {
     )* };
 }
 
-/// A type that is stored as the text that it is shown as.
+/// Implements storage as text with the type's `Display` and `FromStr`.
 macro_rules! as_shown {
     ($($type:ty)*) => { as_text! { $($type: |value| value.to_string(), |text| Ok(text.parse()?);)* } };
 }
@@ -93,7 +93,8 @@ impl Encode<'_, Sqlite> for SecretHash {
     }
 }
 
-/// A length or count as SQLite keeps it. Ours are far below 2⁶³; larger is a mistake that the CHECKs then refuse.
+/// A length or count as SQLite's signed integer. Real values are far below 2⁶³; a larger one is a bug, and the schema's
+/// CHECKs refuse it.
 pub(super) fn integer(count: u64) -> i64 {
     i64::try_from(count).unwrap_or(-1)
 }

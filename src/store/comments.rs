@@ -1,5 +1,5 @@
-//! What people say about seconds of sessions. Who sees a session may say something; a rater reads what other members of staff say
-//! only after a rating of their own, so that nobody rates what they have read.
+//! Comments on moments of sessions. People who may see a session may comment on it. Staff who rate see the comments of
+//! other staff only after a rating of their own, so that comments cannot influence the rating.
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found};
@@ -9,42 +9,42 @@ use crate::domain::comment::NewComment;
 use crate::domain::text::{Name, Remark};
 use crate::ids::{CommentId, PersonId, SessionId};
 
-/// The comments.
+/// Access to the comments.
 pub struct Comments<'s>(pub(super) &'s Store);
 
-/// Most comments on one session: nobody reads more.
+/// Maximum number of comments on one session: more would not be read.
 pub const MOST: i64 = 500;
 
-/// What somebody says about a second of a session, or about a stretch of it.
+/// A comment on a moment or a stretch of a session.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct Comment {
     /// Its id.
     pub id: CommentId,
-    /// Who says it; `None` where they are here no more.
+    /// Its author; `None` if the account has been deleted.
     pub person_id: Option<PersonId>,
-    /// What they are called.
+    /// The author's name.
     pub who: Option<Name>,
-    /// From which second.
+    /// Beginning, seconds of the recording.
     pub from_s: f64,
-    /// To which; the same for one moment.
+    /// End, seconds of the recording; equal to `from_s` for a single moment.
     pub to_s: f64,
-    /// What they say.
+    /// The text.
     pub text: Remark,
     /// When, epoch ms.
     pub created_at_ms: i64,
 }
 
-/// The comments of a session that somebody may read, and how many more there are.
+/// The comments of a session that the caller may read, and the number of hidden ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeenComments {
-    /// By their seconds.
+    /// The comments, in the order of `from_s`.
     pub items: Vec<Comment>,
-    /// Of other members of staff, to be read after a rating of one's own.
+    /// Number of comments by other staff that are hidden until the caller has rated.
     pub hidden: i64,
 }
 
-/// Comments of session `$3` that `$4` may read: their own and the trainee's, and all where `$5` is true. Who is here no more
-/// taught.
+/// Condition: person `$4` may read the comment on session `$3`. These are their own comments, the trainee's, and all if
+/// `$5` is true. Comments of deleted accounts count as those of staff.
 macro_rules! readable {
     () => {
         "($5 OR coalesce(comment.person_id = $4, FALSE) OR coalesce(person.role = 'trainee', FALSE))"
@@ -52,7 +52,7 @@ macro_rules! readable {
 }
 
 impl Comments<'_> {
-    /// Says something. The session's own second is not checked against its length, which a recording may not tell.
+    /// Adds a comment. Its times are not checked against the length of the recording, which may be unknown.
     pub async fn add(
         &self,
         scope: &Scope,
@@ -82,7 +82,7 @@ impl Comments<'_> {
         all.into_iter().find(|comment| comment.id == id).ok_or(not_found("comment"))
     }
 
-    /// What may be read of a session's comments, by their seconds.
+    /// The comments of a session that the caller may read, in the order of `from_s`.
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SeenComments> {
         self.0.sessions().get(scope, session).await?;
         let all = !scope.is_staff() || self.0.ratings().has_rated(scope, session).await?;
@@ -104,7 +104,7 @@ impl Comments<'_> {
         Ok(SeenComments { items, hidden: count.fetch_one(self.0.readers()).await? })
     }
 
-    /// Withdraws a comment of one's own. Of another's nobody learns that it is there.
+    /// Deletes one of the caller's own comments. Another person's comment is reported as not found.
     pub async fn withdraw(&self, scope: &Scope, session: SessionId, id: CommentId) -> StoreResult<()> {
         self.0.sessions().get(scope, session).await?;
         let (by, now_ms, person) = (scope.clone(), self.0.now_ms(), scope.person());

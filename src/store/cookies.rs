@@ -1,4 +1,4 @@
-//! Browsers that are signed in: a cookie's hash, and until when it counts.
+//! Signed-in browsers: the hash of each cookie and its expiry.
 
 use std::time::Duration;
 
@@ -12,19 +12,19 @@ use crate::domain::secret::SecretHash;
 use crate::ids::PersonId;
 use crate::time::millis;
 
-/// The signed-in browsers.
+/// Access to the signed-in browsers.
 pub struct Cookies<'s>(pub(super) &'s Store);
 
 /// How long a sign-in lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cookie {
-    /// Without a request for so long it ends.
+    /// It ends after this time without a request.
     pub idle: Duration,
-    /// After so long it ends even for the busy.
+    /// It ends after this time even if it is in use.
     pub most: Duration,
 }
 
-/// `last_seen_at_ms` is written only when it is older than this: not every request is worth an fsync.
+/// `last_seen_at_ms` is written only when it is older than this, ms: an fsync for every request would cost too much.
 const SEEN_TO_MS: i64 = 60_000;
 
 #[derive(sqlx::FromRow)]
@@ -35,7 +35,8 @@ struct Row {
 }
 
 impl Cookies<'_> {
-    /// Signs a browser of this person in; on a full disk, too, if they can erase.
+    /// Signs in a browser of this person. Instructors and administrators can sign in even on a full disk, in order to
+    /// delete something.
     pub async fn create(&self, secret: SecretHash, person: &Person, lasts: Cookie) -> StoreResult<()> {
         let (now_ms, id) = (self.0.now_ms(), person.id);
         let expires_at_ms = now_ms + millis(lasts.most).max(1);
@@ -54,7 +55,7 @@ impl Cookies<'_> {
         }
     }
 
-    /// Who shows this cookie, if it still counts; and notes that they were here.
+    /// The person of this cookie, if it is still valid; records that they were seen.
     pub async fn person_of(&self, secret: SecretHash, lasts: Cookie) -> StoreResult<Option<Person>> {
         let now_ms = self.0.now_ms();
         let row = sqlx::query_as::<_, Row>(
@@ -70,7 +71,8 @@ impl Cookies<'_> {
         Ok(Some(row.person))
     }
 
-    /// Whether this cookie still counts, without noting that anybody was here: for what runs on unattended.
+    /// True if this cookie is still valid. Does not record that the person was seen: for connections that stay open
+    /// unattended.
     pub async fn counts(&self, secret: SecretHash, lasts: Cookie) -> StoreResult<bool> {
         let now_ms = self.0.now_ms();
         let sql = "SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";
@@ -78,12 +80,12 @@ impl Cookies<'_> {
         Ok(row.fetch_optional(self.0.readers()).await?.is_some())
     }
 
-    /// Lets another sign-in take this one's place; on a full disk it stays until it is idle.
+    /// Signs out a browser that signs in again. On a full disk the old cookie stays until it is idle for too long.
     pub async fn replace(&self, secret: SecretHash) -> StoreResult<()> {
         noted(self.delete(secret).await)
     }
 
-    /// Signs one browser out; unknown cookies are as good as signed out.
+    /// Signs one browser out; an unknown cookie is no error.
     pub async fn delete(&self, secret: SecretHash) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
@@ -106,8 +108,7 @@ impl Cookies<'_> {
             .await
     }
 
-    /// Forgets cookies that are past their end. Those of the idle go with their end, too; until then they count for
-    /// nothing.
+    /// Deletes expired cookies. Idle cookies are invalid at once, but are deleted only when they expire.
     pub async fn forget_expired(&self) -> StoreResult<u64> {
         let now_ms = self.0.now_ms();
         self.0
@@ -118,7 +119,7 @@ impl Cookies<'_> {
             .await
     }
 
-    /// Signs everybody out.
+    /// Signs all browsers out.
     pub async fn forget_all(&self) -> StoreResult<()> {
         self.0
             .write(async move |tx| {

@@ -1,5 +1,5 @@
-//! Course plans, and which groups follow one. Staff change plans, people see all of them; whose plan a group's is, its instructors
-//! say. Nothing here is about a person.
+//! Course plans, and which groups follow one. Staff change plans; people see all of them. A group's instructors choose
+//! its plan. There is no personal data here.
 
 use std::collections::HashMap;
 
@@ -16,7 +16,7 @@ use crate::domain::text::{Code, Name};
 use crate::ids::{CourseId, GroupId, TaskId, TraineeId};
 use crate::time::Day;
 
-/// The course plans.
+/// Access to the course plans.
 pub struct Courses<'s>(pub(super) &'s Store);
 
 /// A course plan.
@@ -26,7 +26,7 @@ pub struct Course {
     pub id: CourseId,
     /// What people call it.
     pub name: Name,
-    /// Its steps, in their order.
+    /// Its steps, in order.
     pub steps: Vec<CourseStep>,
     /// When it was made, epoch ms.
     pub created_at_ms: i64,
@@ -35,20 +35,20 @@ pub struct Course {
 /// A step of a course plan.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct CourseStep {
-    /// What to train.
+    /// The task to practise.
     pub task_id: TaskId,
-    /// Its code.
+    /// The task's code.
     pub task_code: Code,
-    /// What it is called.
+    /// The task's name.
     pub task_name: Name,
-    /// Due so many days after the beginning, if it is due.
+    /// Deadline, days after the beginning of the course, if there is one.
     pub within_days: Option<u32>,
-    /// How many sessions are asked for; `None`: that the task's standard is passed.
+    /// Number of sessions to do; `None`: the task's standard must be passed.
     pub sessions: Option<u32>,
 }
 
 impl CourseStep {
-    /// The last day on which it is in time in a course that begins then, if it is due.
+    /// The last day in time for a course that begins on this day, if there is a deadline.
     pub fn due(&self, begins: Day) -> Option<Day> {
         self.within_days.map(|days| begins.after_days(days))
     }
@@ -57,22 +57,22 @@ impl CourseStep {
 /// The plan that a group follows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Followed {
-    /// Which plan.
+    /// The plan.
     pub course: CourseId,
-    /// What it is called.
+    /// The plan's name.
     pub name: Name,
     /// The course's first day.
     pub begins: Day,
 }
 
-/// A course that a trainee is in, by one of their groups.
+/// A course that a trainee takes as a member of one of their groups.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct Enrolled {
-    /// By which group.
+    /// The group.
     pub group_id: GroupId,
-    /// What that is called.
+    /// The group's name.
     pub group_name: Name,
-    /// Which plan it follows.
+    /// The plan that the group follows.
     pub course_id: CourseId,
     /// The course's first day.
     pub begins: Day,
@@ -93,7 +93,7 @@ struct StepRow {
 }
 
 impl Courses<'_> {
-    /// Makes a plan.
+    /// Creates a plan.
     pub async fn create(&self, scope: &Scope, new: NewCourse) -> StoreResult<Course> {
         require_staff(scope, "making course plans")?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), CourseId::at(self.0.now_ms()));
@@ -135,7 +135,7 @@ impl Courses<'_> {
         self.with_steps(rows).await
     }
 
-    /// Says anew what it is called and asks for. Whoever follows it follows what it says now.
+    /// Replaces a plan's name and steps; groups that follow it follow the new version.
     pub async fn replace(&self, scope: &Scope, id: CourseId, new: NewCourse) -> StoreResult<Course> {
         require_staff(scope, "changing course plans")?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -169,7 +169,7 @@ impl Courses<'_> {
             .await
     }
 
-    /// Lets a group that the scope sees follow a plan from a day on, in place of the one that it followed.
+    /// Makes a group in the scope follow a plan from a day on, in place of its present plan.
     pub async fn follow(&self, scope: &Scope, group: GroupId, course: CourseId, begins: Day) -> StoreResult<()> {
         self.require_group(scope, group, "setting a group's course").await?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -186,7 +186,7 @@ impl Courses<'_> {
             .await
     }
 
-    /// Ends that a group follows a plan.
+    /// Ends a group's course.
     pub async fn unfollow(&self, scope: &Scope, group: GroupId) -> StoreResult<()> {
         self.require_group(scope, group, "ending a group's course").await?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -201,8 +201,8 @@ impl Courses<'_> {
             .await
     }
 
-    /// The courses that a trainee is in, the latest first: by all their groups, for an instructor by those that they teach. Whether the scope
-    /// sees the trainee is asked before.
+    /// The courses of a trainee, latest first: those of all their groups, or for an instructor those of the groups that
+    /// they teach. The caller has checked that the scope sees the trainee.
     pub async fn of_trainee(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Vec<Enrolled>> {
         let rows = sqlx::query_as(
             "SELECT group_course.group_id, training_group.name AS group_name, course_id, begins
@@ -244,7 +244,8 @@ impl Courses<'_> {
     }
 }
 
-/// Writes a plan's steps. Each can be done: a standard that is to be passed is there, and stays, since standards are never deleted.
+/// Writes a plan's steps. A step that requires a standard is refused unless the task has one; it will stay, since
+/// standards are never deleted.
 async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -> StoreResult<()> {
     for (position, step) in (0_i64..).zip(steps) {
         let number = position + 1;
@@ -255,7 +256,7 @@ async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -
         let (task, name, has_standard) = task.ok_or(not_found("task"))?;
         if step.sessions.is_none() && !has_standard {
             return Err(StoreError::refused(format!(
-                "step {number}: “{name}” has no standard to pass yet: set one, or ask for a number of sessions"
+                "step {number}: “{name}” has no standard to pass yet: set one, or require a number of sessions"
             )));
         }
         let insert = sqlx::query(
@@ -270,7 +271,7 @@ async fn set_steps(tx: &mut SqliteConnection, id: CourseId, steps: &[NewStep]) -
 fn twice(error: sqlx::Error, number: i64, task: &Name) -> StoreError {
     match error.as_database_error() {
         Some(found) if found.is_unique_violation() => StoreError::refused(format!(
-            "step {number}: an earlier step asks the same of “{task}”: leave one of them out, or ask for more sessions"
+            "step {number}: an earlier step requires the same of “{task}”: remove one of the two, or require more sessions"
         )),
         _ => error.into(),
     }

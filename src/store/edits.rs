@@ -1,9 +1,9 @@
-//! What people change about scored sessions: made and undone by staff, never deleted. Whoever sees the session sees what was changed,
-//! by whom and why.
+//! Edits of scored sessions: made and undone by staff, never deleted. People who may see a session see its edits, with
+//! their authors and reasons.
 //!
-//! A trim or a swap makes a new result necessary, which is queued in the same transaction. Each that is made or undone is the next
-//! *revision* of the session's edits; a result says of which revision it is, so that one that was begun before is noticed
-//! ([`catch_up`]).
+//! A trim or a swap makes a new result necessary; its job is queued in the same transaction. Each trim or swap that is
+//! made or undone increases the *revision* of the session's edits. A result names its revision, so that a result that
+//! was begun before an edit is noticed ([`enqueue_rescore_if_outdated`]).
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -20,67 +20,67 @@ use crate::domain::problem::Problem;
 use crate::domain::text::{Name, Remark};
 use crate::ids::{EditId, JobId, PersonId, SessionId};
 
-/// The edits.
+/// Access to the edits.
 pub struct Edits<'s>(pub(super) &'s Store);
 
-/// Most edits of one session, those that were undone included.
+/// Maximum number of edits of one session, including undone ones.
 pub const MOST: i64 = 200;
 
-/// A change of a session.
+/// An edit of a session.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct Edit {
     /// Its id.
     pub id: EditId,
-    /// What is changed.
+    /// The kind of change.
     pub kind: EditKind,
-    /// From which second.
+    /// Beginning, seconds of the recording.
     pub from_s: Option<f64>,
-    /// To which.
+    /// End, seconds of the recording.
     pub to_s: Option<f64>,
-    /// Which two tools change names.
+    /// The two tools that swap names.
     #[sqlx(json(nullable))]
     pub tools: Option<[String; 2]>,
-    /// Why.
+    /// The reason.
     pub why: Remark,
-    /// Who made it, if they are still here.
+    /// Name of the author; `None` if the account has been deleted.
     pub who: Option<Name>,
     /// When, epoch ms.
     pub created_at_ms: i64,
-    /// Who undid it, if they are still here.
+    /// Name of the person who undid it; `None` if it is in force or the account has been deleted.
     pub undone_by: Option<Name>,
-    /// When it was undone, epoch ms; `None`: it is in force.
+    /// When it was undone, epoch ms; `None` while it is in force.
     pub undone_at_ms: Option<i64>,
 }
 
-/// A session's edits, and how its score stands to them.
+/// A session's edits, and whether its score is up to date with them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionEdits {
-    /// All of them, the oldest first.
+    /// All of them, oldest first.
     pub items: Vec<Edit>,
-    /// Trims and swaps made and undone so far.
+    /// Number of trims and swaps made and undone so far.
     pub revision: u64,
-    /// Is the score made with those in force?
+    /// Whether the score was made with the edits in force.
     pub score: ScoreState,
-    /// The work that makes it; `None` where it is made.
+    /// The job that makes the new score; `None` if the score is up to date.
     pub job: Option<JobId>,
-    /// Why it could not be made.
+    /// Why that job failed.
     pub problem: Option<Problem>,
 }
 
 impl Edit {
-    /// What it changes.
+    /// The change that it makes.
     pub fn change(&self) -> Option<Change> {
         let span = self.from_s.zip(self.to_s).map(|(from, to)| [from, to]);
         match (self.kind, span, &self.tools) {
             (EditKind::Trim, Some(span), _) => Some(Change::Trim(span)),
             (EditKind::Swap, Some(span), Some(tools)) => Some(Change::Swap(tools.clone(), span)),
             (EditKind::SetAside, ..) => Some(Change::SetAside),
-            _ => None, // the schema has what each kind needs
+            _ => None, // the schema ensures the fields that each kind needs
         }
     }
 }
 
-/// Edits of session `$1` with all that an [`Edit`] says, the oldest first.
+/// Selects the [`EditRecord`]s of session `$1`, oldest first.
 const SELECT: &str =
     "SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.why, maker.name AS who, edit.created_at_ms,
             undoer.name AS undone_by, edit.undone_at_ms
@@ -119,14 +119,14 @@ impl Edits<'_> {
         })
     }
 
-    /// What a session is to be scored with.
+    /// The edits that the session must be scored with.
     pub async fn in_force(&self, session: SessionId) -> StoreResult<EditsInForce> {
         let items: Vec<Edit> = sqlx::query_as(SELECT).bind(session).bind(MOST).fetch_all(self.0.readers()).await?;
         let changes = items.iter().filter(|edit| is_of_path(edit.kind) && edit.undone_at_ms.is_none());
         Ok(EditsInForce { revision: revision_of(&items), changes: changes.filter_map(Edit::change).collect() })
     }
 
-    /// Makes an edit. With `seen`, only if nobody has made or undone a trim or a swap since that revision.
+    /// Makes an edit. With `seen`, it is refused if a trim or a swap was made or undone since that revision.
     pub async fn add(
         &self,
         scope: &Scope,
@@ -145,7 +145,7 @@ impl Edits<'_> {
                 let now = revision(tx, session).await?;
                 if is_of_path(kind) && seen.is_some_and(|seen| seen != now) {
                     return Err(StoreError::refused(
-                        "somebody else has edited it meanwhile: look at the session again, then decide",
+                        "another person has edited this session meanwhile: reload it, then decide",
                     ));
                 }
                 insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
@@ -204,21 +204,21 @@ async fn insert(
     let insert = insert.bind(id).bind(session).bind(person).bind(change.kind()).bind(from_s).bind(to_s).bind(tools);
     let insert = insert.bind(why).bind(now_ms).bind(MOST).execute(tx).await.map_err(twice_or_missing)?;
     match insert.rows_affected() {
-        0 => Err(StoreError::refused(format!(
-            "the session was edited {MOST} times; no more edits are kept of one session"
-        ))),
+        0 => {
+            Err(StoreError::refused(format!("the session was edited {MOST} times, which is the limit for one session")))
+        }
         _ => Ok(()),
     }
 }
 
 fn twice_or_missing(error: sqlx::Error) -> StoreError {
     match error.as_database_error() {
-        Some(e) if e.is_unique_violation() => StoreError::refused("the session is set aside already"),
+        Some(e) if e.is_unique_violation() => StoreError::refused("the session is already set aside"),
         _ => missing("session")(error),
     }
 }
 
-/// A path can be edited once there is one, and while no other is being made.
+/// Refuses an edit of the path while the session has no path or is being tracked.
 async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: EditKind) -> StoreResult<()> {
     if !is_of_path(kind) {
         return Ok(());
@@ -229,10 +229,10 @@ async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId, kind: Edi
         return Err(StoreError::refused("the session is being tracked: wait until it is scored, then edit it"));
     }
     let result: Option<String> = sqlx::query_scalar(latest_result!()).bind(session).fetch_optional(tx).await?;
-    result.map(drop).ok_or_else(|| StoreError::refused("the session has no path yet that could be edited"))
+    result.map(drop).ok_or_else(|| StoreError::refused("the session cannot be edited before it is scored"))
 }
 
-/// Does the score depend on edits of this kind? What is set aside keeps the score that it has.
+/// True if the score depends on edits of this kind. Setting a session aside does not change its score.
 fn is_of_path(kind: EditKind) -> bool {
     kind != EditKind::SetAside
 }
@@ -241,17 +241,17 @@ fn score_of(state: JobState) -> ScoreState {
     match state {
         JobState::Running => ScoreState::Working,
         JobState::Failed | JobState::Quarantined => ScoreState::Failed,
-        JobState::Queued | JobState::Done => ScoreState::Waiting, // done: the next one is queued at once
+        JobState::Queued | JobState::Done => ScoreState::Waiting, // done: the next job is queued at once
     }
 }
 
-/// Trims and swaps made and undone: it only ever grows.
+/// Number of trims and swaps made and undone. It never decreases.
 fn revision_of(items: &[Edit]) -> u64 {
     let of = |edit: &Edit| if is_of_path(edit.kind) { 1 + u64::from(edit.undone_at_ms.is_some()) } else { 0 };
     items.iter().map(of).sum()
 }
 
-/// The same, in a transaction.
+/// Like [`revision_of`], read in a transaction.
 pub(super) async fn revision(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<u64> {
     let sql = "SELECT count(*) + count(undone_at_ms) FROM session_edit WHERE session_id = $1 AND kind <> 'set_aside'";
     let revision: i64 = sqlx::query_scalar(sql).bind(session).fetch_one(tx).await?;

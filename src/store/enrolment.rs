@@ -1,4 +1,4 @@
-//! Many trainees enrolled at once: all of a list, or nobody.
+//! Enrols the trainees of a list: all of them or none.
 
 use std::collections::HashMap;
 
@@ -14,18 +14,18 @@ use crate::domain::role::Role;
 use crate::domain::text::Code;
 use crate::ids::{GroupId, TraineeId};
 
-/// What came of a list.
+/// The outcome of enrolling a list.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Enrolment {
-    /// Everybody is enrolled, in the order of the rows; nobody, where it was only looked at.
+    /// All are enrolled, in the order of the rows; empty if the list was only checked.
     Done(Vec<Trainee>),
-    /// Nobody is: these rows stand against it.
+    /// None is enrolled, because of these rows.
     Refused(Vec<RowProblem>),
 }
 
 impl Trainees<'_> {
-    /// Enrols everybody of a list in one transaction, or nobody; with `only_check` nobody in any case. Groups are named by their
-    /// names, and must be among those that the scope sees; an instructor's trainee joins one of the instructor's groups.
+    /// Enrols all trainees of a list in one transaction, or none; with `only_check` it only checks the list. Rows name
+    /// groups by their names, which must be in the scope. An instructor's trainee joins one of the instructor's groups.
     pub async fn enrol(&self, scope: &Scope, rows: Vec<Enrolled>, only_check: bool) -> StoreResult<Enrolment> {
         require_staff(scope, "registering trainees")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
@@ -36,8 +36,7 @@ impl Trainees<'_> {
                 let mut joins = Vec::with_capacity(rows.len());
                 for (index, row) in rows.iter().enumerate() {
                     if let Some(code) = &row.code {
-                        let why =
-                            || problem(index + 1, "code", format!("`{code}` is somebody's already; choose another"));
+                        let why = || problem(index + 1, "code", format!("`{code}` is already taken; choose another"));
                         problems.extend(is_taken(tx, code).await?.then(why));
                     }
                     match joined(&scope, &groups, row.group.as_deref()) {
@@ -65,7 +64,7 @@ async fn enrol(
     joins: Vec<Option<GroupId>>,
 ) -> StoreResult<Vec<Trainee>> {
     let mut order: Vec<usize> = (0..rows.len()).collect();
-    order.sort_by_key(|index| rows[*index].code.is_none()); // codes that are made step aside for those that are given
+    order.sort_by_key(|index| rows[*index].code.is_none()); // given codes come first, derived ones use what is left
     let mut enrolled: Vec<(usize, Trainee)> = Vec::with_capacity(rows.len());
     for index in order {
         let row = &rows[index];
@@ -90,7 +89,7 @@ async fn enrol(
     Ok(enrolled.into_iter().map(|(_, trainee)| trainee).collect())
 }
 
-/// The groups that the scope sees, by their names.
+/// The groups that the scope sees, by name.
 async fn groups_of(tx: &mut SqliteConnection, scope: &Scope) -> StoreResult<HashMap<String, GroupId>> {
     let rows = sqlx::query_as::<_, (String, GroupId)>(
         "SELECT name, id FROM training_group
@@ -100,23 +99,23 @@ async fn groups_of(tx: &mut SqliteConnection, scope: &Scope) -> StoreResult<Hash
     Ok(rows.asked_by(scope).fetch_all(tx).await?.into_iter().collect())
 }
 
-/// Is a code somebody's? Codes are unique in the centre; whose it is, is told nobody.
+/// True if the code is taken. Codes are unique in the centre; the caller does not learn who has it.
 async fn is_taken(tx: &mut SqliteConnection, code: &Code) -> StoreResult<bool> {
     let found: Option<i64> =
         sqlx::query_scalar("SELECT 1 FROM trainee WHERE code = $1").bind(code).fetch_optional(tx).await?;
     Ok(found.is_some())
 }
 
-/// The group of a row: the named one; without a name nobody's, or an instructor's only one.
+/// The group of a row: the named one. Without a name it is an instructor's only group; for administrators it is none.
 fn joined(scope: &Scope, groups: &HashMap<String, GroupId>, named: Option<&str>) -> Result<Option<GroupId>, String> {
     match named {
         Some(name) => match groups.get(name) {
             Some(group) => Ok(Some(*group)),
-            None => Err(format!("`{name}` is no group that you see; make it first, or correct the name")),
+            None => Err(format!("you have no group called `{name}`: create it first, or correct the name")),
         },
         None if scope.role() != Role::Instructor => Ok(None),
         None if groups.len() == 1 => Ok(groups.values().next().copied()),
-        None if groups.is_empty() => Err("you teach no group yet: ask an administrator to put you into one".to_owned()),
-        None => Err("is missing: you teach several groups, so say which one they join".to_owned()),
+        None if groups.is_empty() => Err("you teach no group yet: ask an administrator to add you to one".to_owned()),
+        None => Err("is missing: you teach several groups, so name the one to join".to_owned()),
     }
 }

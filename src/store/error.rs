@@ -1,33 +1,33 @@
-//! Why the store did not do what it was asked: a small closed set, which HTTP maps to answers in one place.
+//! Errors of the store: a small closed set, which HTTP maps to responses in one place.
 
 use std::sync::Arc;
 
 /// Result of a store function.
 pub type StoreResult<T> = Result<T, StoreError>;
 
-/// Why the store did not do it. Nothing was changed.
+/// Why a store function failed. Nothing was changed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum StoreError {
-    /// It does not exist, or the scope does not reach it: nobody can tell which.
+    /// It does not exist, or it is outside the caller's scope. The two cases look the same to the caller.
     #[error("there is no such {what}")]
     NotFound {
-        /// What was asked for.
+        /// The kind of thing that was requested.
         what: &'static str,
     },
-    /// The scope sees it but may not change it.
+    /// The caller may see it but may not do this.
     #[error("{what} is for {whom} only")]
     Forbidden {
         /// What was attempted.
         what: &'static str,
-        /// Who may.
+        /// The roles that may do it.
         whom: &'static str,
     },
     /// Something with this natural key exists already.
     #[error("this {what} is taken")]
     Taken {
-        /// Which key.
+        /// The key that is taken.
         what: &'static str,
-        /// The id of what has it, where that may be told.
+        /// The id of the row that has the key, if the caller may know it.
         existing: Option<String>,
     },
     /// Something else still needs it.
@@ -38,19 +38,19 @@ pub enum StoreError {
         /// What needs it.
         by: &'static str,
     },
-    /// It cannot be done in this state, and why.
+    /// It cannot be done in the present state.
     #[error("{why}")]
     Refused {
-        /// What stands against it, and what to do.
+        /// The reason, and what to do about it.
         why: String,
     },
-    /// The lease has passed to somebody else, or the job has ended: whatever was computed counts for nothing.
+    /// Another worker holds the lease, or the job has ended: the caller's result is discarded.
     #[error("the lease on this job is no longer held")]
     LeaseLost,
     /// The disk is full. Works again by itself once there is space.
     #[error("the disk is full")]
     DiskFull,
-    /// More is asked than the limits allow at once.
+    /// No connection or lock became free within the timeout.
     #[error("the database is busy")]
     Busy,
     /// The store has been closed.
@@ -59,8 +59,8 @@ pub enum StoreError {
     /// The file cannot be used by this program.
     #[error("the database cannot be used: {0}")]
     Unusable(String),
-    /// Anything else that SQLite says.
-    #[error("the database refused: {0}")]
+    /// Any other error of SQLite.
+    #[error("database error: {0}")]
     Database(Arc<sqlx::Error>),
 }
 
@@ -72,7 +72,7 @@ const SQLITE_IOERR_SHMSIZE: i32 = 4874;
 const SQLITE_IOERR_FSYNC: i32 = 1034;
 const SQLITE_IOERR_DIR_FSYNC: i32 = 1290;
 const SQLITE_CONSTRAINT_FOREIGNKEY: i32 = 787;
-/// What `ON DELETE RESTRICT` answers with.
+/// SQLite's code for a violation of `ON DELETE RESTRICT`.
 const SQLITE_CONSTRAINT_TRIGGER: i32 = 1811;
 
 impl From<sqlx::Error> for StoreError {
@@ -89,18 +89,19 @@ impl From<sqlx::Error> for StoreError {
 }
 
 impl StoreError {
-    /// Does a row hold what this program cannot read? That stays so; whatever else a database says may pass.
+    /// True if a row holds data that this program cannot decode. That error is permanent; other database errors may be
+    /// temporary.
     pub fn is_unreadable(&self) -> bool {
         let Self::Database(error) = self else { return false };
         matches!(**error, sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_))
     }
 
-    /// Did an fsync fail? Then nothing that was ever written can be relied upon.
+    /// True if an fsync failed. Then no earlier write can be relied on.
     pub(super) fn is_failed_sync(&self) -> bool {
         matches!(self, StoreError::Database(e) if [SQLITE_IOERR_FSYNC, SQLITE_IOERR_DIR_FSYNC].contains(&code(e)))
     }
 
-    /// A refusal with its reason.
+    /// A [`StoreError::Refused`] with this reason.
     pub(super) fn refused(why: impl Into<String>) -> Self {
         StoreError::Refused { why: why.into() }
     }
@@ -112,7 +113,7 @@ fn code(error: &sqlx::Error) -> i32 {
     code.and_then(|code| code.parse().ok()).unwrap_or(0)
 }
 
-/// For the insert that may meet a natural key: `.map_err(taken("login"))`.
+/// Maps a unique violation of an insert: `.map_err(taken("login"))`.
 pub(super) fn taken(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreError {
     move |error| match error.as_database_error() {
         Some(e) if e.is_unique_violation() => StoreError::Taken { what, existing: None },
@@ -120,7 +121,7 @@ pub(super) fn taken(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreErro
     }
 }
 
-/// For the delete that something may stand against: `.map_err(in_use("task", "sessions"))`.
+/// Maps a foreign-key violation of a delete: `.map_err(in_use("task", "sessions"))`.
 pub(super) fn in_use(what: &'static str, by: &'static str) -> impl FnOnce(sqlx::Error) -> StoreError {
     move |error| match code(&error) {
         SQLITE_CONSTRAINT_FOREIGNKEY | SQLITE_CONSTRAINT_TRIGGER => StoreError::InUse { what, by },
@@ -128,7 +129,7 @@ pub(super) fn in_use(what: &'static str, by: &'static str) -> impl FnOnce(sqlx::
     }
 }
 
-/// For the write that names something by id: `.map_err(missing("box"))`.
+/// Maps a foreign-key violation of an insert or update: `.map_err(missing("box"))`.
 pub(super) fn missing(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreError {
     move |error| match error.as_database_error() {
         Some(e) if e.is_foreign_key_violation() => StoreError::NotFound { what },
@@ -136,16 +137,17 @@ pub(super) fn missing(what: &'static str) -> impl FnOnce(sqlx::Error) -> StoreEr
     }
 }
 
-/// For the note that somebody was here, which may wait for space or a quieter moment: reading and erasing must not.
+/// For writing a last-seen time: ignores a full disk and a busy database, because reading and deleting must go on
+/// without it.
 pub(super) fn noted(done: StoreResult<()>) -> StoreResult<()> {
     if let Err(error @ (StoreError::DiskFull | StoreError::Busy)) = done {
-        tracing::warn!(%error, "noting that somebody was here");
+        tracing::warn!(%error, "last-seen time not stored; the request continues");
         return Ok(());
     }
     done
 }
 
-/// A row that must be there: `.fetch_optional(…).await?.ok_or(not_found("task"))`.
+/// The error for a row that must exist: `.fetch_optional(…).await?.ok_or(not_found("task"))`.
 pub(super) fn not_found(what: &'static str) -> StoreError {
     StoreError::NotFound { what }
 }

@@ -1,5 +1,5 @@
-//! Recordings that arrive frame by frame. The frames lie in a log of the vault; a row says whose they are, and which
-//! connection may send them.
+//! Feeds: recordings that arrive frame by frame. The frames are in a log of the vault; the row names the trainee, task
+//! and box, and the connection that may send.
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -15,26 +15,26 @@ use crate::domain::session::LiveFeature;
 use crate::domain::text::Invalid;
 use crate::ids::{BoxId, FeedId, SessionId, TaskId, TraineeId};
 
-/// The name of a recording that came live.
+/// File name of a recording that was streamed.
 const FILENAME: &str = "live.mp4";
 
-/// The feeds.
+/// Access to the feeds.
 pub struct Feeds<'s>(pub(super) &'s Store);
 
-/// A recording that arrives frame by frame, or has arrived.
+/// A recording that arrives frame by frame, or has arrived completely.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct Feed {
     /// Its id, and its log's name in the vault.
     pub id: FeedId,
-    /// The session that it is.
+    /// Its session.
     pub session_id: SessionId,
-    /// Who trains.
+    /// The trainee.
     pub trainee_id: TraineeId,
-    /// What they do.
+    /// The task.
     pub task_id: TaskId,
-    /// Where.
+    /// The box.
     pub box_id: BoxId,
-    /// How frames are coded.
+    /// The codec of the frames.
     pub codec: FrameCodec,
     /// Picture width, pixels.
     #[sqlx(try_from = "i64")]
@@ -46,37 +46,37 @@ pub struct Feed {
     tick_num: u32,
     #[sqlx(try_from = "i64")]
     tick_den: u32,
-    /// Connections so far: only the last may send.
+    /// Number of connections so far; only the latest may send.
     #[sqlx(try_from = "i64")]
     pub epoch: u32,
-    /// When its recording was stored, epoch ms.
+    /// When the complete recording was stored, epoch ms.
     pub ended_at_ms: Option<i64>,
-    /// Is it pushed in one request? Then nobody can go on with it once that is over.
+    /// True if it is pushed in a single request; it cannot be resumed after that request.
     pub is_push: bool,
 }
 
-/// What a sender says of a recording.
+/// A sender's description of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewFeed {
     /// Its id, made by the sender.
     pub id: FeedId,
-    /// Who trains.
+    /// The trainee.
     pub trainee: TraineeId,
-    /// What they do.
+    /// The task.
     pub task: TaskId,
-    /// Where.
+    /// The box.
     pub in_box: BoxId,
-    /// How frames are coded.
+    /// The codec of the frames.
     pub codec: FrameCodec,
     /// Picture width and height, pixels.
     pub size: (u32, u32),
-    /// The clock of its frames.
+    /// The time base of its frames.
     pub time_base: TimeBase,
     /// When it began, epoch ms.
     pub began_at_ms: i64,
-    /// The sender's program, for people; at most 120 characters.
+    /// Name of the sender's program, for people; at most 120 characters.
     pub sender: String,
-    /// Is it pushed in one request?
+    /// True if it is pushed in a single request.
     pub is_push: bool,
 }
 
@@ -89,12 +89,12 @@ macro_rules! select_feeds {
 }
 
 impl Feed {
-    /// The clock in which its frames count.
+    /// The time base of its frames.
     pub fn time_base(&self) -> Result<TimeBase, Invalid> {
         [self.tick_num, self.tick_den].try_into()
     }
 
-    /// Is it the recording that a sender speaks of?
+    /// True if the sender's description matches this feed.
     fn is(&self, new: &NewFeed) -> bool {
         let (num, den) = new.time_base.fraction();
         self.box_id == new.in_box
@@ -107,11 +107,11 @@ impl Feed {
 }
 
 impl Feeds<'_> {
-    /// Begins a recording, or goes on with it: from now on only the returned epoch may send. One that has ended keeps its
-    /// epoch.
+    /// Begins or resumes a recording: from now on only the connection with the returned epoch may send. A recording
+    /// that has ended keeps its epoch.
     ///
     /// # Errors
-    /// [`StoreError::Refused`] where the recording is known, but by other words.
+    /// [`StoreError::Refused`] if the recording exists with another description, or was erased.
     pub async fn open(&self, scope: &Scope, new: NewFeed) -> StoreResult<Feed> {
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
@@ -123,13 +123,13 @@ impl Feeds<'_> {
                 let sql = "SELECT 1 FROM erased_feed WHERE id = $1";
                 let erased: Option<i64> = sqlx::query_scalar(sql).bind(new.id).fetch_optional(&mut *tx).await?;
                 if erased.is_some() {
-                    return Err(StoreError::refused("this recording was erased: a new recording needs a new id"));
+                    return Err(StoreError::refused("this recording was erased: start a new recording with a new id"));
                 }
                 let Some(known) = find(tx, new.id).await? else { return insert(tx, &scope, new, now_ms).await };
                 if !known.is(&new) {
                     return Err(StoreError::refused(
-                        "this recording was begun with another box, trainee, task, codec, size or clock: \
-                         a new recording needs a new id",
+                        "this recording was begun with another box, trainee, task, codec, size or time base: \
+                         start a new recording with a new id",
                     ));
                 }
                 if known.ended_at_ms.is_some() {
@@ -142,8 +142,9 @@ impl Feeds<'_> {
             .await
     }
 
-    /// Stores the recording that a feed has become, and queues its tracking, in one transaction. Again changes nothing.
-    /// The same recording of the same trainee, task and box is one session: the feed becomes that one.
+    /// Stores the complete recording of a feed and queues its tracking, in one transaction. Repeating the call changes
+    /// nothing. If the same trainee, task and box already have this recording, the feed is linked to the existing
+    /// session.
     pub async fn end(
         &self,
         id: FeedId,
@@ -179,7 +180,7 @@ impl Feeds<'_> {
             .await
     }
 
-    /// The features that a session's recording ended with while it was tracked live; `None` where it was not.
+    /// The final features of live tracking of a session's recording; `None` if it was not tracked live.
     pub async fn live_features(&self, scope: &Scope, of: SessionId) -> StoreResult<Option<Vec<LiveFeature>>> {
         let row = sqlx::query_scalar(concat!(
             "SELECT feed.live_features FROM feed JOIN session ON session.id = feed.session_id
@@ -191,8 +192,8 @@ impl Feeds<'_> {
         Ok(row.map(|Json(features)| features))
     }
 
-    /// Forgets a recording of which nothing came, with its session; its sender is told that it was erased, unless it may come
-    /// again.
+    /// Deletes a recording that has no frames, with its session. Its id counts as erased, so its sender is refused,
+    /// unless `may_come_again`.
     pub async fn forget(&self, id: FeedId, may_come_again: bool) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
@@ -207,7 +208,7 @@ impl Feeds<'_> {
             .await
     }
 
-    /// Forgets all that have not ended, as if they had never been: for a copy of the database that has no logs.
+    /// Deletes all unfinished feeds without marking their ids as erased: for a copy of the database that has no logs.
     pub async fn forget_unfinished(&self) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
@@ -228,7 +229,7 @@ impl Feeds<'_> {
         row.asked_by(scope).bind(id).fetch_optional(self.0.readers()).await?.ok_or(not_found("feed"))
     }
 
-    /// Those that have not ended.
+    /// The feeds that have not ended.
     pub async fn unfinished(&self) -> StoreResult<Vec<Feed>> {
         let rows = sqlx::query_as(concat!(select_feeds!(), " WHERE feed.ended_at_ms IS NULL ORDER BY feed.id"));
         Ok(rows.fetch_all(self.0.readers()).await?)

@@ -1,4 +1,4 @@
-//! Which instructors teach which trainees. Administrators change groups; instructors see their own.
+//! Training groups: which instructors teach which trainees. Administrators change groups; instructors see their own.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use crate::domain::text::Name;
 use crate::ids::{CourseId, GroupId, PersonId, TraineeId};
 use crate::time::Day;
 
-/// The training groups.
+/// Access to the training groups.
 pub struct Groups<'s>(pub(super) &'s Store);
 
 /// A training group.
@@ -23,13 +23,13 @@ pub struct Group {
     pub name: Name,
     /// When it was made, epoch ms.
     pub created_at_ms: i64,
-    /// Who is in it.
+    /// Its members.
     pub members: Members,
-    /// The course plan that it follows, if it follows one.
+    /// The course plan that it follows, if any.
     pub follows: Option<Followed>,
 }
 
-/// Who is in a group.
+/// The members of a group.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Members {
@@ -49,7 +49,7 @@ struct Row {
     begins: Option<Day>,
 }
 
-/// Groups with what a [`Row`] says of them; conditions follow.
+/// Selects [`GroupRow`]s; conditions follow.
 macro_rules! select_groups {
     ($conditions:literal) => {
         concat!(
@@ -65,7 +65,7 @@ macro_rules! select_groups {
 }
 
 impl Groups<'_> {
-    /// Makes an empty group.
+    /// Creates an empty group.
     pub async fn create(&self, scope: &Scope, name: Name) -> StoreResult<Group> {
         require_administrator(scope, "making groups")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
@@ -82,7 +82,7 @@ impl Groups<'_> {
             .await
     }
 
-    /// All groups that the scope sees, by name: an administrator all, an instructor their own.
+    /// The groups that the scope sees, by name: all for an administrator, their own for an instructor.
     pub async fn list(&self, scope: &Scope) -> StoreResult<Vec<Group>> {
         require_staff(scope, "the list of groups")?;
         let rows = sqlx::query_as::<_, Row>(select_groups!(
@@ -107,7 +107,7 @@ impl Groups<'_> {
         self.with_members(row.ok_or(not_found("group"))?).await
     }
 
-    /// Sets who is in a group, all at once.
+    /// Replaces the members of a group.
     pub async fn set_members(&self, scope: &Scope, id: GroupId, members: Members) -> StoreResult<Group> {
         require_administrator(scope, "changing groups")?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -132,7 +132,7 @@ impl Groups<'_> {
         self.get(scope, id).await
     }
 
-    /// Dissolves a group that no cohort is made of; its people stay.
+    /// Deletes a group that no cohort refers to; its members stay.
     pub async fn delete(&self, scope: &Scope, id: GroupId) -> StoreResult<()> {
         require_administrator(scope, "deleting groups")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());

@@ -1,14 +1,14 @@
-//! SQL, and nothing but SQL: what the centre knows, behind functions named for their meaning.
+//! The database of a centre. All SQL is here, behind functions named for their meaning.
 //!
-//! One writer thread (`writer`) owns the connection that writes and answers after the commit; reads come from a
-//! pool that cannot write. Functions that touch people's data take a [`Scope`]: what it does not reach is not found.
-//! A list is a [`Page`]. Times are epoch milliseconds. Every function either did what it says, durably, or nothing.
+//! One writer thread (`writer`) owns the only connection that writes and replies after the commit; reads use a pool
+//! that cannot write. Functions on personal data take a [`Scope`]: rows outside it are reported as not found. A list is
+//! a [`Page`]. Times are epoch milliseconds. Every function either completes durably or changes nothing.
 //!
-//! | room | functions |
+//! | accessor | functions |
 //! |---|---|
 //! | [`Store::people`] | `create` `list` `get` `change` `delete` `set_password` · for sign-in: `by_login` · `count` |
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
-//! | [`Store::cookies`] | `create` `person_of` `counts` `delete` `delete_all_of` `forget_expired` `forget_all` |
+//! | [`Store::cookies`] | `create` `person_of` `is_valid` `delete` `delete_all_of` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `delete` `scope_of` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `change` `delete` |
@@ -22,13 +22,14 @@
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` `count_unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
-//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `practice_of_many` `trained` `last_task` `refused_since` `unrated_since` |
+//! | [`Store::sessions`] | `create` `list` `get` `retry` `erase` `result` `evidence` `practice` `practice_of_many` `trainee_tasks` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
-//! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `crashed` `give_back` `sweep` |
+//! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
+//! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `all` `total` |
-//! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `backed_up` · `last_backup` |
+//! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
 mod audit;
 mod ballast;
@@ -112,15 +113,16 @@ use writer::Writer;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StoreSettings {
-    /// Connections that read at the same time. More serve more simultaneous pages; each costs about 2 MiB. Usually 4.
+    /// Connections that read at the same time. More serve more simultaneous requests; each costs about 2 MiB. Usually
+    /// 4.
     pub readers: u32,
-    /// Writes that may wait for the writer before further ones are held back. Usually 256.
+    /// Writes that may wait for the writer; further callers are held back. Usually 256.
     pub waiting_writes: usize,
-    /// Writes that may share one commit. More: fewer fsyncs under load, later answers. Usually 64.
+    /// Writes that may share one commit. More: fewer fsyncs under load, but later replies. Usually 64.
     pub writes_per_commit: usize,
-    /// How long to wait for a lock or a free connection before giving up as busy, ms. Usually 5000.
+    /// Wait for a lock or a free connection before the store reports that it is busy, ms. Usually 5000.
     pub busy_timeout_ms: u64,
-    /// Times that a job may crash or fall silent before it is quarantined. Usually 3.
+    /// Number of crashes or lost leases after which a job is quarantined. Usually 3.
     pub max_attempts: u32,
 }
 
@@ -130,7 +132,7 @@ impl Default for StoreSettings {
     }
 }
 
-/// The centre's database. Clones are the same store.
+/// The centre's database. Clones share one store.
 #[derive(Clone, Debug)]
 pub struct Store {
     inner: Arc<Inner>,
@@ -144,28 +146,28 @@ struct Inner {
     clock: SharedClock,
     settings: StoreSettings,
     ballast: Ballast,
-    /// For letting in who erases.
+    /// Space for signing in on a full disk.
     door: Ballast,
-    /// Was something erased since the write-ahead log was emptied?
+    /// Has anything been erased since the write-ahead log was last emptied?
     erased: AtomicBool,
 }
 
 impl Store {
-    /// Opens the database at this path, made if it is missing, its schema brought up to date.
+    /// Opens the database at this path, creates it if it is missing, and migrates its schema.
     pub async fn open(path: &Path, settings: &StoreSettings, clock: SharedClock) -> StoreResult<Self> {
         let connection = open::writer(path, settings).await?;
         let readers = open::readers(path, settings).await?;
         let writer = Writer::start(connection, settings.waiting_writes, settings.writes_per_commit)
-            .map_err(|error| StoreError::Unusable(format!("its writer cannot start: {error}")))?;
+            .map_err(|error| StoreError::Unusable(format!("its writer thread cannot start: {error}")))?;
         let (ballast, door) = (Ballast::to_erase(path), Ballast::to_let_in(path));
         ballast.restore().await;
         door.restore().await;
         let (path, settings) = (path.to_owned(), settings.clone());
-        let erased = AtomicBool::new(true); // perhaps in an earlier life
+        let erased = AtomicBool::new(true); // perhaps before the last restart
         Ok(Self { inner: Arc::new(Inner { path, readers, writer, clock, settings, ballast, door, erased }) })
     }
 
-    /// What SQLite finds wrong with its own file and with references between rows; nothing is as it should be.
+    /// Damage that SQLite finds in its file and dangling references between rows; empty if all is well.
     pub async fn check(&self) -> StoreResult<Vec<String>> {
         let integrity: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check").fetch_all(self.readers()).await?;
         let dangling: Vec<String> =
@@ -174,34 +176,34 @@ impl Store {
         Ok(integrity.into_iter().filter(|line| line != "ok").chain(dangling).collect())
     }
 
-    /// Closes the database, for all clones: what was asked before is done, what is asked after is refused as closed. Not
-    /// needed at the end of the process, which may come at any moment anyway.
+    /// Closes the database for all clones: earlier requests are completed, later ones are refused as closed. A process
+    /// may also end without calling this.
     pub async fn close(&self) {
         self.inner.readers.close().await;
         self.inner.writer.close().await;
     }
 
-    /// Writes a copy of the whole database, as it is at one moment, to a file, in place of what is there. Work goes on
+    /// Writes a consistent copy of the whole database to a file and replaces an existing one. The store stays usable
     /// meanwhile.
     pub async fn snapshot(&self, into: &Path) -> StoreResult<()> {
         open::snapshot(&self.inner.path, &self.inner.settings, into).await
     }
 
-    /// Bytes of the database, without its log.
+    /// Size of the database in bytes, without its write-ahead log.
     pub async fn bytes(&self) -> StoreResult<u64> {
         let sql = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
         let pages: i64 = sqlx::query_scalar(sql).fetch_one(self.readers()).await?;
         Ok(pages.unsigned_abs())
     }
 
-    /// Takes the ballast's space again after an erasure on a full disk, if there is room now.
+    /// Writes the disk reserves again after a deletion on a full disk, if there is space now.
     pub async fn restore_ballast(&self) {
         self.inner.ballast.restore().await;
         self.inner.door.restore().await;
     }
 
-    /// After an erasure: moves everything from the write-ahead log into the database file and empties the log, so that
-    /// what was erased is nowhere any more. `false` if a reader stands in the way: try again later.
+    /// After an erasure: moves the write-ahead log into the database file and empties it, so that no copy of the erased
+    /// data is left. `false` if a reader prevents it: try again later.
     pub async fn forget_erased(&self) -> StoreResult<bool> {
         if !self.inner.erased.swap(false, Ordering::AcqRel) {
             return Ok(true);
@@ -213,12 +215,12 @@ impl Store {
         emptied
     }
 
-    /// The connections that read.
+    /// The pool of reading connections.
     fn readers(&self) -> &SqlitePool {
         &self.inner.readers
     }
 
-    /// Runs `work` in a transaction of the writer and answers once it is durable.
+    /// Runs `work` in a transaction of the writer and returns once it is durable.
     async fn write<T, F>(&self, work: F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
@@ -227,8 +229,8 @@ impl Store {
         self.inner.writer.run(work).await
     }
 
-    /// Like [`Store::write`], for work that makes room: when the disk is full the ballast is freed and the work done again, since
-    /// SQLite needs space even to delete.
+    /// Like [`Store::write`], for deletions: on a full disk the delete reserve is freed and the work is done again,
+    /// since SQLite needs space even to delete.
     async fn erase<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
@@ -239,7 +241,7 @@ impl Store {
         result
     }
 
-    /// Like [`Store::write`], for letting in who makes room.
+    /// Like [`Store::write`], for signing in: on a full disk the sign-in reserve is freed.
     async fn let_in<T, F>(&self, work: impl Fn() -> F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
@@ -268,66 +270,66 @@ impl Store {
     }
 }
 
-/// Each room is a borrowed store under a name of its own.
-macro_rules! rooms {
-    ($($(#[$doc:meta])* $function:ident: $room:ident;)*) => {
+/// Defines the accessors, each a borrowed store with the functions of one topic.
+macro_rules! accessors {
+    ($($(#[$doc:meta])* $function:ident: $accessor:ident;)*) => {
         impl Store { $(
             $(#[$doc])*
-            pub fn $function(&self) -> $room<'_> {
-                $room(self)
+            pub fn $function(&self) -> $accessor<'_> {
+                $accessor(self)
             }
         )* }
     };
 }
 
-rooms! {
-    /// Who can sign in.
+accessors! {
+    /// Accounts that can sign in.
     people: People;
-    /// Which instructors teach which trainees.
+    /// Training groups: which instructors teach which trainees.
     groups: Groups;
-    /// Browsers that are signed in.
+    /// Signed-in browsers.
     cookies: Cookies;
-    /// Programs' ways in.
+    /// Access tokens of programs.
     tokens: Tokens;
-    /// Who trains.
+    /// Trainees.
     trainees: Trainees;
-    /// What they do.
+    /// Tasks that trainees practise.
     tasks: Tasks;
-    /// What that asks for.
+    /// Standards of tasks.
     standards: Standards;
-    /// Who is compared with whom.
+    /// Reference groups to compare trainees with.
     cohorts: Cohorts;
-    /// What courses ask for, and which groups follow one.
+    /// Course plans, and which groups follow one.
     courses: Courses;
-    /// What tells their levels apart.
+    /// Models that estimate a trainee's level.
     skill_models: SkillModels;
-    /// Where they do it.
+    /// Training boxes.
     boxes: Boxes;
-    /// Versions of boxes' cameras.
+    /// Versions of the boxes' cameras.
     calibrations: Calibrations;
-    /// Versions of boxes' colours.
+    /// Versions of the boxes' colours.
     palettes: Palettes;
-    /// Boxes' traffic lights.
+    /// Self-tests of boxes, with their traffic lights.
     self_tests: SelfTests;
-    /// Recordings that are arriving.
+    /// Recordings that are being uploaded.
     uploads: Uploads;
-    /// Recordings that are arriving frame by frame.
+    /// Recordings that are streamed frame by frame.
     feeds: Feeds;
-    /// Recordings that are here, and what came of them.
+    /// Complete recordings and their results.
     sessions: Sessions;
-    /// What raters give sessions.
+    /// Ratings of sessions.
     ratings: Ratings;
-    /// What people say about seconds of sessions.
+    /// Comments on moments of sessions.
     comments: Comments;
-    /// What people change about scored sessions.
+    /// Edits of scored sessions.
     edits: Edits;
-    /// Orders to score sessions again.
+    /// Rescoring orders.
     rescorings: Rescorings;
-    /// Work that waits, runs or has ended.
+    /// Jobs that are queued, running or ended.
     jobs: Jobs;
-    /// Which files the database refers to.
+    /// Files that the database refers to.
     blobs: Blobs;
-    /// Who changed what.
+    /// The audit trail.
     audit: Audit;
 }
 

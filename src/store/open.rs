@@ -1,4 +1,4 @@
-//! Opening the database: the settings that durability rests on, asserted; then the schema.
+//! Opens the database: sets and verifies the settings that durability depends on, then migrates the schema.
 
 use std::path::Path;
 use std::time::Duration;
@@ -12,26 +12,28 @@ use super::error::{StoreError, StoreResult};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
 
-/// Before 3.51.3 a checkpoint that races with a reset of the write-ahead log can corrupt the file.
+/// In older versions, a checkpoint that races with a reset of the write-ahead log can corrupt the file.
 const LEAST_SQLITE: (u32, u32, u32) = (3, 51, 3);
 
-/// The connection that writes, with the schema brought up to date.
+/// Opens the writing connection and migrates the schema.
 pub(super) async fn writer(path: &Path, settings: &StoreSettings) -> StoreResult<SqliteConnection> {
     let options = options(path, settings).create_if_missing(true).journal_mode(SqliteJournalMode::Wal);
     let mut connection = options.connect().await?;
     check_version(&mut connection).await?;
     check_settings(&mut connection, settings).await?;
     MIGRATIONS.run(&mut connection).await.map_err(|error| {
-        StoreError::Unusable(format!("its schema does not fit this program ({error}); was it made by a newer one?"))
+        StoreError::Unusable(format!(
+            "its schema does not match this program ({error}); was it created by a newer version?"
+        ))
     })?;
     Ok(connection)
 }
 
-/// What each connection that reads keeps of the file, in SQLite's way: minus KiB. A cohort's answer reads 10 MiB; the usual
-/// 2 MiB would fetch them anew each time.
+/// Page cache of each reading connection, in SQLite's notation: minus KiB. A cohort query reads 10 MiB; with the
+/// default of 2 MiB each query would read them from disk again.
 const READ_CACHE: &str = "-16384";
 
-/// The connections that read. They cannot write, whatever a statement says.
+/// Opens the pool of reading connections. They cannot write, even if a statement tries to.
 pub(super) async fn readers(path: &Path, settings: &StoreSettings) -> StoreResult<SqlitePool> {
     let checked = settings.clone();
     let pool = SqlitePoolOptions::new()
@@ -48,7 +50,7 @@ pub(super) async fn readers(path: &Path, settings: &StoreSettings) -> StoreResul
     Ok(pool)
 }
 
-/// Writes a copy of the database, as it is at one moment, to a new file; durable when this returns.
+/// Writes a consistent copy of the database to a new file; durable when this returns.
 pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path) -> StoreResult<()> {
     let unusable = |error: std::io::Error| StoreError::Unusable(format!("its copy `{}`: {error}", into.display()));
     for suffix in ["", "-wal", "-shm"] {
@@ -70,7 +72,7 @@ pub(super) async fn snapshot(path: &Path, settings: &StoreSettings, into: &Path)
     Ok(())
 }
 
-/// Rows that a query may be ahead of whoever reads them: one after the other, each would wake both threads.
+/// Rows that sqlx may fetch ahead of the consumer. Row by row, every row would wake both threads.
 const ROWS_AT_ONCE: usize = 1024;
 
 fn options(path: &Path, settings: &StoreSettings) -> SqliteConnectOptions {
@@ -96,7 +98,7 @@ async fn check_version(connection: &mut SqliteConnection) -> StoreResult<()> {
     Err(StoreError::Unusable(format!("SQLite {version} can corrupt its write-ahead log; 3.51.3 or newer is needed")))
 }
 
-/// A setting that does not take (read-only folder, odd file system, old library) must not go unnoticed.
+/// Fails if a setting did not take effect (read-only folder, unusual file system, old library).
 async fn check_settings(connection: &mut SqliteConnection, settings: &StoreSettings) -> StoreResult<()> {
     let journal: String = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut *connection).await?;
     expect("journal_mode", &journal, "wal")?;
@@ -118,7 +120,5 @@ fn expect(what: &str, found: &str, wanted: &str) -> StoreResult<()> {
     if found == wanted {
         return Ok(());
     }
-    Err(StoreError::Unusable(format!(
-        "{what} is {found} where {wanted} is needed; is the data folder on a local disk?"
-    )))
+    Err(StoreError::Unusable(format!("{what} is {found}, but {wanted} is needed; is the data folder on a local disk?")))
 }

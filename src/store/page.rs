@@ -1,30 +1,30 @@
-//! Lists by the page. A cursor is the sort key of the last item, so that rows that come or go between two pages neither
-//! repeat nor hide another.
+//! Paged lists. A cursor is the sort key of the last item, so rows added or removed between two requests neither repeat
+//! nor hide another row.
 
-/// Which part of a list.
+/// Which part of a list to return.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PageRequest {
-    /// Most items, 1 to [`PageRequest::MOST`].
+    /// Maximum number of items, 1 to [`PageRequest::MAX_LIMIT`].
     limit: u32,
-    /// Cursor of the page before; `None` for the first page.
+    /// Cursor of the previous page; `None` for the first page.
     after: Option<String>,
 }
 
 impl PageRequest {
-    /// Most items that one page may hold.
+    /// Maximum number of items on one page.
     pub const MOST: u32 = 200;
 
-    /// The page after this cursor with so many items; a limit out of bounds becomes the nearest one inside.
+    /// The page of `limit` items after this cursor; `limit` is clamped to the allowed range.
     pub fn new(limit: u32, after: Option<String>) -> Self {
         Self { limit: limit.clamp(1, Self::MOST), after }
     }
 
-    /// One row more than the page holds: it tells whether there is a next page.
+    /// Number of rows to query: one more than the page holds, to know whether there is a next page.
     pub(super) fn rows(&self) -> i64 {
         i64::from(self.limit) + 1
     }
 
-    /// The cursor to bind.
+    /// The cursor, to bind in the query.
     pub(super) fn after(&self) -> Option<&str> {
         self.after.as_deref()
     }
@@ -36,7 +36,7 @@ impl Default for PageRequest {
     }
 }
 
-/// Part of a list.
+/// One page of a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Page<T> {
     /// The items.
@@ -46,7 +46,7 @@ pub struct Page<T> {
 }
 
 impl<T> Page<T> {
-    /// Cuts the row too many off; `cursor` is an item's sort key.
+    /// Makes a page of the queried rows and removes the extra one; `cursor` returns an item's sort key.
     pub(super) fn cut(mut rows: Vec<T>, request: &PageRequest, cursor: impl Fn(&T) -> String) -> Self {
         let more = rows.len() as i64 == request.rows();
         rows.truncate(request.limit as usize);
@@ -54,7 +54,7 @@ impl<T> Page<T> {
         Self { items: rows, next }
     }
 
-    /// The same page of something made from the items.
+    /// Converts the items of the page.
     pub fn map<U>(self, f: impl FnMut(T) -> U) -> Page<U> {
         Page { items: self.items.into_iter().map(f).collect(), next: self.next }
     }

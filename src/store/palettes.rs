@@ -1,4 +1,4 @@
-//! Versions of boxes' colour samples: added, never changed. The latest is the one in use.
+//! Versions of the boxes' colour samples: added, never changed. The latest is the one in use.
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -11,7 +11,7 @@ use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::palette::{LabelCount, NewPalette, PaletteReport};
 use crate::ids::{BoxId, PaletteId};
 
-/// The boxes' colours. New ones come from a palette job ([`super::Jobs::finish_palette`]).
+/// Access to the boxes' colours. New versions come from a palette job ([`super::JobStore::finish_palette`]).
 pub struct Palettes<'s>(pub(super) &'s Store);
 
 /// A version of a box's colour samples.
@@ -19,22 +19,22 @@ pub struct Palettes<'s>(pub(super) &'s Store);
 pub struct Palette {
     /// Its id.
     pub id: PaletteId,
-    /// Whose colours.
+    /// Its box.
     pub box_id: BoxId,
     /// 1, 2, … within the box.
     pub version: i64,
-    /// What the instructor marked.
+    /// The areas that the instructor marked.
     #[sqlx(json)]
     pub annotations: AnnotationsFile,
     /// The tools, with their sizes.
     #[sqlx(json)]
     pub tools: Vec<BoxTool>,
-    /// How many samples each label gave.
+    /// The number of samples of each label.
     #[sqlx(json)]
     pub counts: Vec<LabelCount>,
-    /// The samples, in the tracker's own form.
+    /// The samples, in the tracker's format.
     pub samples: Vec<u8>,
-    /// What they are worth; `None` where they were learned before that was asked.
+    /// The report on their quality; `None` for versions from before this report existed.
     #[sqlx(json(nullable))]
     pub report: Option<PaletteReport>,
     /// When it was stored, epoch ms.
@@ -76,7 +76,7 @@ impl Palettes<'_> {
     }
 }
 
-/// Inserts the box's next version. A view that the annotations name becomes the box's.
+/// Inserts the box's next version. If the annotations name a view, it becomes the box's view.
 pub(super) async fn insert(tx: &mut SqliteConnection, of: BoxId, new: NewPalette, now_ms: i64) -> StoreResult<Palette> {
     sqlx::query("UPDATE training_box SET view = coalesce($2, view) WHERE id = $1")
         .bind(of)

@@ -1,4 +1,4 @@
-//! Who can sign in. Administrators only, but for the functions that sign-in itself needs.
+//! Accounts that can sign in. For administrators only, except the functions that sign-in itself needs.
 
 use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
@@ -10,73 +10,75 @@ use crate::domain::secret::PasswordHash;
 use crate::domain::text::{Login, Name};
 use crate::ids::{PersonId, TraineeId};
 
-/// The people who can sign in.
+/// Access to the accounts.
 pub struct People<'s>(pub(super) &'s Store);
 
-/// Somebody who can sign in.
+/// A person with an account.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct Person {
     /// Their id.
     pub id: PersonId,
-    /// What they type to sign in.
+    /// Their login name.
     pub login: Login,
     /// What people call them.
     pub name: Name,
-    /// What they are; never [`Role::Agent`].
+    /// Their role; never [`Role::Agent`].
     pub role: Role,
-    /// The trainee that they are, for [`Role::Trainee`] and only then.
+    /// Their trainee, for [`Role::Trainee`] only.
     pub trainee_id: Option<TraineeId>,
     /// When the account was made, epoch ms.
     pub created_at_ms: i64,
 }
 
-/// Somebody to let in.
+/// A new account.
 #[derive(Clone, Debug)]
 pub struct NewPerson {
-    /// What they type to sign in.
+    /// Their login name.
     pub login: Login,
     /// What people call them.
     pub name: Name,
-    /// What they are.
+    /// Their role.
     pub role: Role,
-    /// Their password's hash.
+    /// The hash of their password.
     pub password: PasswordHash,
-    /// The trainee that they are: required for [`Role::Trainee`], refused otherwise.
+    /// Their trainee: required for [`Role::Trainee`], refused otherwise.
     pub trainee: Option<TraineeId>,
 }
 
-/// Changes to an account; what is absent stays.
+/// Changes to an account; absent fields stay as they are.
 #[derive(Clone, Debug, Default)]
 pub struct PersonChange {
     /// New login.
     pub login: Option<Login>,
     /// New name.
     pub name: Option<Name>,
-    /// New role: administrator or instructor. A trainee's account stays a trainee's.
+    /// New role: administrator or instructor. A trainee's account keeps its role.
     pub role: Option<Role>,
 }
 
 impl Person {
-    /// What they may see. To be called by the code that has just proved that it is them.
+    /// Their scope. To be called only by code that has just verified their identity.
     pub fn scope(&self) -> Scope {
         match (self.role, self.trainee_id) {
             (Role::Administrator, _) => Scope::administrator(self.id),
             (_, Some(trainee)) => Scope::trainee(self.id, trainee),
-            // Without groups an instructor sees no trainee. The schema lets nobody be an agent.
+            // An instructor without groups sees no trainee. The schema allows no person with the role agent.
             (Role::Instructor | Role::Trainee | Role::Agent, None) => Scope::instructor(self.id),
         }
     }
 }
 
 impl People<'_> {
-    /// Lets somebody in.
+    /// Creates an account.
     pub async fn create(&self, scope: &Scope, new: NewPerson) -> StoreResult<Person> {
         require_administrator(scope, "making accounts")?;
         if new.role == Role::Agent {
             return Err(StoreError::refused("an agent is a program: make a token for it"));
         }
         if (new.role == Role::Trainee) != new.trainee.is_some() {
-            return Err(StoreError::refused("a trainee's account, and only that, names the trainee that it is of"));
+            return Err(StoreError::refused(
+                "an account with the role trainee must name its trainee, and no other account may",
+            ));
         }
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         let person = Person {
@@ -120,7 +122,7 @@ impl People<'_> {
         Ok(Page::cut(rows, page, |person: &Person| person.login.to_string()))
     }
 
-    /// One account: an administrator's to see, and everybody's own.
+    /// One account: administrators see all of them, other people their own.
     pub async fn get(&self, scope: &Scope, id: PersonId) -> StoreResult<Person> {
         if !scope.is_administrator() && scope.person() != Some(id) {
             return Err(not_found("person"));
@@ -130,8 +132,8 @@ impl People<'_> {
         person.ok_or(not_found("person"))
     }
 
-    /// Changes an account. The last administrator stays one. Another role signs all browsers of the account out, and ends their
-    /// open conversations: those were begun with the rights of the old one.
+    /// Changes an account. The last administrator keeps that role. A new role signs all browsers of the account out,
+    /// which also ends their open connections: those were opened with the rights of the old role.
     pub async fn change(&self, scope: &Scope, id: PersonId, change: PersonChange) -> StoreResult<Person> {
         require_administrator(scope, "changing accounts")?;
         if matches!(change.role, Some(Role::Agent | Role::Trainee)) {
@@ -155,7 +157,7 @@ impl People<'_> {
             .await
     }
 
-    /// Shuts somebody out: account, cookies and tokens. The last administrator stays.
+    /// Deletes an account with its cookies and tokens. The last administrator cannot be deleted.
     pub async fn delete(&self, scope: &Scope, id: PersonId) -> StoreResult<()> {
         require_administrator(scope, "deleting accounts")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
@@ -171,7 +173,7 @@ impl People<'_> {
             .await
     }
 
-    /// Sets a password and signs all browsers of the account out. The caller has checked the old one, or is an
+    /// Sets a password and signs all browsers of the account out. The caller has verified the old password or is an
     /// administrator.
     pub async fn set_password(&self, scope: &Scope, id: PersonId, password: PasswordHash) -> StoreResult<()> {
         if !scope.is_administrator() && scope.person() != Some(id) {
@@ -203,13 +205,14 @@ impl People<'_> {
         Ok(row.map(|row| (row.person, row.password_hash)))
     }
 
-    /// How many accounts there are: none on a first start.
+    /// The number of accounts: 0 at the first start.
     pub async fn count(&self) -> StoreResult<i64> {
         Ok(sqlx::query_scalar("SELECT count(*) FROM person").fetch_one(self.0.readers()).await?)
     }
 }
 
-/// A trainee has at most one account; asked before the insert, since SQLite does not say which key a row met.
+/// Refuses a second account for a trainee. The check comes before the insert, since SQLite does not say which key an
+/// insert violated.
 async fn check_unaccounted(tx: &mut sqlx::SqliteConnection, trainee: Option<TraineeId>) -> StoreResult<()> {
     let sql = "SELECT id FROM person WHERE trainee_id = $1";
     let existing: Option<String> = sqlx::query_scalar(sql).bind(trainee).fetch_optional(tx).await?;
@@ -226,5 +229,5 @@ fn taken_or_missing(error: sqlx::Error) -> StoreError {
 async fn require_an_administrator(tx: &mut sqlx::SqliteConnection) -> StoreResult<()> {
     let sql = "SELECT count(*) FROM person WHERE role = 'administrator'";
     let left: i64 = sqlx::query_scalar(sql).fetch_one(tx).await?;
-    if left > 0 { Ok(()) } else { Err(StoreError::refused("this is the last administrator: make another one first")) }
+    if left > 0 { Ok(()) } else { Err(StoreError::refused("this is the last administrator: create another one first")) }
 }

@@ -1,8 +1,8 @@
-//! What raters give sessions. Rows are added and never changed; of each rater the latest on a form counts.
+//! Ratings of sessions. Rows are added and never changed; each rater's latest rating on a form counts.
 //!
-//! **Blind.** A member of staff sees others' ratings on a form, and their comments, only after a rating of their own; the
-//! session's trainee sees all. Each row remembers whether it was given so: whoever rates again after others did, on this form
-//! or another, could have read them.
+//! **Blind rating.** Staff see other raters' ratings on a form, and their comments, only after a rating of their own;
+//! the session's trainee sees all. Each row records whether it was blind: a rater who rates again after others did, on
+//! this or another form, could have read theirs.
 
 use std::collections::HashSet;
 
@@ -20,16 +20,16 @@ use crate::domain::text::Name;
 use crate::domain::trainee::Handedness;
 use crate::ids::{CalibrationId, PersonId, RatingId, ResultId, SessionId, TaskId, TraineeId};
 
-/// The ratings.
+/// Access to the ratings.
 pub struct Ratings<'s>(pub(super) &'s Store);
 
-/// Most ratings that one person gives one session.
+/// Maximum number of ratings of one session by one person.
 pub const MOST_OF_ONE: i64 = 20;
 
-/// Ratings of a session that are read, the newest ones.
+/// Maximum number of ratings of a session that are read, newest first.
 const MOST_READ: i64 = 1_000;
 
-/// Ratings of a task that agreement and correlations are made of at most, the newest ones.
+/// Maximum number of ratings of a task for agreement and correlations, newest first.
 const MOST_RATINGS: i64 = 4_000;
 
 /// A rating.
@@ -37,59 +37,59 @@ const MOST_RATINGS: i64 = 4_000;
 pub struct Rating {
     /// Its id.
     pub id: RatingId,
-    /// Who gave it; `None` where they are here no more.
+    /// The rater; `None` if the account has been deleted.
     pub person_id: Option<PersonId>,
-    /// What they are called.
+    /// The rater's name.
     pub who: Option<Name>,
-    /// On which form.
+    /// The form.
     pub form: Form,
-    /// In which wording.
+    /// The version of the form's wording.
     pub form_version: i64,
     /// The marks, in the form's order.
     #[sqlx(json)]
     pub items: Vec<Mark>,
-    /// Was it given before anything of others could be seen?
+    /// True if it was given before the rater could see other people's ratings or comments.
     pub is_blind: bool,
     /// When, epoch ms.
     pub created_at_ms: i64,
 }
 
-/// The ratings of a session, as far as somebody may see them.
+/// The ratings of a session that the caller may see.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SeenRatings {
-    /// The latest of each rater and form, newest first.
+    /// The latest rating of each rater on each form, newest first.
     pub items: Vec<Rating>,
-    /// How many people have rated on each form, oneself included.
+    /// The number of raters on each form, including the caller.
     pub raters: Vec<(Form, usize)>,
 }
 
-/// A blind rating of a session of a task, and whose session it was.
+/// A blind rating of a session of a task, with the session's trainee.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenRating {
-    /// Of which session.
+    /// The session.
     pub session: SessionId,
-    /// When that was recorded, epoch ms.
+    /// When the session was recorded, epoch ms.
     pub recorded_at_ms: i64,
-    /// Whose it is.
+    /// The session's trainee.
     pub trainee: TraineeId,
-    /// By whom.
+    /// The rater.
     pub rater: PersonId,
     /// The marks, in the form's order.
     pub items: Vec<Mark>,
 }
 
-/// A feature's value of a session's latest result.
+/// The value of a feature in a session's latest result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionValue {
-    /// Of which session.
+    /// The session.
     pub session: SessionId,
-    /// The hand that its trainee prefers, if said.
+    /// The trainee's preferred hand, if known.
     pub handedness: Option<Handedness>,
     /// Version of the program that measured it.
     pub pipeline: String,
     /// The camera that it was measured with.
     pub calibration: CalibrationId,
-    /// Of which feature.
+    /// The feature.
     pub of: FeatureKey,
     /// The value, in the feature's unit.
     pub value: f64,
@@ -99,7 +99,8 @@ type GivenRow = (SessionId, i64, TraineeId, PersonId, Json<Vec<Mark>>);
 type ResultRow = (ResultId, SessionId, Option<Handedness>, String, CalibrationId);
 type ValueRow = (ResultId, String, Option<String>, FeatureSpace, f64);
 
-/// The latest blind rating on form `$4` of each session of task `$3` that counts and rater, newest sessions first, at most `$5`.
+/// Selects the latest blind rating on form `$4` by each rater of each session of task `$3` that is not set aside;
+/// newest sessions first, at most `$5`.
 macro_rules! given {
     () => {
         concat!(
@@ -120,7 +121,7 @@ macro_rules! given {
 }
 
 impl Ratings<'_> {
-    /// Gives a session a rating; an earlier one of the same rater on the same form is kept and counts no more.
+    /// Adds a rating to a session. An earlier one by the same rater on the same form is kept but no longer counts.
     pub async fn give(
         &self,
         scope: &Scope,
@@ -151,7 +152,7 @@ impl Ratings<'_> {
                 let insert = insert.bind(id).bind(session).bind(person).bind(form).bind(version).bind(Json(marks));
                 let insert = insert.bind(now_ms).bind(MOST_OF_ONE).execute(&mut *tx).await.map_err(missing("session"))?;
                 if insert.rows_affected() == 0 {
-                    let why = format!("you have rated this session {MOST_OF_ONE} times; the last rating stands");
+                    let why = format!("you have rated this session {MOST_OF_ONE} times, which is the limit; your last rating counts");
                     return Err(StoreError::refused(why));
                 }
                 note(tx, &by, now_ms, ("create", "rating"), id).await
@@ -161,7 +162,7 @@ impl Ratings<'_> {
         all.into_iter().find(|rating| rating.id == id).ok_or(not_found("rating"))
     }
 
-    /// What somebody may see of a session's ratings.
+    /// The ratings of a session that the caller may see.
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<SeenRatings> {
         self.0.sessions().get(scope, session).await?;
         let rows = sqlx::query_as(
@@ -181,16 +182,16 @@ impl Ratings<'_> {
         Ok(SeenRatings { items: rows, raters })
     }
 
-    /// Has who asks rated this session on any form?
+    /// True if the caller has rated this session on any form.
     pub async fn has_rated(&self, scope: &Scope, session: SessionId) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM rating WHERE session_id = $1 AND person_id = $2)";
         Ok(sqlx::query_scalar(sql).bind(session).bind(scope.person()).fetch_one(self.0.readers()).await?)
     }
 
-    /// The blind ratings of a task's sessions on a form, of those that the scope sees: the last of each rater, newest sessions
+    /// The blind ratings on a form of the task's sessions in the scope: the latest of each rater, newest sessions
     /// first.
     pub async fn given(&self, scope: &Scope, task: TaskId, form: Form) -> StoreResult<Vec<GivenRating>> {
-        require_staff(scope, "what raters agree on")?;
+        require_staff(scope, "the agreement of raters")?;
         let rows = sqlx::query_as::<_, GivenRow>(given!());
         let rows = rows.asked_by(scope).bind(task).bind(form).bind(MOST_RATINGS).fetch_all(self.0.readers()).await?;
         let given = |(session, recorded_at_ms, trainee, rater, Json(items))| GivenRating {
@@ -203,9 +204,10 @@ impl Ratings<'_> {
         Ok(rows.into_iter().map(given).collect())
     }
 
-    /// The features of these sessions' latest results, but for those that were refused or not measured here; of those that the scope sees.
+    /// The features in the latest results of those of these sessions that are in the scope; sessions that were refused
+    /// or measured by another program are left out.
     pub async fn values(&self, scope: &Scope, sessions: &[SessionId]) -> StoreResult<Vec<SessionValue>> {
-        require_staff(scope, "what ratings go with")?;
+        require_staff(scope, "the correlation of ratings with features")?;
         let results = sqlx::query_as::<_, ResultRow>(concat!(
             "SELECT result.id, session.id, trainee.handedness, result.pipeline, result.calibration_id
              FROM session JOIN trainee ON trainee.id = session.trainee_id

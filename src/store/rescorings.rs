@@ -1,4 +1,5 @@
-//! Orders to score a task's sessions again: made by administrators, worked off by [`crate::rescoring`], kept as a record.
+//! Rescoring orders for the sessions of a task: created by administrators, executed by [`crate::rescoring`], kept as a
+//! record.
 
 use sqlx::types::Json;
 
@@ -19,38 +20,39 @@ mod report;
 
 pub use report::{Rescoring, RescoringItem, RescoringTrainee};
 
-/// The orders.
+/// Access to the rescoring orders.
 pub struct Rescorings<'s>(pub(super) &'s Store);
 
-/// A session of an order whose work has ended.
+/// A session of an order whose job has ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EndedItem {
-    /// Of which order.
+    /// The order.
     pub rescoring: RescoringId,
-    /// Which session.
+    /// The session.
     pub session: SessionId,
-    /// What counted before.
+    /// The result that was current before.
     pub old_result: ResultId,
-    /// What counts now, or why the work was not done; without a reason: the work is gone.
+    /// The result that is current now, or the job's problem; `None` if the job no longer exists.
     pub new_result: Result<ResultId, Option<Problem>>,
-    /// What both are judged by.
+    /// The standard to judge both results by.
     pub standard: Option<StandardId>,
 }
 
-/// What comparing a session's results showed.
+/// The comparison of a session's old and new results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// The new one.
+    /// The new result.
     pub new_result: ResultId,
-    /// By the standard, old and new; `None` without one.
+    /// The judgements of the old and the new result by the standard; `None` if there is no standard.
     pub judged: Option<[SessionJudgement; 2]>,
-    /// Features whose error bars do not overlap.
+    /// Number of features whose error bars do not overlap.
     pub apart: u64,
-    /// Features that differ beyond rounding, these among them.
+    /// Number of features that differ by more than rounding, including those.
     pub changed: u64,
 }
 
-/// The sessions of task `$2` that order `$1` is about: done, and, if `$5`, of another version than `$3` says; `$4`: tracked anew.
+/// Inserts the sessions of task `$2` for order `$1`: those that have a result and, if `$5`, one of another version than
+/// `$3`. `$4` is true if they are tracked anew.
 const ITEMS: &str = "INSERT INTO rescoring_item (rescoring_id, session_id, old_result_id, state)
      SELECT $1, session.id, result.id, 'waiting' FROM session
      JOIN result ON result.id = (SELECT latest.id FROM result AS latest WHERE latest.session_id = session.id
@@ -62,7 +64,7 @@ const ITEMS: &str = "INSERT INTO rescoring_item (rescoring_id, session_id, old_r
        AND (NOT $5 OR CASE WHEN $4 THEN coalesce(result.tracked_with, result.pipeline) ELSE result.pipeline END
                       <> CASE WHEN session.tracker IS NULL THEN $3 ELSE $3 || ' on rows by ' || session.tracker END)";
 
-/// Orders that are open though none of their sessions is.
+/// Condition: the order is open although none of its sessions is.
 macro_rules! is_over {
     () => {
         " FROM rescoring WHERE ended_at_ms IS NULL AND NOT EXISTS
@@ -73,7 +75,7 @@ type EndedRow =
     (RescoringId, SessionId, ResultId, Option<ResultId>, Option<JobState>, Option<Json<Problem>>, Option<StandardId>);
 
 impl Rescorings<'_> {
-    /// Orders a task's sessions to be scored again. One order of a task at a time.
+    /// Creates an order to score a task's sessions again. A task can have only one open order.
     pub async fn create(&self, scope: &Scope, task: TaskId, new: NewRescoring) -> StoreResult<RescoringId> {
         require_administrator(scope, "ordering rescorings")?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), RescoringId::at(self.0.now_ms()));
@@ -81,7 +83,7 @@ impl Rescorings<'_> {
             .write(async move |tx| {
                 let sql = "SELECT EXISTS (SELECT 1 FROM rescoring WHERE task_id = $1 AND ended_at_ms IS NULL)";
                 if sqlx::query_scalar(sql).bind(task).fetch_one(&mut *tx).await? {
-                    return Err(StoreError::refused("a rescoring of this task is under way: wait for its end, or cancel it"));
+                    return Err(StoreError::refused("a rescoring of this task is running: wait until it ends, or cancel it"));
                 }
                 let from_recording = new.from == RescoringSource::Recording;
                 let insert = sqlx::query(
@@ -93,7 +95,7 @@ impl Rescorings<'_> {
                 insert.bind(PIPELINE_VERSION).bind(by.person()).bind(now_ms).execute(&mut *tx).await?;
                 let items = sqlx::query(ITEMS).bind(id).bind(task).bind(PIPELINE_VERSION).bind(from_recording);
                 if items.bind(new.which == Which::Older).execute(&mut *tx).await?.rows_affected() == 0 {
-                    return Err(StoreError::refused("no session of this task has a result that the order is about"));
+                    return Err(StoreError::refused("no session of this task needs to be scored again"));
                 }
                 note(tx, &by, now_ms, ("create", "rescoring"), id).await
             })
@@ -101,7 +103,7 @@ impl Rescorings<'_> {
         Ok(id)
     }
 
-    /// Calls an order off: what waits is left as it is, what runs ends.
+    /// Cancels an order: sessions that wait or are queued are left as they are, running ones run to their end.
     pub async fn cancel(&self, scope: &Scope, id: RescoringId) -> StoreResult<()> {
         require_administrator(scope, "cancelling rescorings")?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -111,7 +113,7 @@ impl Rescorings<'_> {
                 if sqlx::query(sql).bind(id).bind(now_ms).execute(&mut *tx).await?.rows_affected() == 0 {
                     let sql = "SELECT 1 FROM rescoring WHERE id = $1";
                     let found: Option<i64> = sqlx::query_scalar(sql).bind(id).fetch_optional(&mut *tx).await?;
-                    return found.map(drop).ok_or(not_found("rescoring")); // it has ended: nothing to call off
+                    return found.map(drop).ok_or(not_found("rescoring")); // it has ended: nothing to cancel
                 }
                 for sql in [
                     "UPDATE rescoring_item SET state = 'cancelled' WHERE rescoring_id = $1 AND state = 'waiting'",
@@ -127,11 +129,11 @@ impl Rescorings<'_> {
             .await
     }
 
-    /// Queues the work of sessions that wait, so that at most so many are in the queue; how many that were.
+    /// Queues jobs for waiting sessions so that at most `open` are in the queue; returns how many were queued.
     pub async fn feed(&self, open: u32) -> StoreResult<usize> {
         let (now_ms, attempts) = (self.0.now_ms(), self.0.max_attempts());
         if self.waiting(1).await?.is_empty() {
-            return Ok(0); // asked a reader first: a write is a commit
+            return Ok(0); // checked with a reader first, since every write costs a commit
         }
         self.0
             .write(async move |tx| {
@@ -146,7 +148,8 @@ impl Rescorings<'_> {
                         true => enqueue_track_for(tx, *session, Turn::Again, now_ms, attempts).await?,
                         false => enqueue_rescore(tx, *session, now_ms, attempts).await?,
                     };
-                    // Without a job it is settled as one whose work is gone: its box has lost camera or colours.
+                    // Without a job the item is settled as having lost its job: the box has no camera or colours any
+                    // more.
                     let update = sqlx::query(
                         "UPDATE rescoring_item SET state = 'working', job_id = $3 WHERE rescoring_id = $1 AND session_id = $2",
                     );
@@ -161,7 +164,7 @@ impl Rescorings<'_> {
         Ok(sqlx::query_as(WAITING).bind(most).fetch_all(self.0.readers()).await?)
     }
 
-    /// Sessions whose work has ended and that are not settled.
+    /// Sessions whose job has ended but that are not settled yet.
     pub async fn ended(&self, most: u32) -> StoreResult<Vec<EndedItem>> {
         let rows = sqlx::query_as::<_, EndedRow>(
             "SELECT item.rescoring_id, item.session_id, item.old_result_id,
@@ -185,12 +188,12 @@ impl Rescorings<'_> {
         Ok(rows.into_iter().map(item).collect())
     }
 
-    /// Notes what came of a session.
-    pub async fn settle(&self, item: &EndedItem, came: Result<Compared, Problem>) -> StoreResult<()> {
+    /// Records the outcome of a session.
+    pub async fn settle(&self, item: &EndedItem, outcome: Result<Compared, Problem>) -> StoreResult<()> {
         let (rescoring, session) = (item.rescoring, item.session);
         self.0
             .write(async move |tx| {
-                let update = match came {
+                let update = match outcome {
                     Err(problem) => sqlx::query(
                         "UPDATE rescoring_item SET state = 'failed', problem = $3
                          WHERE rescoring_id = $1 AND session_id = $2 AND state = 'working'",
@@ -221,7 +224,7 @@ impl Rescorings<'_> {
             .await
     }
 
-    /// Ends the orders of which no session waits or is worked on.
+    /// Ends the orders without waiting or running sessions.
     pub async fn close(&self) -> StoreResult<()> {
         let open: Vec<RescoringId> =
             sqlx::query_scalar(concat!("SELECT id", is_over!())).fetch_all(self.0.readers()).await?;
@@ -239,7 +242,7 @@ impl Rescorings<'_> {
     }
 }
 
-/// At most `$1` sessions that wait, those of the oldest order first.
+/// Selects at most `$1` waiting sessions, those of the oldest order first.
 const WAITING: &str = "SELECT item.rescoring_id, item.session_id, rescoring.source
      FROM rescoring JOIN rescoring_item AS item ON item.rescoring_id = rescoring.id AND item.state = 'waiting'
      WHERE rescoring.ended_at_ms IS NULL ORDER BY rescoring.id, item.session_id LIMIT $1";

@@ -11,7 +11,7 @@ use crate::domain::self_test::{Light, NewSelfTest, SelfTestReport};
 use crate::ids::{BoxId, CalibrationId, PaletteId, SelfTestId};
 use crate::pipeline::PIPELINE_VERSION;
 
-/// The boxes' self-tests. New ones come from a job ([`super::Jobs::finish_self_test`]).
+/// Access to the boxes' self-tests. New ones come from a job ([`super::JobStore::finish_self_test`]).
 pub struct SelfTests<'s>(pub(super) &'s Store);
 
 /// A self-test of a box.
@@ -19,17 +19,17 @@ pub struct SelfTests<'s>(pub(super) &'s Store);
 pub struct SelfTest {
     /// Its id.
     pub id: SelfTestId,
-    /// Of which box.
+    /// Its box.
     pub box_id: BoxId,
-    /// The camera that was tested.
+    /// The version of the camera that was tested.
     pub calibration_id: CalibrationId,
-    /// The colours that were tested.
+    /// The version of the colours that were tested.
     pub palette_id: PaletteId,
-    /// Name of the person who tested it, if it was one who is still there.
+    /// Name of the person who ran it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// The worst of its parts.
     pub light: Light,
-    /// All figures.
+    /// The full report.
     #[sqlx(json)]
     pub report: SelfTestReport,
     /// When it was stored, epoch ms.
@@ -63,7 +63,7 @@ impl SelfTests<'_> {
         Ok(Page::cut(rows, page, |test: &SelfTest| test.id.to_string()))
     }
 
-    /// The light of the last one, if there is one since this time, epoch ms.
+    /// The light of the latest self-test, if it was made since `since_ms`, epoch ms.
     pub async fn light_since(&self, scope: &Scope, of: BoxId, since_ms: i64) -> StoreResult<Option<SelfTestLight>> {
         let row = sqlx::query_as(concat!(
             "SELECT id, light, created_at_ms FROM self_test WHERE box_id = $3 AND ",

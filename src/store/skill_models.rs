@@ -1,5 +1,5 @@
-//! Versions of tasks' models of skill, and the sessions that one is made of. A version is never changed; it is withdrawn, and
-//! what it learnt erased, with the first person of whom it was made.
+//! Versions of the tasks' skill models, and the sessions that they are trained on. A version is never changed. It is
+//! withdrawn, and its content erased, when the first person among its training data is erased.
 
 use std::collections::HashMap;
 
@@ -16,65 +16,65 @@ use crate::domain::skill::{Definition, Reading, Report};
 use crate::domain::trainee::Level;
 use crate::ids::{ModelId, ResultId, SessionId, TaskId, TraineeId};
 
-/// The tasks' models of skill.
+/// Access to the tasks' skill models.
 pub struct SkillModels<'s>(pub(super) &'s Store);
 
-/// A version of a task's model of skill.
+/// A version of a task's skill model.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct SkillModel {
     /// Its id.
     pub id: ModelId,
-    /// Of which task.
+    /// Its task.
     pub task_id: TaskId,
     /// 1, 2, … within the task.
     pub version: i64,
     /// Version of the program that measured its sessions.
     pub pipeline: String,
-    /// SHA-256 of the values that it was made of.
+    /// SHA-256 of its training values.
     pub fingerprint: String,
     /// The model itself; `None` once it is withdrawn.
     #[sqlx(json(nullable))]
     pub definition: Option<Definition>,
-    /// How well it does on people left out.
+    /// Its performance on people who were left out of training.
     #[sqlx(json)]
     pub report: Report,
-    /// Name of the person who made it, if it was one who is still there.
+    /// Name of the person who made it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// When it was made, epoch ms.
     pub created_at_ms: i64,
-    /// When it was withdrawn, epoch ms, because somebody of whom it was made was erased.
+    /// When it was withdrawn because a person among its training data was erased, epoch ms.
     pub withdrawn_at_ms: Option<i64>,
 }
 
-/// A model to be kept.
+/// A model to store.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewSkillModel {
     /// Version of the program that measured its sessions.
     pub pipeline: String,
-    /// SHA-256 of the values that it was made of.
+    /// SHA-256 of its training values.
     pub fingerprint: String,
     /// The model itself.
     pub definition: Definition,
-    /// How well it does on people left out.
+    /// Its performance on people who were left out of training.
     pub report: Report,
-    /// Of whom it was made.
+    /// The trainees among its training data.
     pub trainees: Vec<TraineeId>,
 }
 
-/// A session of somebody of a declared level.
+/// A session of a trainee with a declared level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeclaredSession {
-    /// Whose.
+    /// The trainee.
     pub trainee: TraineeId,
     /// Their declared level.
     pub level: Level,
     /// How many tools were tracked.
     pub tools: usize,
-    /// What it measured in three dimensions.
+    /// Its features in three dimensions.
     pub readings: Vec<Reading>,
 }
 
-/// Models with all that a [`SkillModel`] says.
+/// Selects [`SkillModelRecord`]s.
 macro_rules! select_models {
     () => {
         "SELECT skill_model.id, task_id, version, pipeline, fingerprint, definition, report, person.name AS who,
@@ -84,8 +84,8 @@ macro_rules! select_models {
     };
 }
 
-/// Usable sessions of task `$1` by people of a declared level, measured by version `$2`: of each person the last `$3`, of each
-/// level the `$4` people who practised last.
+/// Selects usable sessions of task `$1` by people of a declared level, measured by version `$2`: the last `$3` of each
+/// person, for the `$4` people of each level who practised last.
 macro_rules! declared {
     () => {
         concat!(
@@ -111,9 +111,9 @@ macro_rules! declared {
 type FeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
 impl SkillModels<'_> {
-    /// Adds a task's next version. What the version in use says already is that version.
+    /// Adds a task's next version. If the version in use is identical, that one is returned.
     pub async fn add(&self, scope: &Scope, of: TaskId, new: NewSkillModel) -> StoreResult<SkillModel> {
-        require_administrator(scope, "making models of people's skill")?;
+        require_administrator(scope, "making skill models")?;
         let is_same = |last: &SkillModel| {
             last.fingerprint == new.fingerprint && last.definition.as_ref() == Some(&new.definition)
         };
@@ -153,7 +153,7 @@ impl SkillModels<'_> {
         row.fetch_optional(self.0.readers()).await?.ok_or(not_found("model"))
     }
 
-    /// Was it made of this trainee's sessions, among others?
+    /// True if this trainee's sessions are among its training data.
     pub async fn is_made_of(&self, model: ModelId, trainee: TraineeId) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM skill_model_trainee WHERE model_id = $1 AND trainee_id = $2)";
         Ok(sqlx::query_scalar(sql).bind(model).bind(trainee).fetch_one(self.0.readers()).await?)
@@ -165,9 +165,9 @@ impl SkillModels<'_> {
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 
-    /// Usable sessions of people of a declared level, measured by this version of the program: so many of each person, their
-    /// last ones, and of so many people of each level, those who practised last. For models alone: it is asked with nobody's
-    /// scope.
+    /// Usable sessions of people of a declared level, measured by this version of the program: the last ones of each
+    /// person, for the people of each level who practised last, with a limit on both. For training models only: the
+    /// query is not limited to a scope.
     pub async fn declared(
         &self,
         of: TaskId,
@@ -200,7 +200,7 @@ impl SkillModels<'_> {
     }
 }
 
-/// Takes what models learnt of a person away, before the person goes.
+/// Withdraws the models with this person's sessions among their training data, before the person is erased.
 pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_ms: i64) -> StoreResult<()> {
     let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
                AND id IN (SELECT model_id FROM skill_model_trainee WHERE trainee_id = $1)";
@@ -208,7 +208,8 @@ pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_
     Ok(())
 }
 
-/// The same before a session goes: its task's models that were made of this trainee's sessions, since they may hold this one.
+/// Like [`withdraw`], before a session is erased: for the models of its task that were trained on this trainee's
+/// sessions, since they may include this one.
 pub(super) async fn withdraw_of_session(tx: &mut SqliteConnection, session: SessionId, now_ms: i64) -> StoreResult<()> {
     let sql = "UPDATE skill_model SET definition = NULL, withdrawn_at_ms = $2 WHERE definition IS NOT NULL
                AND task_id = (SELECT task_id FROM session WHERE id = $1) AND id IN (SELECT model_id FROM skill_model_trainee
@@ -220,7 +221,7 @@ pub(super) async fn withdraw_of_session(tx: &mut SqliteConnection, session: Sess
 fn erased_meanwhile(error: sqlx::Error) -> StoreError {
     match error.as_database_error() {
         Some(e) if e.is_foreign_key_violation() => {
-            StoreError::refused("somebody of whom the model was made was erased meanwhile: make it again")
+            StoreError::refused("a trainee in this model's data was erased meanwhile: make the model again")
         }
         _ => error.into(),
     }

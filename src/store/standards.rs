@@ -1,4 +1,4 @@
-//! Versions of tasks' standards: added, never changed. The latest is the one in use.
+//! Versions of the tasks' standards: added, never changed. The latest is the one in use.
 
 use sqlx::types::Json;
 
@@ -9,7 +9,7 @@ use super::{Scope, Store};
 use crate::domain::standard::Definition;
 use crate::ids::{StandardId, TaskId};
 
-/// The tasks' standards.
+/// Access to the tasks' standards.
 pub struct Standards<'s>(pub(super) &'s Store);
 
 /// A version of a task's standard.
@@ -17,20 +17,20 @@ pub struct Standards<'s>(pub(super) &'s Store);
 pub struct Standard {
     /// Its id.
     pub id: StandardId,
-    /// Of which task.
+    /// Its task.
     pub task_id: TaskId,
     /// 1, 2, … within the task.
     pub version: i64,
-    /// What it asks for.
+    /// What it requires.
     #[sqlx(json)]
     pub definition: Definition,
-    /// Name of the person who set it, if it was one who is still there.
+    /// Name of the person who set it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// When it was set, epoch ms.
     pub created_at_ms: i64,
 }
 
-/// Standards with all that a [`Standard`] says; conditions follow.
+/// Selects [`StandardRecord`]s; conditions follow.
 macro_rules! select_standards {
     () => {
         "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms
@@ -39,10 +39,10 @@ macro_rules! select_standards {
     };
 }
 #[cfg(test)]
-pub(super) use select_standards; // for the test of its plan
+pub(super) use select_standards; // for the test of its query plan
 
 impl Standards<'_> {
-    /// Adds a task's next version. What the version in use says already is that version.
+    /// Adds a task's next version. If the version in use has the same definition, that one is returned.
     pub async fn add(&self, scope: &Scope, of: TaskId, definition: Definition) -> StoreResult<Standard> {
         require_staff(scope, "setting standards")?;
         if let Some(same) = self.in_use(scope, of).await?.filter(|last| last.definition == definition) {
@@ -70,7 +70,7 @@ impl Standards<'_> {
         Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
-    /// The versions in use of these tasks, as far as they have one.
+    /// The versions in use of those of these tasks that have one.
     pub async fn in_use_of(&self, scope: &Scope, tasks: &[TaskId]) -> StoreResult<Vec<Standard>> {
         let rows = sqlx::query_as(
             "SELECT standard.id, task_id, version, definition, person.name AS who, standard.created_at_ms

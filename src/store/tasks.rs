@@ -1,4 +1,4 @@
-//! What trainees do. Staff change tasks; people see all of them.
+//! Tasks that trainees practise. Staff change them; people see all of them.
 
 use super::audit::note;
 use super::error::{StoreResult, in_use, not_found, taken};
@@ -9,10 +9,10 @@ use crate::domain::task::{NewTask, TaskChange};
 use crate::domain::text::{Code, Key, Name, Paragraphs};
 use crate::ids::TaskId;
 
-/// The tasks.
+/// Access to the tasks.
 pub struct Tasks<'s>(pub(super) &'s Store);
 
-/// An exercise.
+/// A task: one exercise.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct Task {
     /// Its id.
@@ -86,7 +86,7 @@ impl Tasks<'_> {
             .await
     }
 
-    /// Deletes a task that no session is of and no course plan names.
+    /// Deletes a task that has no sessions and is in no course plan.
     pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "deleting tasks")?;

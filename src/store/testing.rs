@@ -1,4 +1,4 @@
-//! A small training centre to make claims about: for the tests of the store and of the services above it.
+//! A small training centre for the tests of the store and of the services above it.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,7 +22,7 @@ use crate::time::Manual;
 pub const NOW_MS: i64 = 1_795_292_040_000;
 pub const LEASE: Duration = Duration::from_secs(30);
 
-/// A store in a folder of its own, a clock to turn, one box and one task.
+/// A store in its own folder, a manual clock, one box and one task.
 pub struct Centre {
     pub store: Store,
     pub clock: Arc<Manual>,
@@ -44,7 +44,7 @@ impl Centre {
         Self { store, clock, the_box, task, folder }
     }
 
-    /// With a camera and colours, so that sessions can be tracked.
+    /// A centre whose box has a camera and colours, so that sessions can be tracked.
     pub async fn ready() -> Self {
         let centre = Self::new().await;
         centre.calibrate().await;
@@ -119,7 +119,7 @@ impl Centre {
         self.store.sessions().create(&Scope::service(), self.new_session(trainee, content)).await.unwrap()
     }
 
-    /// A session that was recorded then, tracked, and measured so.
+    /// A session that was recorded at this time and tracked, with these features.
     pub async fn practised(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) -> Session {
         let new = self.new_session(trainee, &format!("{trainee} {recorded_at_ms}"));
         let new = NewSession { recorded_at_ms: Some(recorded_at_ms), ..new };
@@ -191,14 +191,14 @@ fn feature(name: &str, value: Result<f64, &str>) -> FeatureRow {
 }
 
 impl Store {
-    /// Rows of ratings and of comments.
+    /// Number of ratings and of comments.
     pub async fn count_said(&self) -> [i64; 2] {
         let sql = "SELECT (SELECT count(*) FROM rating), (SELECT count(*) FROM comment)";
         let (ratings, comments) = sqlx::query_as(sql).fetch_one(self.readers()).await.unwrap();
         [ratings, comments]
     }
 
-    /// Rows of results, of all sessions and versions.
+    /// Number of results, of all sessions and versions.
     pub async fn count_results(&self) -> i64 {
         sqlx::query_scalar("SELECT count(*) FROM result").fetch_one(self.readers()).await.unwrap()
     }

@@ -1,4 +1,5 @@
-//! Programs' ways in. A token acts as the person who made it, with at most their rights, or as the agent of one box.
+//! Access tokens of programs. A token acts as the person who made it, with at most their rights, or as the agent of one
+//! box.
 
 use sqlx::sqlite::SqliteConnection;
 
@@ -11,53 +12,53 @@ use crate::domain::secret::SecretHash;
 use crate::domain::text::Name;
 use crate::ids::{BoxId, PersonId, TokenId, TraineeId};
 
-/// The tokens.
+/// Access to the tokens.
 pub struct Tokens<'s>(pub(super) &'s Store);
 
-/// A token, as far as it is known: its secret is not.
+/// A token without its secret, which is not stored.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct Token {
     /// Its id.
     pub id: TokenId,
-    /// What it is for.
+    /// Its purpose, for people.
     pub name: Name,
-    /// Its rights.
+    /// Its role.
     pub role: Role,
-    /// As whom it acts; `None` for an agent.
+    /// The person that it acts as; `None` for an agent.
     pub person_id: Option<PersonId>,
     /// The agent's box.
     pub box_id: Option<BoxId>,
     /// When it was made, epoch ms.
     pub created_at_ms: i64,
-    /// Its end, epoch ms.
+    /// When it expires, epoch ms.
     pub expires_at_ms: Option<i64>,
-    /// Its last request, to a minute, epoch ms.
+    /// Its last request, precise to a minute, epoch ms.
     pub last_used_at_ms: Option<i64>,
 }
 
-/// A token to be made.
+/// A token to create.
 #[derive(Clone, Debug)]
 pub struct NewToken {
-    /// What it is for.
+    /// Its purpose, for people.
     pub name: Name,
-    /// As whom it acts.
+    /// Who it acts as.
     pub acts_as: ActsAs,
-    /// Its end, epoch ms; `None`: it lasts until it is deleted.
+    /// When it expires, epoch ms; `None`: it is valid until it is deleted.
     pub expires_at_ms: Option<i64>,
-    /// Hash of its secret.
+    /// The hash of its secret.
     pub secret: SecretHash,
 }
 
-/// As whom a token acts.
+/// Who a token acts as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ActsAs {
-    /// As a person, in a role that this person has or, for an administrator's token, in a lesser one.
+    /// As a person, in that person's role; a token for an administrator may also have a lesser role.
     Person(PersonId, Role),
     /// As the agent of a box.
     Agent(BoxId),
 }
 
-/// `last_used_at_ms` is written only when it is older than this.
+/// `last_used_at_ms` is written only when it is older than this, ms.
 const USED_TO_MS: i64 = 60_000;
 
 #[derive(sqlx::FromRow)]
@@ -137,8 +138,8 @@ impl Tokens<'_> {
             .await
     }
 
-    /// What whoever shows this token may see, if it still counts; and notes that it was used. A token never has more
-    /// rights than its person has today.
+    /// The scope of this token, if it is still valid; records that it was used. A token never has more rights than its
+    /// person has today.
     pub async fn scope_of(&self, secret: SecretHash) -> StoreResult<Option<Scope>> {
         let now_ms = self.0.now_ms();
         let row = sqlx::query_as::<_, Row>(
@@ -166,7 +167,7 @@ impl Tokens<'_> {
     }
 }
 
-/// A token cannot have rights that its person lacks: made so, it would never let anybody in.
+/// Refuses a token with more rights than its person has: it would never be accepted.
 async fn require_rights(tx: &mut SqliteConnection, acts_as: ActsAs) -> StoreResult<()> {
     let ActsAs::Person(person, wanted) = acts_as else { return Ok(()) };
     let has: Option<Role> =
@@ -174,7 +175,9 @@ async fn require_rights(tx: &mut SqliteConnection, acts_as: ActsAs) -> StoreResu
     match has.ok_or(not_found("person"))? {
         has if has == wanted => Ok(()),
         Role::Administrator if wanted == Role::Instructor => Ok(()),
-        has => Err(StoreError::refused(format!("a token for this {has} cannot have the rights of an {wanted}"))),
+        has => Err(StoreError::refused(format!(
+            "this person's role is {has}: a token for them cannot have the role {wanted}"
+        ))),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Who trains. Staff register them; a scope sees its own.
+//! Trainees. Staff register them; a scope sees its own trainees.
 
 use sqlx::types::Json;
 
@@ -12,10 +12,10 @@ use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
 use crate::ids::{GroupId, TraineeId};
 
-/// The trainees.
+/// Access to the trainees.
 pub struct Trainees<'s>(pub(super) &'s Store);
 
-/// Somebody who trains.
+/// A trainee.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct Trainee {
     /// Their id.
@@ -24,16 +24,17 @@ pub struct Trainee {
     pub code: Code,
     /// What people call them.
     pub name: Name,
-    /// Experience, if said.
+    /// Level of experience, if known.
     pub level: Option<Level>,
-    /// Preferred hand, if said.
+    /// Preferred hand, if known.
     pub handedness: Option<Handedness>,
     /// When they were registered, epoch ms.
     pub created_at_ms: i64,
 }
 
 impl Trainees<'_> {
-    /// Registers a trainee. An instructor's trainee joins one of the instructor's groups, or nobody would see them.
+    /// Registers a trainee. An instructor's trainee joins one of the instructor's groups; otherwise no instructor would
+    /// see them.
     pub async fn create(&self, scope: &Scope, new: NewTrainee) -> StoreResult<Trainee> {
         require_staff(scope, "registering trainees")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
@@ -72,7 +73,7 @@ impl Trainees<'_> {
         Ok(Page::cut(rows, page, |trainee: &Trainee| trainee.code.to_string()))
     }
 
-    /// Who is in a group, of those whom the scope sees, by name; at most so many.
+    /// The trainees of a group that the scope sees, by name; at most `most`.
     pub async fn of_group(&self, scope: &Scope, group: GroupId, most: u32) -> StoreResult<Vec<Trainee>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
@@ -83,7 +84,7 @@ impl Trainees<'_> {
         Ok(rows.asked_by(scope).bind(group).bind(most).fetch_all(self.0.readers()).await?)
     }
 
-    /// These trainees, as far as the scope sees them, by name.
+    /// Those of these trainees that the scope sees, by name.
     pub async fn named(&self, scope: &Scope, ids: &[TraineeId]) -> StoreResult<Vec<Trainee>> {
         let rows = sqlx::query_as(concat!(
             "SELECT id, code, name, level, handedness, created_at_ms FROM trainee
@@ -124,8 +125,8 @@ impl Trainees<'_> {
             .await
     }
 
-    /// Erases a trainee with account, sessions, results, uploads and what models learnt of them. Their files go with the next
-    /// collection of blobs that nothing refers to ([`crate::upkeep`]).
+    /// Erases a trainee with their account, sessions, results and uploads, and withdraws the models trained on them.
+    /// The files are deleted with the next collection of unreferenced blobs ([`crate::upkeep`]).
     pub async fn erase(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
         let id = self.get(scope, key).await?.id;
         require_staff(scope, "erasing trainees")?;
@@ -161,7 +162,8 @@ pub(super) async fn insert(tx: &mut sqlx::SqliteConnection, trainee: &Trainee) -
     Ok(())
 }
 
-/// The group that a new trainee joins: an administrator's choice; of an instructor's groups the named or the only one.
+/// The group that a new trainee joins: the one that an administrator chooses; for an instructor the named or the only
+/// one of their own groups.
 async fn joined_group(
     tx: &mut sqlx::SqliteConnection,
     scope: &Scope,
@@ -178,7 +180,7 @@ async fn joined_group(
         (Some(group), own) if own.contains(&group) => Ok(Some(group)),
         (Some(_), _) => Err(not_found("group")),
         (None, [only]) => Ok(Some(*only)),
-        (None, []) => Err(StoreError::refused("you teach no group yet: ask an administrator to put you into one")),
-        (None, _) => Err(StoreError::refused("you teach several groups: say which one the trainee joins")),
+        (None, []) => Err(StoreError::refused("you teach no group yet: ask an administrator to add you to one")),
+        (None, _) => Err(StoreError::refused("you teach several groups: name the one that the trainee joins")),
     }
 }

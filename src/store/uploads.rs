@@ -1,4 +1,5 @@
-//! Recordings that are arriving. The bytes lie in a file of the vault; a row says how many of them are durable.
+//! Uploads: recordings that are arriving. The bytes are in a file of the vault; the row records how many of them are
+//! durable.
 
 use super::audit::note;
 use super::columns::integer;
@@ -11,7 +12,7 @@ use crate::domain::session::NewSession;
 use crate::domain::text::FileName;
 use crate::ids::{BoxId, PersonId, SessionId, TaskId, TraineeId, UploadId};
 
-/// The uploads.
+/// Access to the uploads.
 pub struct Uploads<'s>(pub(super) &'s Store);
 
 /// A recording that is arriving, or has just arrived.
@@ -19,21 +20,21 @@ pub struct Uploads<'s>(pub(super) &'s Store);
 pub struct Upload {
     /// Its id, and its file's name in the vault.
     pub id: UploadId,
-    /// Who sends.
+    /// The sender.
     pub person_id: Option<PersonId>,
-    /// Who trained.
+    /// The trainee.
     pub trainee_id: TraineeId,
-    /// What they did.
+    /// The task.
     pub task_id: TaskId,
-    /// Where.
+    /// The box.
     pub box_id: BoxId,
-    /// The recording's name at the sender's.
+    /// The recording's file name on the sender's machine.
     pub filename: FileName,
     /// `Upload-Metadata` as it was sent.
     pub metadata: String,
-    /// When it was recorded, epoch ms, if said.
+    /// When it was recorded, epoch ms, if known.
     pub recorded_at_ms: Option<i64>,
-    /// Bytes to come in all.
+    /// Total length, bytes.
     #[sqlx(try_from = "i64")]
     pub length: u64,
     /// Bytes that are durable.
@@ -43,39 +44,39 @@ pub struct Upload {
     pub session_id: Option<SessionId>,
     /// When it was begun, epoch ms.
     pub created_at_ms: i64,
-    /// When it is forgotten unless it goes on, epoch ms.
+    /// When it expires unless more bytes arrive, epoch ms.
     pub expires_at_ms: i64,
 }
 
 /// A recording that is about to arrive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewUpload {
-    /// Its id: the name of its file, which is there before the row.
+    /// Its id and the name of its file, which exists before the row.
     pub id: UploadId,
-    /// Who trained.
+    /// The trainee.
     pub trainee: TraineeId,
-    /// What they did.
+    /// The task.
     pub task: TaskId,
-    /// Where.
+    /// The box.
     pub in_box: BoxId,
-    /// The recording's name at the sender's.
+    /// The recording's file name on the sender's machine.
     pub filename: FileName,
     /// `Upload-Metadata` as it was sent, at most 8 KiB.
     pub metadata: String,
-    /// When it was recorded, epoch ms, if said.
+    /// When it was recorded, epoch ms, if known.
     pub recorded_at_ms: Option<i64>,
-    /// Bytes to come in all.
+    /// Total length, bytes.
     pub length: u64,
-    /// When it is forgotten unless it goes on, epoch ms.
+    /// When it expires unless more bytes arrive, epoch ms.
     pub expires_at_ms: i64,
 }
 
-/// What became of a whole upload.
+/// The outcome of a complete upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Finished {
     /// Its session.
     pub session: SessionId,
-    /// Made now; otherwise the session was there: the upload was finished before, or the recording is known.
+    /// True if the session is new. Otherwise the upload was finished before, or the recording exists already.
     pub is_new: bool,
 }
 
@@ -87,7 +88,7 @@ macro_rules! upload_columns {
     };
 }
 
-/// The upload in this row is within the scope: of a trainee that it sees, or sent by the same person.
+/// Condition: the upload in this row is within the scope: its trainee is, or its box is the agent's own.
 macro_rules! sees_upload {
     () => {
         concat!("(", sees_trainee!("upload.trainee_id"), " OR ($1 = 'agent' AND $2 = upload.box_id))")
@@ -128,8 +129,8 @@ impl Uploads<'_> {
         row.ok_or(not_found("upload"))
     }
 
-    /// Notes that so many bytes are durable: call it after the file is synced, and before the sender hears of it. Never
-    /// goes back.
+    /// Records that `received` bytes are durable. Call it after the file is synced and before the sender is answered.
+    /// The value never decreases.
     pub async fn advance(&self, id: UploadId, received: u64, expires_at_ms: i64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
@@ -141,7 +142,7 @@ impl Uploads<'_> {
             .await
     }
 
-    /// At start-up: so many bytes are really there, fewer than was noted.
+    /// At start-up: lowers the number of durable bytes to what the file really holds.
     pub async fn set_back(&self, id: UploadId, received: u64) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
@@ -152,8 +153,8 @@ impl Uploads<'_> {
             .await
     }
 
-    /// Makes the session of a whole upload and queues its tracking, in one transaction. Again gives the same session; so
-    /// does the same recording of the same trainee, task and box under another upload.
+    /// Makes the session of a complete upload and queues its tracking, in one transaction. Repeating the call returns
+    /// the same session, as does another upload of the same recording by the same trainee, task and box.
     pub async fn finish(&self, scope: &Scope, id: UploadId, video: Blob, media_type: String) -> StoreResult<Finished> {
         let upload = self.get(scope, id).await?;
         if let Some(session) = upload.session_id {
@@ -183,7 +184,7 @@ impl Uploads<'_> {
             .await
     }
 
-    /// Forgets an upload; its file is the caller's to delete afterwards. The session that it became stays.
+    /// Deletes an upload's row; the caller deletes the file afterwards. The session that it became stays.
     pub async fn delete(&self, scope: &Scope, id: UploadId) -> StoreResult<()> {
         self.get(scope, id).await?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
@@ -198,20 +199,20 @@ impl Uploads<'_> {
             .await
     }
 
-    /// Uploads whose time is over, at most `most`: forget row and file.
+    /// Expired uploads, at most `most`, whose rows and files should be deleted.
     pub async fn expired(&self, most: u32) -> StoreResult<Vec<UploadId>> {
         let sql = "SELECT id FROM upload WHERE expires_at_ms <= $1 LIMIT $2";
         Ok(sqlx::query_scalar(sql).bind(self.0.now_ms()).bind(most).fetch_all(self.0.readers()).await?)
     }
 
-    /// Is there an upload of this id that has not become a session?
+    /// True if there is an upload with this id that has not become a session.
     pub async fn is_unfinished(&self, id: UploadId) -> StoreResult<bool> {
         let sql = "SELECT 1 FROM upload WHERE id = $1 AND session_id IS NULL";
         let found: Option<i64> = sqlx::query_scalar(sql).bind(id).fetch_optional(self.0.readers()).await?;
         Ok(found.is_some())
     }
 
-    /// How many uploads are unfinished, of all senders.
+    /// The number of unfinished uploads of all senders.
     pub async fn count_unfinished(&self) -> StoreResult<u64> {
         let sql = "SELECT count(*) FROM upload WHERE session_id IS NULL";
         let count: i64 = sqlx::query_scalar(sql).fetch_one(self.0.readers()).await?;
@@ -225,7 +226,7 @@ impl Uploads<'_> {
     }
 }
 
-/// A recording that is known already is no error here: its sender is told of the session that it became then.
+/// An existing recording is no error here: the sender gets the session that it has become.
 fn made_or_found(inserted: StoreResult<SessionId>) -> StoreResult<Finished> {
     match inserted {
         Ok(session) => Ok(Finished { session, is_new: true }),

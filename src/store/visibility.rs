@@ -1,5 +1,5 @@
-//! Who sees what, as conditions of SQL. In every statement that uses them `$1` is the scope's role and `$2` its subject;
-//! `asked_by` binds both.
+//! Visibility rules as SQL conditions. In every statement that uses them, `$1` is the role of the scope and `$2` its
+//! subject; `bind_scope` binds both.
 
 use sqlx::Sqlite;
 use sqlx::query::{Query, QueryAs, QueryScalar};

@@ -1,11 +1,12 @@
-//! The one writer: a thread that owns the one connection that writes.
+//! The writer thread, which owns the only connection that writes.
 //!
-//! Requests wait in a bounded channel. The writer takes those that are there (up to a limit), runs each in a savepoint of
-//! one `BEGIN IMMEDIATE` transaction, commits once, and only then answers all of them: one fsync serves many, and who has
-//! an answer has it durably. A request that fails undoes itself alone. A commit that fails fails them all.
+//! Requests wait in a bounded channel. The writer takes all that wait (up to a limit), runs each in a savepoint of one
+//! `BEGIN IMMEDIATE` transaction, commits once, and only then replies to all of them: one fsync serves many requests,
+//! and every reply is durable. A request that fails is rolled back alone. If the commit fails, all requests of the
+//! batch fail.
 //!
-//! A thread of its own, not a task: the requests are async closures whose futures are not `Send`, and a busy runtime
-//! must not hold a transaction open.
+//! It is a thread and not a task, because the requests are async closures whose futures are not `Send`, and because a
+//! busy runtime must not keep a transaction open.
 
 use std::pin::Pin;
 
@@ -22,19 +23,19 @@ pub(super) struct Writer {
     messages: mpsc::Sender<Message>,
 }
 
-/// What the thread is asked to do.
+/// A message to the writer thread.
 enum Message {
-    /// Something in a transaction.
+    /// Run a request in a transaction.
     Request(Box<dyn Request>),
-    /// Move the write-ahead log into the file and empty it.
+    /// Move the write-ahead log into the database file and empty it.
     EmptyLog(oneshot::Sender<StoreResult<bool>>),
-    /// Do what came before, close the database and end.
+    /// Finish the earlier messages, close the database and end the thread.
     Close(oneshot::Sender<()>),
 }
 
 impl Writer {
-    /// Starts the thread, which ends with the last sender. At most `waiting` requests queue up; at most `batch` share a
-    /// commit.
+    /// Starts the thread, which ends when the last sender is dropped. At most `waiting` requests queue up; at most
+    /// `batch` of them share a commit.
     pub fn start(connection: SqliteConnection, waiting: usize, batch: usize) -> std::io::Result<Self> {
         let (messages, inbox) = mpsc::channel(waiting.max(1));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
@@ -44,7 +45,7 @@ impl Writer {
         Ok(Self { messages })
     }
 
-    /// Runs `work` in a transaction and answers once it is durable. Waits while the queue is full.
+    /// Runs `work` in a transaction and returns once it is durable. Waits while the queue is full.
     pub async fn run<T, F>(&self, work: F) -> StoreResult<T>
     where
         F: AsyncFnOnce(&mut SqliteConnection) -> StoreResult<T> + Send + 'static,
@@ -55,14 +56,14 @@ impl Writer {
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
-    /// Empties the write-ahead log; `false` if a reader stands in the way.
+    /// Empties the write-ahead log; `false` if a reader prevents it.
     pub async fn empty_log(&self) -> StoreResult<bool> {
         let (reply, answer) = oneshot::channel();
         self.send(Message::EmptyLog(reply)).await?;
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
-    /// Ends the thread once everything before is done and the database is closed.
+    /// Ends the thread after the earlier requests are done and the database is closed.
     pub async fn close(&self) {
         let (reply, answer) = oneshot::channel();
         if self.send(Message::Close(reply)).await.is_ok() {
@@ -75,19 +76,19 @@ impl Writer {
     }
 }
 
-/// One request, whatever it returns.
+/// One request of any result type.
 trait Request: Send {
-    /// Does its work in the open savepoint.
+    /// Runs the request in the open savepoint.
     fn run<'c>(self: Box<Self>, tx: &'c mut SqliteConnection) -> Pin<Box<dyn Future<Output = Answer> + 'c>>;
 
-    /// Does nothing, because the transaction is lost already.
+    /// Does nothing, because the transaction has failed already.
     fn skip(self: Box<Self>) -> Answer;
 }
 
-/// A finished request that waits for the commit.
+/// A finished request whose reply waits for the commit.
 struct Answer {
     failure: Option<StoreError>,
-    /// Called once: with the commit's outcome.
+    /// Sends the reply. Called once, with the result of the commit.
     send: Box<dyn FnOnce(StoreResult<()>)>,
 }
 
@@ -106,7 +107,7 @@ where
             let Work { work, reply } = *self;
             let result = work(tx).await;
             let failure = result.as_ref().err().cloned();
-            // Whoever asked may have gone away: then nobody needs the answer.
+            // The caller may have gone away; then the reply is dropped.
             let send = move |committed: StoreResult<()>| drop(reply.send(committed.and(result)));
             Answer { failure, send: Box::new(send) }
         })
@@ -136,18 +137,18 @@ async fn serve(mut connection: SqliteConnection, mut inbox: mpsc::Receiver<Messa
             commit(&mut connection, requests).await;
         }
         for reply in emptiers {
-            drop(reply.send(empty_log(&mut connection).await)); // whoever asked may have gone away
+            drop(reply.send(empty_log(&mut connection).await)); // the caller may have gone away
         }
     }
     if let Err(error) = connection.close().await {
-        tracing::warn!(%error, "closing the database");
+        tracing::warn!(%error, "could not close the database cleanly; the next start recovers it");
     }
     for reply in closers {
-        let _ = reply.send(()); // whoever asked may have gone away
+        let _ = reply.send(()); // the caller may have gone away
     }
 }
 
-/// Runs a batch, commits it, and answers.
+/// Runs a batch, commits it and sends the replies.
 async fn commit(connection: &mut SqliteConnection, requests: Vec<Box<dyn Request>>) {
     let mut answers = Vec::with_capacity(requests.len());
     let outcome = transact(connection, requests, &mut answers).await;
@@ -164,7 +165,7 @@ async fn empty_log(connection: &mut SqliteConnection) -> StoreResult<bool> {
     Ok(busy == 0)
 }
 
-/// Runs a batch in one transaction. Every request leaves an answer, also when the transaction is lost before its turn.
+/// Runs a batch in one transaction. Every request leaves a pending reply, even if the transaction fails before it runs.
 async fn transact(
     tx: &mut SqliteConnection,
     batch: Vec<Box<dyn Request>>,
@@ -181,8 +182,8 @@ async fn transact(
     Ok(tx.execute("COMMIT").await.map(drop)?)
 }
 
-/// Runs one request in a savepoint. An error of the savepoint itself is an error of the whole batch: SQLite rolls the
-/// whole transaction back when, for example, the disk is full.
+/// Runs one request in a savepoint. An error of the savepoint itself is an error of the whole batch: on a full disk,
+/// for example, SQLite rolls back the whole transaction.
 async fn attempt(tx: &mut SqliteConnection, request: Box<dyn Request>, answers: &mut Vec<Answer>) -> StoreResult<()> {
     if let Err(error) = tx.execute("SAVEPOINT request").await {
         answers.push(request.skip());
@@ -193,7 +194,7 @@ async fn attempt(tx: &mut SqliteConnection, request: Box<dyn Request>, answers: 
     answers.push(answer);
     if let Some(failure) = failure {
         let undone = tx.execute("ROLLBACK TO request").await;
-        undone.map_err(|_| failure)?; // no savepoint left: what broke the transaction is what the request met
+        undone.map_err(|_| failure)?; // the savepoint is gone: the request's error broke the whole transaction
     }
     Ok(tx.execute("RELEASE request").await.map(drop)?)
 }
@@ -202,12 +203,12 @@ async fn abandon(tx: &mut SqliteConnection, failure: &StoreError) {
     if failure.is_failed_sync() {
         shutdown::abort("the database could not be synced to the disk");
     }
-    tracing::warn!(%failure, "a write was not committed");
-    // Fails when SQLite has rolled back by itself, which is as good.
+    tracing::warn!(%failure, "write transaction failed; rolled back");
+    // This fails if SQLite has already rolled back by itself, which has the same effect.
     let _ = tx.execute("ROLLBACK").await;
 }
 
-/// A request that panics leaves a transaction open in an unknown state: the process ends and recovers at its next start.
+/// Aborts the process if a request panics: the transaction is then open in an unknown state. The next start recovers.
 struct EndWithThePanic;
 
 impl Drop for EndWithThePanic {

@@ -1,8 +1,8 @@
-//! Backup: a copy of database and files, made while the service works.
+//! Backup: a copy of database and files, made while the service runs.
 //!
 //! A backup *is* a data folder: `trocar serve --data BACKUP` runs on it, and copying it back restores it. Every blob is
-//! verified while it is copied, and the whole is checked at the end. Left out are unfinished uploads and feeds (their
-//! senders go on with the original) and signed-in browsers.
+//! verified while it is copied, and the finished backup is checked. Unfinished uploads and feeds are left out, since
+//! their senders continue with the original, and so are signed-in browsers.
 
 use std::path::Path;
 
@@ -15,17 +15,17 @@ use crate::store::{Store, StoreSettings};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
-/// Snapshots tried until one's files are all there. Another is needed only if somebody erases a recording between the
-/// snapshot and the copying of that very file; each has only the files that came since the one before to copy, so that this
-/// many cannot fail in a row but by as many erasures, each within milliseconds.
+/// Maximum number of database snapshots until all files of one could be copied. Another snapshot is needed only if a
+/// recording is erased between the snapshot and the copying of its file. Each later round copies only files that are
+/// new since the one before, so failing this often takes as many erasures, each within milliseconds.
 const MOST_SNAPSHOTS: u32 = 100;
-/// Rows read per round.
+/// Rows to read per query.
 const ROUND: u32 = 1_000;
-/// Bytes copied at once.
+/// Bytes to copy at a time.
 const PIECE: usize = 256 * 1024;
 
-/// Copies everything into a folder that is empty or not there yet; `database` is the database's file name. Returns how many
-/// files the backup holds.
+/// Copies everything into a folder that is empty or does not exist yet; `database` is the file name of the database.
+/// Returns the number of files in the backup.
 pub async fn back_up(
     (store, vault): (&Store, &Vault),
     to: &Path,
@@ -35,7 +35,7 @@ pub async fn back_up(
     refuse_used(to)?;
     let files = Vault::open(to).await?;
     let path = to.join(database);
-    // Most of the bytes before the snapshot, so that fewer can be erased between the snapshot and their copying.
+    // Copies most bytes before the snapshot, so that fewer files can be erased between the snapshot and their copying.
     copy_blobs(store, vault, &files).await?;
     let mut gone_before = None;
     for _ in 0..MOST_SNAPSHOTS {
@@ -44,14 +44,15 @@ pub async fn back_up(
         let Copied { wanted, gone } = copy_blobs(&copy, vault, &files).await?;
         let Some(hash) = gone else {
             complete(&copy, &files).await?;
-            copy.close().await; // leaves one file, without a log beside it
+            copy.close().await; // leaves one file without a write-ahead log
             if let Err(error) = store.audit().backed_up(wanted).await {
-                tracing::warn!(%error, "the backup is whole, and could not be noted");
+                tracing::warn!(%error, "backup complete, but not recorded in the audit trail");
             }
             return Ok(wanted);
         };
         copy.close().await;
-        // Rows go before their files: of a file erased meanwhile the next snapshot knows nothing. If it does, the file is lost.
+        // Rows are deleted before their files, so the next snapshot has no row of a file that was erased meanwhile. If
+        // it still has the row, the file is lost.
         if gone_before.replace(hash) == Some(hash) {
             return Err(UpkeepError::Unsound(Finding::MissingFile(hash)));
         }
@@ -59,21 +60,21 @@ pub async fn back_up(
     Err(UpkeepError::Unsettled)
 }
 
-/// A folder with something in it is not overwritten, whatever it is.
+/// Refuses a folder that is not empty.
 fn refuse_used(to: &Path) -> UpkeepResult<()> {
     let is_used = std::fs::read_dir(to).is_ok_and(|mut entries| entries.next().is_some());
     if is_used { Err(UpkeepError::Used(to.to_owned())) } else { Ok(()) }
 }
 
-/// What one round of copying found.
+/// The result of one round of copying.
 struct Copied {
-    /// Files that the database refers to.
+    /// Number of files that the database refers to.
     wanted: u64,
-    /// The first of them that is in the vault no more.
+    /// The first of them that is missing from the vault.
     gone: Option<BlobHash>,
 }
 
-/// Copies the blobs that the database refers to and the folder lacks, past those that are erased meanwhile.
+/// Copies the blobs that the database refers to and the folder lacks. Blobs that are erased meanwhile are skipped.
 async fn copy_blobs(store: &Store, from: &Vault, to: &Vault) -> UpkeepResult<Copied> {
     let (mut after, mut copied) = (None, Copied { wanted: 0, gone: None });
     loop {
@@ -109,14 +110,14 @@ async fn copy_blob(blob: Blob, from: &Vault, to: &Vault) -> UpkeepResult<()> {
     if kept.blob() == blob { Ok(()) } else { Err(VaultError::Damaged.into()) }
 }
 
-/// Makes the copy a data folder in its own right, and proves it.
+/// Makes the copy a data folder in its own right and verifies it.
 async fn complete(copy: &Store, files: &Vault) -> UpkeepResult<()> {
     for upload in copy.uploads().unfinished().await? {
         copy.uploads().delete(&Scope::service(), upload.id).await?;
     }
     copy.feeds().forget_unfinished().await?;
     copy.cookies().forget_all().await?;
-    recover(copy, files).await?; // files of what was erased between copying and snapshot
+    recover(copy, files).await?; // removes files that were erased between copying and snapshot
     copy.forget_erased().await?;
     match check(copy, files, true).await?.first() {
         None => Ok(()),

@@ -1,4 +1,4 @@
-//! `trocar admin check`: the database against itself and against the files, without changing either.
+//! `trocar admin check`: checks the database itself and against the files, without changing either.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -9,29 +9,30 @@ use crate::ids::{FeedId, UploadId};
 use crate::store::Store;
 use crate::vault::{Vault, VaultError};
 
-/// Something that is not as it should be.
+/// A problem that the check found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Finding {
-    /// SQLite finds its file damaged or a reference dangling.
+    /// The database file is damaged, or a reference dangles.
     Database(String),
-    /// A row refers to a file that is not there.
+    /// A row refers to a missing file.
     MissingFile(BlobHash),
-    /// A file's content is not what its name says, or its length not what the row says.
+    /// A file's content does not match its name, or its length not the row.
     DamagedFile(BlobHash),
-    /// A file that no row refers to: harmless; the next start removes it.
+    /// A file without a row: harmless; the next start removes it.
     OrphanFile(BlobHash),
     /// An upload's file holds fewer bytes than were acknowledged.
     ShortUpload(UploadId),
-    /// A feed that has not ended has no log.
+    /// An unfinished feed has no log.
     MissingFeed(FeedId),
-    /// Records of a feed's log are damaged, and these frames are in no other: first and last number of each range.
+    /// Records of a feed's log are damaged, and these frames are in no other record: first and last number of each
+    /// range.
     DamagedFeed(FeedId, Vec<[u64; 2]>),
-    /// A feed's log that no unfinished feed needs: harmless; the service removes it.
+    /// A log without an unfinished feed: harmless; the service removes it.
     OrphanFeed(FeedId),
 }
 
 impl Finding {
-    /// Is something lost? Otherwise it is only in the way.
+    /// True if data is lost; otherwise it is only a harmless leftover.
     pub fn is_loss(&self) -> bool {
         !matches!(self, Finding::OrphanFile(_) | Finding::OrphanFeed(_))
     }
@@ -51,8 +52,8 @@ impl fmt::Display for Finding {
                 let frames = ranges.join(", ");
                 write!(
                     f,
-                    "feed {id} has damaged records and lacks the frames {frames}: any of them that its sender was told to be \
-                     safe is lost; the others come again when it connects"
+                    "feed {id} has damaged records and lacks the frames {frames}: those that were acknowledged to its sender \
+                     are lost; it sends the others again when it connects"
                 )
             }
             Finding::OrphanFeed(id) => write!(f, "log that no feed needs: {id} (the service removes it)"),
@@ -60,10 +61,10 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Rows read per round.
+/// Rows to read per query.
 const ROUND: u32 = 1_000;
 
-/// Compares the database with the files. `thorough`: every file is read and its content verified.
+/// Compares the database with the files. With `thorough`, every file is read and verified.
 pub async fn check(store: &Store, vault: &Vault, thorough: bool) -> UpkeepResult<Vec<Finding>> {
     let mut findings: Vec<Finding> = store.check().await?.into_iter().map(Finding::Database).collect();
     check_rows(store, vault, thorough, &mut findings).await?;
@@ -78,8 +79,8 @@ pub async fn check(store: &Store, vault: &Vault, thorough: bool) -> UpkeepResult
     Ok(findings)
 }
 
-/// Every feed that has not ended has its log, whole to the last record, and every log has such a feed. Logs are read to their
-/// end, also without `thorough`: there are few, and their names do not tell what is in them.
+/// Checks that every unfinished feed has an intact log, and every log an unfinished feed. Logs are always read to the
+/// end, even without `thorough`: there are few, and their names contain no hash.
 async fn check_feeds(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
     let unfinished: HashSet<FeedId> = store.feeds().unfinished().await?.iter().map(|feed| feed.id).collect();
     let logs: HashSet<FeedId> = vault.feed_logs().await?.into_iter().collect();
@@ -91,7 +92,7 @@ async fn check_feeds(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) 
             (true, false) => is_missing(is_unfinished, has_log).await?.then_some(Finding::MissingFeed(id)),
             (false, _) => is_orphan(is_unfinished, has_log).await?.then_some(Finding::OrphanFeed(id)),
             (true, true) => match vault.feed_damage(id).await {
-                Err(VaultError::NotFound) => None, // ended meanwhile
+                Err(VaultError::NotFound) => None, // the feed has ended meanwhile
                 frames => {
                     Some(frames?).filter(|frames| !frames.is_empty()).map(|frames| Finding::DamagedFeed(id, frames))
                 }
@@ -102,8 +103,8 @@ async fn check_feeds(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) 
     Ok(())
 }
 
-/// Asked once more, the log between two looks at the row: a feed has its row before its log, and its log is gone only once its
-/// row says that it has ended.
+/// Checks a suspect again, with the log between two reads of the row: a feed has its row before its log, and its log is
+/// deleted only after the row is marked as ended.
 async fn is_missing(
     is_unfinished: impl AsyncFn() -> UpkeepResult<bool>,
     has_log: impl AsyncFn() -> UpkeepResult<bool>,
@@ -111,8 +112,8 @@ async fn is_missing(
     Ok(is_unfinished().await? && !has_log().await? && is_unfinished().await?)
 }
 
-/// Asked twice more, the row first: one that begins has a row by now, one that ends has no log any more; one that did both
-/// between two looks has none at the last.
+/// Checks a suspect twice more, the row first: a feed that was just beginning has a row by now, and one that was ending
+/// has no log any more. One that did both between two reads has no log at the last.
 async fn is_orphan(
     is_unfinished: impl AsyncFn() -> UpkeepResult<bool>,
     has_log: impl AsyncFn() -> UpkeepResult<bool>,
@@ -126,7 +127,7 @@ fn sorted<'a>(ids: impl Iterator<Item = &'a FeedId>) -> Vec<FeedId> {
     ids
 }
 
-/// Every row has its file.
+/// Checks that every row has its file.
 async fn check_rows(store: &Store, vault: &Vault, thorough: bool, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
     let mut after = None;
     loop {
@@ -151,7 +152,7 @@ async fn check_blob(vault: &Vault, blob: Blob, thorough: bool) -> UpkeepResult<O
     }
 }
 
-/// Every file has its row.
+/// Checks that every file has its row.
 async fn check_files(store: &Store, vault: &Vault, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
     for first in 0..=u8::MAX {
         for blob in vault.blobs(first).await? {
@@ -169,7 +170,8 @@ mod tests {
 
     use super::*;
 
-    /// Is a feed reported whose state at each moment is this: has it a row that has not ended, and a log? Every look takes a moment.
+    /// True if the check reports a feed with this state at each moment: whether it has an unfinished row, and a log.
+    /// Each read takes one moment.
     async fn is_reported(state: impl Fn(usize) -> (bool, bool)) -> bool {
         let moment = Cell::new(0);
         let look = || state(moment.replace(moment.get() + 1));
@@ -183,7 +185,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_feed_that_begins_or_ends_while_it_is_looked_at_is_as_it_should_be() {
-        // A row, then a log; the row ends, then the log goes. What lies between takes at most two moments.
+        // A row, then a log; the row ends, then the log is deleted. The steps take at most two moments each.
         for case in 0..6 * 3 * 6 * 3usize {
             let [before, row_alone, both, log_alone] = [case % 6, case / 6 % 3, case / 18 % 6, case / 108 % 3];
             let begins = before + row_alone;

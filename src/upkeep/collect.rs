@@ -1,4 +1,4 @@
-//! Collecting: files that nothing refers to any more, uploads whose time is over.
+//! Collection of files that nothing refers to any more, and of expired uploads.
 
 use super::UpkeepResult;
 use crate::domain::blob::BlobHash;
@@ -6,10 +6,10 @@ use crate::domain::scope::Scope;
 use crate::store::Store;
 use crate::vault::{Removal, Vault};
 
-/// Items handled per round, so that no list grows without bound.
+/// Items per query, so that no list grows without bound.
 const ROUND: u32 = 500;
 
-/// Removes the blobs that no row refers to any more: row first, file second. Returns how many went.
+/// Removes the blobs that nothing refers to any more: row first, file second. Returns the number removed.
 pub async fn collect(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     let mut removed = 0;
     loop {
@@ -19,17 +19,18 @@ pub async fn collect(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
             removed += usize::from(remove(store, vault, *hash).await?);
         }
         if removed == before || found.len() < ROUND as usize {
-            return Ok(removed); // what is left is being put again at this moment
+            return Ok(removed); // the rest is just being put again
         }
     }
 }
 
-/// Removes the blobs that were put and whose row never came: the person was erased meanwhile, or the disk was full. Returns
-/// how many went.
+/// Removes the blobs that were put but never got a row: the person was erased meanwhile, or the disk was full. Returns
+/// the number removed.
 pub(super) async fn remove_unnamed(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     let mut removed = 0;
     for hash in vault.released() {
-        // Most have their row, and go with it; it is read first, since asking the writer costs a commit.
+        // Most blobs have a row and need no removal here. A reader checks first, since every request to the writer
+        // costs a commit.
         let is_free = async {
             UpkeepResult::Ok(!store.blobs().has(hash).await? && store.blobs().forget_if_unreferenced(hash).await?)
         };
@@ -38,14 +39,13 @@ pub(super) async fn remove_unnamed(store: &Store, vault: &Vault) -> UpkeepResult
     Ok(removed)
 }
 
-/// Removes one blob, unless something refers to it or somebody is just putting it.
+/// Removes one blob, unless something refers to it or it is just being put.
 pub(super) async fn remove(store: &Store, vault: &Vault, hash: BlobHash) -> UpkeepResult<bool> {
     let is_free = async { UpkeepResult::Ok(store.blobs().forget_if_unreferenced(hash).await?) };
     Ok(vault.delete_if(hash, is_free).await? == Removal::Removed)
 }
 
-/// Forgets the uploads that nobody has gone on with in time, and the finished ones that nobody asks about any more. Returns
-/// how many went.
+/// Deletes expired uploads, finished and unfinished. Returns the number deleted.
 pub async fn forget_expired_uploads(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     let expired = store.uploads().expired(ROUND).await?;
     for id in &expired {
@@ -55,13 +55,13 @@ pub async fn forget_expired_uploads(store: &Store, vault: &Vault) -> UpkeepResul
     Ok(expired.len())
 }
 
-/// Removes the files of uploads that have no row: erased with their trainee, or become a session, whose blob has a name of
-/// its own. Returns how many went.
+/// Removes upload files without an unfinished row: the trainee was erased, or the upload became a session, whose blob
+/// has a name of its own. Returns the number removed.
 pub(super) async fn remove_orphan_uploads(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     let mut removed = 0;
     for id in vault.upload_files().await? {
         if store.uploads().is_unfinished(id).await? {
-            continue; // asked before the file is taken, which its sender would be told of as locked
+            continue; // checked before the file is opened, since its sender would find it locked
         }
         let is_free = async { UpkeepResult::Ok(!store.uploads().is_unfinished(id).await?) };
         removed += usize::from(vault.delete_upload_if(id, is_free).await? == Removal::Removed);

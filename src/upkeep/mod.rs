@@ -1,14 +1,14 @@
-//! Keeping files and database in step: recovery at the start, collection of what nothing needs, the check of both.
+//! Keeps files and database consistent: recovery at the start, collection of unreferenced files, and the check of both.
 //!
-//! The order of every write makes any sudden end harmless (file first, row second; on delete row first, file second); what
-//! is left in between is cleared here. The functions know both the vault and the store, which do not know each other.
+//! The order of every write makes a crash harmless (file first, row second; when deleting row first, file second).
+//! Leftovers are removed here. These functions use both the vault and the store, which do not know each other.
 //!
 //! | function | when |
 //! |---|---|
 //! | [`recover()`] | once, at every start, before anything else uses the folder |
-//! | [`keep`] | for as long as the service runs |
-//! | [`check()`] | when somebody asks: `trocar admin check` |
-//! | [`back_up`] | when somebody asks: `trocar admin backup` |
+//! | [`run`] | for as long as the service runs |
+//! | [`check()`] | on request: `trocar admin check` |
+//! | [`back_up`] | on request: `trocar admin backup` |
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -28,22 +28,22 @@ use crate::store::{Store, StoreError};
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
-/// Why upkeep could not be done.
+/// Why upkeep failed.
 #[derive(Debug, thiserror::Error)]
 pub enum UpkeepError {
-    /// The database refused.
+    /// An error of the store.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A file could not be handled.
+    /// An error of the vault.
     #[error(transparent)]
     Vault(#[from] VaultError),
     /// A backup would overwrite something.
-    #[error("`{}` is not empty: name a folder that is, or is not there yet", .0.display())]
+    #[error("`{}` is not empty: name a folder that is empty or does not exist yet", .0.display())]
     Used(PathBuf),
-    /// Recordings were erased faster than they could be copied.
-    #[error("recordings were erased again and again during the backup: try once more")]
+    /// Recordings were erased repeatedly while they were being copied.
+    #[error("recordings were erased repeatedly during the backup: try again")]
     Unsettled,
-    /// The finished backup has a fault.
+    /// The check of the finished backup found a problem.
     #[error("the backup is not sound: {0}")]
     Unsound(Finding),
 }
@@ -51,11 +51,11 @@ pub enum UpkeepError {
 /// Result of an upkeep function.
 pub type UpkeepResult<T> = Result<T, UpkeepError>;
 
-/// Clears up again and again until the service ends. What is erased has left the folder soon after `every`.
+/// Cleans up repeatedly until the service ends. Erased data has left the folder soon after `every`.
 pub async fn keep(store: &Store, vault: &Vault, every: Duration, clock: SharedClock, shutdown: &Shutdown) {
     while !shutdown.is_begun() {
         if let Err(error) = clear_up(store, vault).await {
-            tracing::warn!(%error, "clearing up behind the work");
+            tracing::warn!(%error, "cleaning up failed; retrying at the next round");
         }
         tokio::select! {
             () = shutdown.begun() => {}
@@ -64,7 +64,7 @@ pub async fn keep(store: &Store, vault: &Vault, every: Duration, clock: SharedCl
     }
 }
 
-/// Removes what is no longer needed, and what was erased from the database's log.
+/// Removes files that are no longer needed, and erased data from the write-ahead log.
 pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     forget_expired_uploads(store, vault).await?;
     remove_orphan_uploads(store, vault).await?;
@@ -72,7 +72,7 @@ pub async fn clear_up(store: &Store, vault: &Vault) -> UpkeepResult<()> {
     remove_unnamed(store, vault).await?;
     store.forget_erased().await?;
     store.restore_ballast().await;
-    store.cookies().forget_expired().await?; // last: on a full disk it fails, and keeps nothing from making room
+    store.cookies().forget_expired().await?; // last, since it fails on a full disk
     Ok(())
 }
 

@@ -1,4 +1,4 @@
-//! Recovery: every start is one. Nothing that was acknowledged is touched.
+//! Recovery, which runs at every start. Acknowledged data is never touched.
 
 use super::UpkeepResult;
 use super::collect::{collect, remove, remove_orphan_uploads};
@@ -7,23 +7,23 @@ use crate::intake::{self, IntakeError};
 use crate::store::{Store, StoreError, Upload};
 use crate::vault::{Vault, VaultError};
 
-/// What a start found and put right.
+/// The repairs of a recovery.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Recovered {
-    /// Half-written blobs, removed.
+    /// Unfinished blobs that were removed.
     pub half_written: usize,
-    /// Blobs that no row refers to, removed.
+    /// Blobs without a row that were removed.
     pub orphan_blobs: usize,
-    /// Files of uploads that have no row, removed.
+    /// Upload files without a row that were removed.
     pub orphan_uploads: usize,
-    /// Whole uploads that had not become sessions yet, and now have.
+    /// Complete uploads that became sessions now.
     pub finished_uploads: usize,
-    /// Uploads whose file is shorter than was noted: set back to what is there. After a power cut on an honest disk there
-    /// are none.
+    /// Uploads whose file is shorter than recorded: set back to its length. After a power cut, this happens only if the
+    /// disk lied about a sync.
     pub set_back_uploads: usize,
 }
 
-/// Puts files and database in step after a sudden end. Call it with the folder locked, before anything else uses it.
+/// Makes files and database consistent after a crash. Call it with the folder locked, before anything else uses it.
 pub async fn recover(store: &Store, vault: &Vault) -> UpkeepResult<Recovered> {
     let mut recovered = Recovered { half_written: vault.clear_incoming().await?, ..Recovered::default() };
     recovered.orphan_uploads = remove_orphan_uploads(store, vault).await?;
@@ -41,7 +41,7 @@ async fn recover_upload(store: &Store, vault: &Vault, upload: Upload, recovered:
         Err(error) => return Err(error.into()),
     };
     if there < upload.received {
-        tracing::error!(upload = %upload.id, noted = upload.received, there, "an upload has lost acknowledged bytes");
+        tracing::error!(upload = %upload.id, noted = upload.received, there, "acknowledged bytes lost; upload set back; check the disk");
         store.uploads().set_back(upload.id, there).await?;
         recovered.set_back_uploads += 1;
     } else if upload.received == upload.length {
@@ -50,21 +50,21 @@ async fn recover_upload(store: &Store, vault: &Vault, upload: Upload, recovered:
     Ok(())
 }
 
-/// Makes the session of a whole upload, as its last request would have done.
+/// Makes the session of a complete upload, as its last request would have done.
 async fn finish(store: &Store, vault: &Vault, upload: &Upload) -> UpkeepResult<bool> {
     match intake::finish(store, vault, &Scope::service(), upload).await {
         Ok(finished) => Ok(finished.is_new),
-        Err(IntakeError::Store(StoreError::Refused { .. })) => Ok(false), // its sender will be told
+        Err(IntakeError::Store(StoreError::Refused { .. })) => Ok(false), // its sender gets the error
         Err(IntakeError::Store(error)) => Err(error.into()),
         Err(IntakeError::Vault(error)) => Err(error.into()),
         Err(other) => {
-            tracing::warn!(upload = %upload.id, error = %other, "a whole upload did not become a session");
+            tracing::warn!(upload = %upload.id, error = %other, "complete upload did not become a session");
             Ok(false)
         }
     }
 }
 
-/// Blobs that got their name but never a row: found only by looking at the folder.
+/// Removes blobs that have a name but no row. They can be found only by listing the folder.
 async fn remove_orphan_blobs(store: &Store, vault: &Vault) -> UpkeepResult<usize> {
     let mut removed = 0;
     for first in 0..=u8::MAX {

@@ -1,4 +1,4 @@
-//! Claims about files and database together: after a sudden end anywhere, the next start leaves both in step.
+//! Tests of files and database together: after a crash at any point, the next start makes both consistent.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,14 +28,14 @@ impl Bench {
         Self { centre, vault }
     }
 
-    /// A session as it is made: file first, row second.
+    /// Creates a session as the service does: file first, row second.
     async fn session(&self, trainee: TraineeId, content: &str) -> Session {
         let kept = self.vault.put(content.as_bytes()).await.unwrap();
         let new = NewSession { video: kept.blob(), ..self.centre.new_session(trainee, content) };
         self.centre.store.sessions().create(&Scope::service(), new).await.unwrap()
     }
 
-    /// Tracked and scored, with its files in the vault.
+    /// Tracks and scores a session, with its files in the vault.
     async fn score(&self, session: &Session) {
         let lease = self.centre.claim().await.unwrap();
         let trajectory = self.vault.put(format!("trajectory of {}", session.id).as_bytes()).await.unwrap();
@@ -45,13 +45,13 @@ impl Bench {
         self.centre.store.jobs().finish_track(&lease, result).await.unwrap();
     }
 
-    /// Where a file lies in the data folder.
+    /// The path of a file in the data folder.
     fn path_of(&self, hash: BlobHash) -> PathBuf {
         let hash = hash.to_string();
         self.centre.folder.path().join("blobs").join(&hash[..2]).join(hash)
     }
 
-    /// An upload of five bytes of which so many are noted.
+    /// An upload of five bytes, `noted` of them recorded as durable.
     async fn upload(&self, trainee: TraineeId, in_file: &[u8], noted: u64) -> UploadId {
         let id = UploadId::at(NOW_MS);
         let mut file = self.vault.create_upload(id).await.unwrap();
@@ -74,7 +74,7 @@ impl Bench {
         id
     }
 
-    /// A feed of five frames whose log is handed to be spoiled.
+    /// A feed of five frames; `spoil` may damage its log.
     async fn feed(&self, trainee: TraineeId, spoil: impl FnOnce(&mut Vec<u8>)) -> FeedId {
         let new = NewFeed {
             id: FeedId::at(NOW_MS),
@@ -218,7 +218,7 @@ async fn a_picture_that_was_only_looked_at_goes_once_nobody_holds_it() {
     let held = bench.vault.put(b"a photo of the board").await.unwrap();
     store.blobs().note(held.blob()).await.unwrap();
     clear_up(store, &bench.vault).await.unwrap();
-    assert!(bench.vault.open_blob(held.blob().hash).await.is_ok(), "somebody looks at it");
+    assert!(bench.vault.open_blob(held.blob().hash).await.is_ok(), "it is in use");
     let hash = held.blob().hash;
     drop(held);
     clear_up(store, &bench.vault).await.unwrap();
@@ -344,7 +344,7 @@ async fn a_backup_of_a_centre_that_has_lost_a_file_names_it() {
     );
 }
 
-/// Does any file below the folder hold these bytes?
+/// True if any file below the folder contains these bytes.
 fn holds(folder: &Path, marker: &str) -> bool {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).any(|path| {
         if path.is_dir() {
@@ -361,19 +361,21 @@ async fn feeds_are_checked_record_by_record_and_against_their_rows() {
     let bench = Bench::new().await;
     let ana = bench.centre.trainee("Ana").await.id;
     bench.feed(ana, |_| ()).await;
-    bench.feed(ana, |log| log.truncate(4 * RECORD + 20)).await; // cut while the last was written: not acknowledged
+    bench.feed(ana, |log| log.truncate(4 * RECORD + 20)).await; // cut within the last record: not acknowledged
     bench.feed(ana, |log| log.truncate(0)).await;
-    bench.feed(ana, |log| log.resize(log.len() + (3 << 20), 0)).await; // a tail of which the disk kept the length alone: never synced
+    bench.feed(ana, |log| log.resize(log.len() + (3 << 20), 0)).await; // a tail of zeros: never synced
     let again = |log: &mut Vec<u8>| {
         let lost = log[2 * RECORD..3 * RECORD].to_vec();
         log[2 * RECORD + HEAD] ^= 1;
-        log.extend(lost); // it was not acknowledged, so that the sender sent it again
+        log.extend(lost); // it was not acknowledged, so the sender sent it again
     };
     bench.feed(ana, again).await;
     assert_eq!(bench.findings().await, []);
     let flipped = bench.feed(ana, |log| log[2 * RECORD + HEAD] ^= 1).await;
     let damaged = Finding::DamagedFeed(flipped, vec![[2, 2]]);
-    assert!(damaged.to_string().contains("lacks the frames 2 to 2: any of them that its sender was told to be safe"));
+    assert!(
+        damaged.to_string().contains("lacks the frames 2 to 2: those that were acknowledged to its sender are lost")
+    );
     assert_eq!(bench.findings().await, std::slice::from_ref(&damaged));
     let headless = bench.feed(ana, |log| log[RECORD..3 * RECORD].fill(0)).await;
     let missing = bench.feed(ana, |_| ()).await;

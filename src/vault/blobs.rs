@@ -1,4 +1,4 @@
-//! Blobs: put, read, verified, removed.
+//! Writes, reads, verifies and removes blobs.
 
 use std::fs::File;
 use std::future::Future;
@@ -17,16 +17,17 @@ use super::{Vault, uploads};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::ids::UploadId;
 
-/// What became of a file that was to be removed.
+/// The outcome of removing a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Removal {
-    /// Its file is gone.
+    /// The file is removed.
     Removed,
-    /// It is needed, or somebody is just writing it.
+    /// The file stays: it is needed or is just being written.
     Needed,
 }
 
-/// A blob that is being written. Dropped before its end it leaves nothing, at the latest after the next start.
+/// A blob that is being written. If it is dropped before [`Incoming::finish`], it is deleted, at the latest at the next
+/// start.
 #[derive(Debug)]
 pub struct Incoming {
     vault: Vault,
@@ -45,18 +46,18 @@ struct Part {
     finished: bool,
 }
 
-/// Bytes read at once.
+/// Bytes per read.
 const BLOCK: usize = 256 * 1024;
 
 impl Vault {
-    /// Stores these bytes as a blob; the same bytes twice are one blob.
+    /// Stores these bytes as a blob. The same bytes stored twice are one blob.
     pub async fn put(&self, bytes: &[u8]) -> VaultResult<Kept> {
         let mut incoming = self.incoming(bytes.len() as u64).await?;
         incoming.write(bytes).await?;
         incoming.finish().await
     }
 
-    /// Begins a blob of at most so many bytes.
+    /// Begins a blob of at most `most` bytes.
     pub async fn incoming(&self, most: u64) -> VaultResult<Incoming> {
         let path = self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()));
         let part = on_a_blocking_thread(move || {
@@ -66,8 +67,8 @@ impl Vault {
         Ok(Incoming { vault: self.clone(), most, bytes: 0, waiting: Gathered::default(), file: Some(part.await?) })
     }
 
-    /// Opens a blob to be read from its beginning, and tells its length. The content is not verified: see
-    /// [`Vault::read`] and [`Vault::is_intact`].
+    /// Opens a blob for reading and returns its length. The content is not verified: see [`Vault::read`] and
+    /// [`Vault::is_intact`].
     pub async fn open_blob(&self, hash: BlobHash) -> VaultResult<(File, u64)> {
         let path = self.blob_path(hash);
         on_a_blocking_thread(move || {
@@ -78,7 +79,7 @@ impl Vault {
         .await
     }
 
-    /// Part of a blob: `length` bytes from byte `start`, fewer where it ends before.
+    /// Opens a part of a blob: `length` bytes from byte `start`, or fewer if it ends before.
     pub async fn open_range(
         &self,
         hash: BlobHash,
@@ -91,7 +92,8 @@ impl Vault {
         Ok(file.take(length))
     }
 
-    /// A whole blob, verified. For results and other blobs that fit into memory; longer than `most` bytes is refused.
+    /// Reads and verifies a whole blob. For results and other blobs that fit into memory; a blob of more than `most`
+    /// bytes is refused.
     pub async fn read(&self, hash: BlobHash, most: u64) -> VaultResult<Vec<u8>> {
         let path = self.blob_path(hash);
         on_a_blocking_thread(move || {
@@ -106,13 +108,14 @@ impl Vault {
         .await
     }
 
-    /// Does the file still hold what its name says?
+    /// True if the file's content still matches the hash in its name.
     pub async fn is_intact(&self, hash: BlobHash) -> VaultResult<bool> {
         let path = self.blob_path(hash);
         on_a_blocking_thread(move || Ok(hash_of(disk::open(&path)?, &path)?.hash == hash)).await
     }
 
-    /// Removes a blob if nobody is putting it and `is_free` (asked once nobody can) says that nothing refers to it.
+    /// Removes a blob unless it is being put or is needed. `is_free` must return true if nothing refers to the blob; it
+    /// runs while nothing can put the blob.
     pub async fn delete_if<E: From<VaultError>>(
         &self,
         hash: BlobHash,
@@ -126,20 +129,20 @@ impl Vault {
         let path = self.blob_path(hash);
         let removed = on_a_blocking_thread(move || {
             disk::remove(&path)?;
-            removing.settle(); // only now may it be put again
+            removing.settle(); // from here on it may be put again
             Ok(())
         });
         removed.await?;
         Ok(Removal::Removed)
     }
 
-    /// Blobs that were put and whose [`Kept`] is gone, until [`Vault::delete_if`] has asked about them: whether their row ever
-    /// came is not known here.
+    /// Blobs that were put and whose [`PinnedBlob`] was dropped, until [`Vault::delete_if`] has checked them. The vault
+    /// does not know whether they ever got a row.
     pub fn released(&self) -> Vec<BlobHash> {
         self.inner.pins.released()
     }
 
-    /// The blobs whose hash begins with this byte, with their lengths; files that are no blobs are passed over.
+    /// The blobs whose hash begins with this byte, with their lengths; files with other names are ignored.
     pub async fn blobs(&self, first: u8) -> VaultResult<Vec<Blob>> {
         let folder = self.inner.data.join("blobs").join(format!("{first:02x}"));
         on_a_blocking_thread(move || {
@@ -152,8 +155,8 @@ impl Vault {
         .await
     }
 
-    /// Makes a whole upload a blob, under a second name: the upload's own file stays until [`Vault::delete_upload`], so
-    /// that nothing is lost if the process ends before the session's row.
+    /// Makes a complete upload a blob with a second name. The upload's own file stays until [`Vault::delete_upload`],
+    /// so that nothing is lost if the process ends before the session's row is written.
     pub async fn keep_upload(&self, id: UploadId) -> VaultResult<Kept> {
         let path = uploads::path(&self.inner.data, id);
         let hashed = path.clone();
@@ -183,7 +186,7 @@ impl Incoming {
         if self.waiting.add(bytes, Instant::now()) { self.flush().await } else { Ok(()) }
     }
 
-    /// Ends the blob: durable, with its name, when this returns.
+    /// Finishes the blob: it is durable and has its name when this returns.
     pub async fn finish(mut self) -> VaultResult<Kept> {
         self.flush().await?;
         let mut part = self.part()?;
@@ -213,7 +216,7 @@ impl Incoming {
         Ok(())
     }
 
-    /// The file, unless an earlier write failed or was given up.
+    /// The file; an error if an earlier write failed or was cancelled.
     fn part(&mut self) -> VaultResult<Box<Part>> {
         self.file.take().ok_or(VaultError::NotFound)
     }
@@ -229,13 +232,13 @@ impl Part {
 impl Drop for Part {
     fn drop(&mut self) {
         if !self.finished && disk::remove(&self.path).is_err() {
-            tracing::warn!(path = %self.path.display(), "a half-written file stays until the next start");
+            tracing::warn!(path = %self.path.display(), "could not remove an unfinished file; the next start removes it");
         }
     }
 }
 
-/// Gives a synced file its name among the blobs. A blob of this name may be there already; its folder is synced all the
-/// same, since whoever put it may not have come to that yet.
+/// Links a synced file under its name among the blobs. A blob of this name may exist already; its folder is synced all
+/// the same, since the other writer may not have done so yet.
 pub(super) fn give_name(name: &std::path::Path, link: impl FnOnce() -> std::io::Result<()>) -> VaultResult<()> {
     match link() {
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}

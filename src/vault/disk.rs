@@ -1,4 +1,4 @@
-//! The few file operations that durability rests on, each blocking.
+//! The file operations that durability depends on. All of them block.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -9,19 +9,19 @@ use std::str::FromStr;
 use super::error::{VaultError, VaultResult, failed};
 use crate::shutdown;
 
-/// Runs file work where it may block.
+/// Runs file work on a thread that may block.
 pub(super) async fn on_a_blocking_thread<T: Send + 'static>(
     work: impl FnOnce() -> VaultResult<T> + Send + 'static,
 ) -> VaultResult<T> {
     match tokio::task::spawn_blocking(work).await {
         Ok(result) => result,
         Err(error) if error.is_panic() => std::panic::resume_unwind(error.into_panic()),
-        Err(_) => Err(VaultError::InUse("a runtime that is ending".to_owned())),
+        Err(_) => Err(VaultError::InUse("the runtime, which is shutting down,".to_owned())),
     }
 }
 
-/// The vault's folders, readable by nobody else. The 256 folders of blobs are made at once, so that no later write has
-/// to make and sync one.
+/// Creates the vault's folders, readable only by the service's user. The 256 blob folders are created at once, so that
+/// no later write has to create and sync one.
 pub(super) fn make_folders(data: &Path) -> VaultResult<()> {
     make_folder(data)?;
     for folder in ["incoming", "uploads", "feeds", "blobs"] {
@@ -40,26 +40,26 @@ fn make_folder(path: &Path) -> VaultResult<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("making the folder", path))
 }
 
-/// A new file to be written; readable by nobody else.
+/// Creates a file for writing, readable only by the service's user.
 pub(super) fn create(path: &Path) -> VaultResult<File> {
     let mut options = OpenOptions::new();
     options.write(true).create_new(true).mode(0o600);
     options.open(path).map_err(failed("making", path))
 }
 
-/// The same, to be read as well.
+/// Like [`create`], for reading as well.
 pub(super) fn create_to_read(path: &Path) -> VaultResult<File> {
     let mut options = OpenOptions::new();
     options.read(true).write(true).create_new(true).mode(0o600);
     options.open(path).map_err(failed("making", path))
 }
 
-/// An existing file, to be read.
+/// Opens an existing file for reading.
 pub(super) fn open(path: &Path) -> VaultResult<File> {
     File::open(path).map_err(failed("opening", path))
 }
 
-/// An existing file, to be written on.
+/// Opens an existing file for writing.
 pub(super) fn open_to_write(path: &Path) -> VaultResult<File> {
     OpenOptions::new().write(true).open(path).map_err(failed("opening", path))
 }
@@ -68,21 +68,21 @@ pub(super) fn write(mut file: &File, bytes: &[u8], path: &Path) -> VaultResult<(
     file.write_all(bytes).map_err(failed("writing", path))
 }
 
-/// The file's bytes are on the disk, or the process ends.
+/// Syncs the file's bytes to the disk; aborts the process if that fails.
 pub(super) fn sync(file: &File, path: &Path) {
     if let Err(error) = file.sync_data() {
         shutdown::abort(&format!("syncing `{}` failed: {error}", path.display()));
     }
 }
 
-/// The names in the folder are on the disk, or the process ends.
+/// Syncs the folder's entries to the disk; aborts the process if that fails.
 pub(super) fn sync_folder(path: &Path) {
     if let Err(error) = File::open(path).and_then(|folder| folder.sync_all()) {
         shutdown::abort(&format!("syncing the folder `{}` failed: {error}", path.display()));
     }
 }
 
-/// Removes a file; one that is gone already is as good.
+/// Removes a file; a missing file is no error.
 pub(super) fn remove(path: &Path) -> VaultResult<()> {
     match fs::remove_file(path).map_err(failed("removing", path)) {
         Err(VaultError::NotFound) => Ok(()),
@@ -100,13 +100,13 @@ pub(super) fn list(folder: &Path) -> VaultResult<Vec<(PathBuf, u64)>> {
     entries.map(describe).collect::<std::io::Result<_>>().map_err(failed("listing", folder))
 }
 
-/// The ids that files of a folder are named by; others are passed over.
+/// The ids that are names of files in a folder; other names are ignored.
 pub(super) fn ids_in<T: FromStr>(folder: &Path) -> VaultResult<Vec<T>> {
     let named = |path: &Path| path.file_name()?.to_str()?.parse().ok();
     Ok(list(folder)?.iter().filter_map(|(path, _)| named(path)).collect())
 }
 
-/// An exclusive lock that ends with the process.
+/// Takes an exclusive lock that ends with the process.
 pub(super) fn lock(path: &Path) -> VaultResult<File> {
     let mut options = OpenOptions::new();
     options.write(true).create(true).truncate(false).mode(0o600);

@@ -1,4 +1,4 @@
-//! Why the vault did not do what it was asked.
+//! Errors of the vault.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::sync::Arc;
 /// Result of a vault function.
 pub type VaultResult<T> = Result<T, VaultError>;
 
-/// Why the vault did not do it.
+/// Why a vault function failed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum VaultError {
     /// There is no such file.
@@ -16,39 +16,39 @@ pub enum VaultError {
     /// The disk is full. Works again by itself once there is space.
     #[error("the disk is full")]
     DiskFull,
-    /// More bytes came than were allowed.
-    #[error("more than {most} bytes came")]
+    /// More bytes arrived than allowed.
+    #[error("more than {most} bytes arrived")]
     TooLong {
-        /// Most bytes allowed.
+        /// Maximum number of bytes.
         most: u64,
     },
-    /// Somebody else has this upload open, or another service this folder.
+    /// Another sender has this upload open, or another service uses this folder.
     #[error("{0} is in use")]
     InUse(String),
-    /// The bytes are not those that were stored.
+    /// The bytes differ from those that were stored.
     #[error("a stored file is damaged: its content no longer matches its name")]
     Damaged,
     /// An upload's file holds fewer bytes than were acknowledged.
-    #[error("an upload's file holds {found} bytes where {noted} were acknowledged")]
+    #[error("an upload's file holds {found} bytes, but {noted} were acknowledged")]
     Lost {
         /// Bytes in the file.
         found: u64,
         /// Bytes acknowledged.
         noted: u64,
     },
-    /// Anything else that the file system says.
+    /// Any other error of the file system.
     #[error("{doing} `{}`: {source}", path.display())]
     Io {
-        /// What was being done.
+        /// The operation that failed.
         doing: &'static str,
-        /// To which file.
+        /// Its file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: Arc<io::Error>,
     },
 }
 
-/// For `map_err`: what was being done to which file.
+/// For `map_err`: adds the operation and the file to an error.
 pub(super) fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> VaultError {
     move |error| match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => VaultError::DiskFull,

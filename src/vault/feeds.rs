@@ -1,9 +1,10 @@
-//! Logs of feeds: records one after the other in the order in which they came, a file each.
+//! Logs of feeds: one file per feed, with its records in the order of arrival.
 //!
-//! The order that makes an acknowledged frame a durable one: append → [`FeedLog::begin_sync`] → [`Syncing::end`] → the answer;
-//! more is appended meanwhile. What lies behind the last sync was never acknowledged: opening a log reads it through and cuts off the tail in which no whole record lies. How far
-//! the last sync reached is not written down: of damage with whole records behind it nobody can tell here whether it was
-//! acknowledged, and the sender, who knows, sends again what was not.
+//! The order that makes every acknowledged frame durable: append → [`FeedLog::begin_sync`] → [`FeedSync::end`] → reply.
+//! More may be appended meanwhile. Bytes after the last sync were never acknowledged: opening a log reads it through
+//! and cuts off a tail without a whole record. The log does not record how far the last sync reached. If damage is
+//! followed by whole records, it is unknown here whether the damaged part was acknowledged; the sender knows and sends
+//! again what was not.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
@@ -19,10 +20,10 @@ use crate::domain::feed::numbers::Numbers;
 use crate::domain::feed::record::read_all;
 use crate::ids::FeedId;
 
-/// Bytes that wait at most before they are written: some frames of 1080p, as JPEGs too.
+/// Maximum number of buffered bytes before they are written: some frames of 1080p, even as JPEGs.
 const MOST_WAITING: usize = 1 << 19;
 
-/// A feed's log, open to be appended to.
+/// A feed's log, open for appending.
 #[derive(Debug)]
 pub struct FeedLog {
     open: Option<Box<Open>>,
@@ -37,16 +38,16 @@ struct Open {
     written: u64,
 }
 
-/// What was written of a feed's log before this was made, on its way to the disk.
+/// A sync in progress of all bytes that were written to a feed's log before it began.
 #[derive(Debug)]
-#[must_use = "nothing is durable before its end"]
+#[must_use = "nothing is durable before `end` returns"]
 pub struct Syncing {
     path: PathBuf,
     file: Arc<File>,
 }
 
 impl Syncing {
-    /// Resolves once it is durable; the process ends where it cannot be.
+    /// Returns once the bytes are durable; aborts the process if the sync fails.
     pub async fn end(self) -> VaultResult<()> {
         on_a_blocking_thread(move || {
             disk::sync(&self.file, &self.path);
@@ -57,8 +58,8 @@ impl Syncing {
 }
 
 impl Vault {
-    /// Opens a feed's log, made if it is missing, and tells which frames and gaps it holds. One opener at a time: the
-    /// service sees to that.
+    /// Opens a feed's log, creates it if it is missing, and returns which frames and gaps it holds. The caller must
+    /// ensure that it is opened only once at a time.
     pub async fn open_feed(&self, id: FeedId) -> VaultResult<(FeedLog, Numbers)> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || {
@@ -69,7 +70,7 @@ impl Vault {
             let (written, numbers) = read_through(disk::open(&path)?, &path)?;
             file.set_len(written).map_err(failed("cutting", &path))?;
             file.seek(SeekFrom::Start(written)).map_err(failed("cutting", &path))?;
-            // What was read may lie in the system's cache alone, left there by a process that was killed.
+            // The bytes just read may be only in the system's cache, left there by a process that was killed.
             disk::sync(&file, &path);
             path.parent().into_iter().for_each(disk::sync_folder);
             let open = Some(Box::new(Open { path, file: Arc::new(file), written }));
@@ -78,7 +79,7 @@ impl Vault {
         .await
     }
 
-    /// A feed's log, to be read from its beginning, and its length.
+    /// Opens a feed's log for reading and returns its length.
     pub async fn read_feed(&self, id: FeedId) -> VaultResult<(File, u64)> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || {
@@ -89,14 +90,15 @@ impl Vault {
         .await
     }
 
-    /// The frames that damaged records of a feed's log have held, as far as they are not in others: sent again, they are.
-    /// Of a tail that is no whole record nothing was acknowledged, and it may be growing at this moment.
+    /// The frames that are lost in damaged records of a feed's log. Frames that were sent again are in later records
+    /// and are not included. An incomplete record at the end is no damage: it was never acknowledged and may still be
+    /// growing.
     pub async fn feed_damage(&self, id: FeedId) -> VaultResult<Vec<[u64; 2]>> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || damage(disk::open(&path)?).map_err(failed("reading", &path))).await
     }
 
-    /// Forgets a feed's log, after its row. One that is gone already is as good.
+    /// Deletes a feed's log, after its row. A missing log is no error.
     pub async fn delete_feed(&self, id: FeedId) -> VaultResult<()> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || disk::remove(&path)).await
@@ -110,10 +112,10 @@ impl Vault {
 }
 
 impl FeedLog {
-    /// Appends a record. Others can read it only after [`FeedLog::write_waiting`], and it is durable only after a sync.
+    /// Appends a record. Readers see it only after [`FeedLog::write_waiting`], and it is durable only after a sync.
     pub async fn append(&mut self, record: Bytes) -> VaultResult<()> {
         if self.waiting.len() + record.len() > MOST_WAITING {
-            return self.write(record).await; // as it is: a copy of the largest would take as much again
+            return self.write(record).await; // without copying it: the largest record would take its size twice
         }
         self.waiting.extend_from_slice(&record);
         Ok(())
@@ -124,18 +126,18 @@ impl FeedLog {
         self.written() + self.waiting.len() as u64
     }
 
-    /// How many of them can be read by others.
+    /// Number of these bytes that readers can see.
     pub fn written(&self) -> u64 {
         self.open.as_ref().map_or(0, |open| open.written)
     }
 
-    /// Writes what waits, all in one visit to a blocking thread, so that others can read it.
+    /// Writes all buffered bytes in one call on a blocking thread, so that readers can see them.
     pub async fn write_waiting(&mut self) -> VaultResult<()> {
         if self.waiting.is_empty() { Ok(()) } else { self.write(Bytes::new()).await }
     }
 
-    /// Begins to make everything appended so far durable; more may be appended meanwhile. After an error everything since the
-    /// last sync may be lost: open it again.
+    /// Begins to sync everything appended so far; more may be appended meanwhile. After an error, everything since the
+    /// last sync may be lost: open the log again.
     pub async fn begin_sync(&mut self) -> VaultResult<Syncing> {
         self.write_waiting().await?;
         let open = self.open.as_ref().ok_or(VaultError::NotFound)?;
@@ -147,7 +149,7 @@ impl FeedLog {
         self.begin_sync().await?.end().await
     }
 
-    /// Writes what waits, and a record behind it.
+    /// Writes the buffered bytes, then a record.
     async fn write(&mut self, record: Bytes) -> VaultResult<()> {
         let mut open = self.open.take().ok_or(VaultError::NotFound)?;
         let mut bytes = std::mem::take(&mut self.waiting);
@@ -167,23 +169,23 @@ impl FeedLog {
     }
 }
 
-/// Where the last whole record ends, and the numbers that all of them speak of.
+/// The end of the last whole record, and the frame numbers of all records.
 fn read_through(file: File, path: &Path) -> VaultResult<(u64, Numbers)> {
     let mut numbers = Numbers::default();
     let end = read_all(file, |_, record| {
-        // More ranges than were ever accepted: what cannot be counted is as if it had not come.
+        // This fails only for more ranges than are ever accepted; records beyond that are treated as missing.
         let _ = numbers.add(record.number, record.last());
         io::Result::Ok(())
     });
     Ok((end.map_err(failed("reading", path))?, numbers))
 }
 
-/// The numbers that are missing, if there are bytes before the end of the last whole record that are none.
+/// The frame numbers that are missing, if there are damaged bytes before the end of the last whole record.
 fn damage(log: File) -> io::Result<Vec<[u64; 2]>> {
     let (mut whole, mut numbers) = (0, Numbers::default());
     let end = read_all(log, |_, record| {
         whole += record.bytes() as u64;
-        let _ = numbers.add(record.number, record.last()); // as when it is read through
+        let _ = numbers.add(record.number, record.last()); // as in `read_through`
         io::Result::Ok(())
     })?;
     Ok(if whole == end { Vec::new() } else { numbers.missing_below(numbers.end()) })

@@ -1,15 +1,15 @@
-//! Bytes that wait to be written together: fewer and larger writes of a fast sender, little memory for a slow one.
+//! A write buffer that collects bytes: fewer and larger writes for a fast sender, little memory for a slow one.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// Bytes that are written together at most, or a little more.
+/// Bytes to buffer before a write; the last chunk may exceed it.
 const MOST: usize = 256 * 1024;
-/// Longest wait for more. A thousand senders at the least rate would otherwise come to hold 256 MiB.
+/// Maximum time to buffer. Otherwise a thousand senders at the minimum rate would come to hold 256 MiB.
 const LONGEST: Duration = Duration::from_secs(1);
 
-/// Bytes that came and were not written yet.
+/// Bytes that arrived and are not written yet.
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
     bytes: Vec<u8>,
@@ -17,20 +17,20 @@ pub(super) struct Gathered {
 }
 
 impl Gathered {
-    /// Adds bytes; `true` when it is time to write.
+    /// Adds bytes; `true` if the buffer should be written now.
     pub fn add(&mut self, bytes: &[u8], now: Instant) -> bool {
         let since = *self.since.get_or_insert(now);
         self.bytes.extend_from_slice(bytes);
         self.bytes.len() >= MOST || now - since >= LONGEST
     }
 
-    /// Takes them out, to be written.
+    /// Takes the buffered bytes, to be written.
     pub fn take(&mut self) -> Vec<u8> {
         self.since = None;
         std::mem::take(&mut self.bytes)
     }
 
-    /// Gives their memory back, to serve again.
+    /// Returns the memory of written bytes for reuse.
     pub fn reuse(&mut self, mut written: Vec<u8>) {
         written.clear();
         self.bytes = written;

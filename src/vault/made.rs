@@ -1,4 +1,4 @@
-//! Files that somebody else writes, a child for instance, and that become blobs afterwards.
+//! Temporary files that another process writes, such as a child, and that become blobs afterwards.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -9,7 +9,8 @@ use super::disk::{self, on_a_blocking_thread};
 use super::error::{VaultError, VaultResult, failed};
 use super::pins::Kept;
 
-/// An empty file to be written. Dropped before it is kept it leaves nothing, at the latest after the next start.
+/// An empty file to be written. If it is dropped before [`TemporaryFile::keep`], it is deleted, at the latest at the
+/// next start.
 #[derive(Debug)]
 pub struct Made {
     vault: Vault,
@@ -18,15 +19,15 @@ pub struct Made {
 }
 
 impl Vault {
-    /// Is there space for so many bytes?
+    /// Checks that the disk has space for `bytes` bytes.
     ///
     /// # Errors
-    /// [`VaultError::DiskFull`] if not.
+    /// [`VaultError::DiskFull`] if it has not.
     pub async fn has_room(&self, bytes: u64) -> VaultResult<()> {
         if self.free_bytes().await? < bytes { Err(VaultError::DiskFull) } else { Ok(()) }
     }
 
-    /// Bytes that the disk still has for us.
+    /// Free bytes on the disk that the service may use.
     pub async fn free_bytes(&self) -> VaultResult<u64> {
         let folder = self.inner.data.join("incoming");
         on_a_blocking_thread(move || {
@@ -36,7 +37,7 @@ impl Vault {
         .await
     }
 
-    /// A file for somebody else to write.
+    /// Creates a file for another process to write.
     pub async fn make_file(&self) -> VaultResult<Made> {
         let path = self.inner.data.join("incoming").join(format!("{:032x}", rand::random::<u128>()));
         let vault = self.clone();
@@ -50,7 +51,7 @@ impl Made {
         self.file.try_clone().map_err(failed("opening", &self.path))
     }
 
-    /// Makes what was written a blob: durable, with its name, when this returns.
+    /// Makes the file a blob: it is durable and has its name when this returns.
     pub async fn keep(self) -> VaultResult<Kept> {
         let path = self.path.clone();
         let blob = on_a_blocking_thread(move || hash_of(disk::open(&path)?, &path)).await?;
@@ -71,7 +72,7 @@ impl Made {
 impl Drop for Made {
     fn drop(&mut self) {
         if disk::remove(&self.path).is_err() {
-            tracing::warn!(path = %self.path.display(), "a half-written file stays until the next start");
+            tracing::warn!(path = %self.path.display(), "could not remove an unfinished file; the next start removes it");
         }
     }
 }

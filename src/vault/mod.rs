@@ -1,27 +1,27 @@
-//! Files, and nothing but files: recordings and results by their content, uploads while they arrive.
+//! The files of a centre: recordings and results, named by their content, and uploads while they arrive.
 //!
 //! ```text
 //! DATA/lock             held by the one service that uses the folder
-//! DATA/incoming/…       blobs being written; whatever is here at a start is rubbish
-//! DATA/uploads/ID       uploads being received: appended, synced, then noted in the database
+//! DATA/incoming/…       blobs being written; files found here at a start are deleted
+//! DATA/uploads/ID       uploads being received: appended, synced, then recorded in the database
 //! DATA/feeds/ID         logs of feeds: appended, synced, then acknowledged
 //! DATA/blobs/ab/abcd…   blobs, named by their SHA-256; never changed
 //! ```
 //!
-//! A blob comes into being in this order: bytes written and hashed → `fdatasync` → its name → `fsync` of its folder →
-//! (by the caller) the row that refers to it. It goes in the opposite order: row, then file. Between a blob's name and its
-//! row a [`Kept`] protects it from the collection of blobs that nothing refers to; one whose row never comes is collected
-//! soon after. A failed sync ends the process.
+//! A blob is created in this order: write and hash the bytes → `fdatasync` → link its name → `fsync` of its folder →
+//! (by the caller) write the row that refers to it. It is deleted in the opposite order: row, then file. Until the row
+//! is written, a [`PinnedBlob`] protects the blob from the collection of unreferenced blobs; a blob that never gets a
+//! row is collected soon after. A failed sync aborts the process.
 //!
 //! | function | does |
 //! |---|---|
-//! | [`Vault::put`], [`Vault::incoming`] | a new blob from bytes, or piece by piece |
-//! | [`Vault::open_blob`], [`Vault::open_range`], [`Vault::read`] | read it: as a file, in part, whole and verified |
+//! | [`Vault::put`], [`Vault::incoming`] | create a blob from bytes, or piece by piece |
+//! | [`Vault::open_blob`], [`Vault::open_range`], [`Vault::read`] | read a blob: as a file, in part, or whole and verified |
 //! | [`Vault::delete_if`], [`Vault::released`], [`Vault::blobs`], [`Vault::is_intact`] | collect, list, verify |
 //! | [`Vault::create_upload`], [`Vault::open_upload`], [`UploadFile`] | receive a recording in pieces |
-//! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make a whole upload a blob; forget one |
+//! | [`Vault::keep_upload`], [`Vault::delete_upload`], [`Vault::delete_upload_if`] | make an upload a blob; delete an upload |
 //! | [`Vault::open_feed`], [`FeedLog`], [`Vault::read_feed`], [`Vault::delete_feed`] | receive a recording frame by frame |
-//! | [`Vault::make_file`], [`Made`] | a file that a child writes, made a blob |
+//! | [`Vault::create_temporary_file`], [`TemporaryFile`] | make a file that a child process writes a blob |
 //! | [`Vault::lock`], [`Vault::clear_incoming`] | start-up |
 
 mod blobs;
@@ -48,7 +48,7 @@ use disk::on_a_blocking_thread;
 use pins::Pins;
 use uploads::OpenUploads;
 
-/// The folder of files. Clones are the same vault.
+/// The folder of files. Clones share one vault.
 #[derive(Clone, Debug)]
 pub struct Vault {
     inner: Arc<Inner>,
@@ -61,14 +61,14 @@ struct Inner {
     open_uploads: OpenUploads,
 }
 
-/// Holds the data folder for one service; given back when dropped or when the process ends, however it ends.
+/// The lock of the data folder for one service. It is released when dropped and when the process ends in any way.
 #[derive(Debug)]
 pub struct Lock {
     _file: File,
 }
 
 impl Vault {
-    /// Opens the vault in this data folder, made if it is missing.
+    /// Opens the vault in this data folder and creates the folder if it is missing.
     pub async fn open(data: &Path) -> VaultResult<Self> {
         let data = data.to_owned();
         on_a_blocking_thread(move || {
@@ -78,13 +78,13 @@ impl Vault {
         .await
     }
 
-    /// Takes the data folder for this process alone, or says that another one has it.
+    /// Locks the data folder for this process; fails if another process has it.
     pub async fn lock(&self) -> VaultResult<Lock> {
         let path = self.inner.data.join("lock");
         on_a_blocking_thread(move || disk::lock(&path).map(|file| Lock { _file: file })).await
     }
 
-    /// Removes what an earlier life of the service left half-written; returns how many files that was.
+    /// Removes the unfinished files that an earlier process left; returns their number.
     pub async fn clear_incoming(&self) -> VaultResult<usize> {
         let folder = self.inner.data.join("incoming");
         on_a_blocking_thread(move || {

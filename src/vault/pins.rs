@@ -1,11 +1,11 @@
-//! Blobs that must not be collected right now.
+//! Pins: they protect blobs from collection for a time.
 //!
-//! A blob is written before the row that refers to it; in between it looks like one that nothing refers to. The same
-//! content may even be on its way out while it comes in again. So: who has put a blob holds a [`Kept`] until the row is
-//! committed, the collector passes over kept blobs, and who puts a blob that is being removed waits until it is gone.
+//! A blob is written before the row that refers to it; in between it looks unreferenced. The same content may even be
+//! put again while it is being removed. Therefore the caller that has put a blob holds a [`PinnedBlob`] until the row
+//! is committed, the collector skips pinned blobs, and putting a blob that is being removed waits until it is gone.
 //!
-//! The row may never come, because what it belongs to was erased meanwhile or the disk was full. So what was let go of is
-//! remembered until the collector has looked for its row.
+//! The row may never be written, because the owner was erased meanwhile or the disk was full. Therefore released blobs
+//! are remembered until the collector has looked for their rows.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -14,7 +14,7 @@ use tokio::sync::Notify;
 
 use crate::domain::blob::{Blob, BlobHash};
 
-/// A blob in the vault that will stay there at least as long as this value. Keep it until the row that refers to the blob
+/// A blob that stays in the vault at least as long as this value exists. Hold it until the row that refers to the blob
 /// is committed.
 #[derive(Debug)]
 #[must_use = "drop it only after the row that refers to the blob is committed"]
@@ -28,13 +28,13 @@ impl Kept {
         Self { blob, _pin: pin }
     }
 
-    /// The blob.
+    /// The blob's hash and length.
     pub fn blob(&self) -> Blob {
         self.blob
     }
 }
 
-/// Which blobs are kept, and which are being removed.
+/// Which blobs are pinned, and which are being removed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pins {
     shared: Arc<Shared>,
@@ -50,7 +50,7 @@ struct Shared {
 struct State {
     kept: HashMap<BlobHash, usize>,
     dying: HashSet<BlobHash>,
-    /// Those that nobody keeps any more and for whose row nobody has looked since.
+    /// Blobs whose last pin is gone and whose row the collector has not looked for since.
     released: HashSet<BlobHash>,
 }
 
@@ -61,7 +61,7 @@ pub(super) struct Pin {
     pins: Pins,
 }
 
-/// The right to remove a blob: nobody keeps it, and nobody can until this is dropped.
+/// The right to remove a blob: it is not pinned, and cannot be until this is dropped.
 #[derive(Debug)]
 pub(super) struct Removing {
     hash: BlobHash,
@@ -69,7 +69,7 @@ pub(super) struct Removing {
 }
 
 impl Pins {
-    /// Keeps a blob; waits while it is being removed.
+    /// Pins a blob; waits while it is being removed.
     pub async fn keep(&self, hash: BlobHash) -> Pin {
         loop {
             let removed = self.shared.removed.notified();
@@ -80,14 +80,14 @@ impl Pins {
         }
     }
 
-    /// Begins to remove a blob; `None` if somebody keeps it or removes it already.
+    /// Begins to remove a blob; `None` if it is pinned or already being removed.
     pub fn remove(&self, hash: BlobHash) -> Option<Removing> {
         let mut state = self.state();
         let free = !state.kept.contains_key(&hash) && state.dying.insert(hash);
         free.then(|| Removing { hash, pins: self.clone() })
     }
 
-    /// Blobs that were let go of, until [`Removing::settle`].
+    /// Released blobs, until [`RemovalGuard::settle`].
     pub fn released(&self) -> Vec<BlobHash> {
         self.state().released.iter().copied().collect()
     }
@@ -101,14 +101,15 @@ impl Pins {
         true
     }
 
-    /// The maps are whole at any moment, so one who panicked while holding the lock did no harm.
+    /// Ignores a poisoned lock: the maps are consistent at every moment, so a thread that panicked while holding the
+    /// lock did no harm.
     fn state(&self) -> MutexGuard<'_, State> {
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Removing {
-    /// The blob has a row, or is gone: nobody need look for it again.
+    /// The blob has a row or is gone: the collector need not look for it again.
     pub fn settle(self) {
         self.pins.state().released.remove(&self.hash);
     }

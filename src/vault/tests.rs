@@ -1,4 +1,4 @@
-//! Claims about the vault, each in a folder of its own.
+//! Tests of the vault, each in its own folder.
 
 use std::fs;
 use std::path::PathBuf;
@@ -113,7 +113,7 @@ async fn a_blob_that_comes_again_while_it_goes_is_there_in_the_end() {
         asked.notified().await;
         let mut putting = Box::pin(vault.put(b"video"));
         for _ in 0..1_000 {
-            assert!(futures_util::poll!(&mut putting).is_pending()); // waits for the removal
+            assert!(futures_util::poll!(&mut putting).is_pending()); // it waits for the removal
             tokio::task::yield_now().await;
         }
         answer.notify_one();
@@ -152,7 +152,7 @@ async fn opening_with_an_old_offset_takes_no_acknowledged_byte_away() {
     file.append(b"acknowledged").await.unwrap();
     file.sync().await.unwrap();
     drop(file);
-    drop(vault.open_upload(id, 3).await.unwrap()); // read the row too early, sees that now, and goes
+    drop(vault.open_upload(id, 3).await.unwrap()); // its offset was read too early; it notices and closes the file
     assert_eq!(vault.upload_length(id).await.unwrap(), 12);
 }
 

@@ -1,8 +1,8 @@
-//! Uploads: a file each, appended while a recording arrives.
+//! Uploads: one file each, appended to while a recording arrives.
 //!
-//! The order that makes an acknowledged byte a durable one: append → [`UploadFile::sync`] → the offset's row
-//! (`store.uploads().advance`) → the answer. Bytes behind the noted offset were never acknowledged; the first append cuts
-//! them off. Not the opening: the offset may have been read before the upload was free, and be old.
+//! The order that makes every acknowledged byte durable: append → [`UploadFile::sync`] → offset in the row
+//! (`store.uploads().advance`) → reply. Bytes after the recorded offset were never acknowledged. The first append cuts
+//! them off, not the opening, since the offset may have been read before the upload was free and may be out of date.
 
 use std::collections::HashSet;
 use std::fs::File;
@@ -27,15 +27,15 @@ pub struct UploadFile {
     file: Option<Box<OpenFile>>,
 }
 
-/// The file behind an [`UploadFile`], moved to a blocking thread for each write; the claim moves with it, so that nobody
-/// else opens the file while a write of a sender who has gone is still under way.
+/// The file behind an [`UploadFile`], moved to a blocking thread for each write. The claim moves with it, so that the
+/// file cannot be opened again while a write for a sender that has gone away is still running.
 #[derive(Debug)]
 struct OpenFile {
     path: PathBuf,
     file: File,
-    /// Bytes before the next append.
+    /// Offset of the next append, bytes.
     written: u64,
-    /// Was everything behind them cut off already?
+    /// Has everything after this offset been cut off already?
     cut: bool,
     _claim: Claim,
 }
@@ -52,8 +52,8 @@ struct Claim {
 }
 
 impl Vault {
-    /// Makes an upload's empty file, durably, and opens it. Keep it open until the upload's row is made: a file that is
-    /// neither open nor in the database is rubbish.
+    /// Creates an upload's empty file durably and opens it. Keep it open until the upload's row is written: a file that
+    /// is neither open nor in the database is deleted.
     pub async fn create_upload(&self, id: UploadId) -> VaultResult<UploadFile> {
         let claim = self.inner.open_uploads.claim(id)?;
         let path = path(&self.inner.data, id);
@@ -66,8 +66,8 @@ impl Vault {
         Ok(UploadFile { appended: 0, waiting: Gathered::default(), file: Some(file.await?) })
     }
 
-    /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open. Read the
-    /// row again once it is open: nobody else can advance it then.
+    /// Opens an upload to append after the `noted` bytes. [`VaultError::InUse`] while another sender has it open. Read
+    /// the row again once it is open: from then on no other sender can advance it.
     pub async fn open_upload(&self, id: UploadId, noted: u64) -> VaultResult<UploadFile> {
         let claim = self.inner.open_uploads.claim(id)?;
         let path = path(&self.inner.data, id);
@@ -82,20 +82,20 @@ impl Vault {
         Ok(UploadFile { appended: noted, waiting: Gathered::default(), file: Some(file.await?) })
     }
 
-    /// Bytes in an upload's file.
+    /// Length of an upload's file, bytes.
     pub async fn upload_length(&self, id: UploadId) -> VaultResult<u64> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || Ok(disk::open(&path)?.metadata().map_err(failed("measuring", &path))?.len())).await
     }
 
-    /// Forgets an upload's file, after its row. One that is gone already is as good.
+    /// Deletes an upload's file, after its row. A missing file is no error.
     pub async fn delete_upload(&self, id: UploadId) -> VaultResult<()> {
         let path = path(&self.inner.data, id);
         on_a_blocking_thread(move || disk::remove(&path)).await
     }
 
-    /// Removes an upload's file if nobody has it open and `is_free` (asked once nobody can) says that the database does
-    /// not know it.
+    /// Deletes an upload's file if it is not open and not in the database. `is_free` must return true if the database
+    /// does not know it; it runs while the file cannot be opened.
     pub async fn delete_upload_if<E: From<VaultError>>(
         &self,
         id: UploadId,
@@ -123,8 +123,8 @@ impl UploadFile {
         if self.waiting.add(bytes, Instant::now()) { self.write(false).await } else { Ok(()) }
     }
 
-    /// Makes everything appended durable; returns how many bytes the upload now has. Works also after a write that
-    /// failed for lack of space: then the bytes written before it count.
+    /// Syncs everything appended; returns how many bytes the upload now has. This also works after a write that failed
+    /// for lack of space: the bytes written before that count.
     pub async fn sync(&mut self) -> VaultResult<u64> {
         self.write(true).await?;
         Ok(self.appended)
@@ -154,7 +154,7 @@ impl UploadFile {
 }
 
 impl OpenFile {
-    /// Appends all of it or, when the disk is full, nothing.
+    /// Appends all bytes or, if the disk is full, none.
     fn write(&mut self, bytes: &[u8]) -> VaultResult<()> {
         if !self.cut {
             self.cut_off()?;
@@ -167,7 +167,7 @@ impl OpenFile {
         written
     }
 
-    /// Cuts off what lies behind the bytes that count.
+    /// Cuts off everything after the bytes that count.
     fn cut_off(&mut self) -> VaultResult<()> {
         self.file.set_len(self.written).map_err(failed("cutting", &self.path))?;
         self.file.seek(SeekFrom::Start(self.written)).map_err(failed("cutting", &self.path))?;
@@ -192,7 +192,7 @@ impl Drop for Claim {
     }
 }
 
-/// Where an upload's file lies.
+/// The path of an upload's file.
 pub(super) fn path(data: &Path, id: UploadId) -> PathBuf {
     data.join("uploads").join(id.to_string())
 }

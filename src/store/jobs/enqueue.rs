@@ -1,4 +1,4 @@
-//! Into the queue, in the transaction that makes the work necessary.
+//! Enqueues jobs, in the transaction that makes the work necessary.
 
 use sqlx::sqlite::SqliteConnection;
 
@@ -10,7 +10,7 @@ use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
 use crate::pipeline::PIPELINE_VERSION;
 use crate::store::edits::revision;
 
-/// Inserts a job, or finds the one with the same natural key (kind, input, versions); a failed or quarantined one is
+/// Inserts a job, or finds the one with the same natural key (kind, input, versions). A failed or quarantined job is
 /// queued again.
 pub(in crate::store) async fn insert(
     tx: &mut SqliteConnection,
@@ -22,7 +22,7 @@ pub(in crate::store) async fn insert(
     insert_for(tx, input, input.turn(), versions, (now_ms, max_attempts)).await
 }
 
-/// The same for another turn than the work's own.
+/// Like [`insert`], with another priority than the default of the input.
 async fn insert_for(
     tx: &mut SqliteConnection,
     input: &JobInput,
@@ -35,7 +35,7 @@ async fn insert_for(
     if let Some(id) = find(tx, key).await? {
         requeue(tx, id, now_ms).await?;
         hasten(tx, id, turn).await?;
-        // They were sent once more. Where the job has let them go, they are collected by their rows.
+        // The files were sent again. If the job no longer refers to them, their rows let them be collected.
         for blob in input.blobs() {
             blobs::record(tx, blob, now_ms).await?;
         }
@@ -59,13 +59,14 @@ async fn insert_for(
     Ok(id)
 }
 
-/// Work that a person asks for now waits no longer for the turn of a rescoring that had asked for it before.
+/// Raises a job's priority to `turn` if it is lower: a person now asks for work that a rescoring had queued at low
+/// priority.
 pub(super) async fn hasten(tx: &mut SqliteConnection, id: JobId, turn: Turn) -> StoreResult<()> {
     sqlx::query("UPDATE job SET turn = min(turn, $2) WHERE id = $1").bind(id).bind(turn as i64).execute(tx).await?;
     Ok(())
 }
 
-/// Queues a job again that has failed or was quarantined, with all its attempts; `false` if it has not.
+/// Queues a failed or quarantined job again with all its attempts; `false` if it is in another state.
 pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -> StoreResult<bool> {
     let update = sqlx::query(
         "UPDATE job SET state = 'queued', attempt = 0, progress = 0, problem = NULL, queued_at_ms = max($2, queued_at_ms),
@@ -75,8 +76,8 @@ pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -
     Ok(update.bind(id).bind(now_ms).execute(tx).await?.rows_affected() > 0)
 }
 
-/// Queues the tracking of a session with its box's latest camera and colours; `None` if the box lacks one of them, or the recording
-/// is still arriving or was measured elsewhere.
+/// Queues the tracking of a session with its box's latest camera and colours. Returns `None` if the box lacks one of
+/// them, if the recording is still arriving, or if the session was measured by another program.
 pub(in crate::store) async fn enqueue_track(
     tx: &mut SqliteConnection,
     session: SessionId,
@@ -86,7 +87,7 @@ pub(in crate::store) async fn enqueue_track(
     enqueue_track_for(tx, session, Turn::Session, now_ms, max_attempts).await
 }
 
-/// The same for a turn of its own.
+/// Like [`enqueue_track`], with the given priority.
 pub(in crate::store) async fn enqueue_track_for(
     tx: &mut SqliteConnection,
     session: SessionId,
@@ -115,7 +116,7 @@ pub(in crate::store) async fn enqueue_track_for(
     insert_for(tx, &input, turn, &present(), (now_ms, max_attempts)).await.map(Some)
 }
 
-/// Queues the scoring of the path of the result that counts, with the edits that are in force.
+/// Queues the scoring of the current result's path with the edits that are in force.
 pub(in crate::store) async fn enqueue_rescore(
     tx: &mut SqliteConnection,
     session: SessionId,
@@ -128,8 +129,8 @@ pub(in crate::store) async fn enqueue_rescore(
     insert(tx, &input, &present(), now_ms, max_attempts).await.map(Some)
 }
 
-/// The same if the result that counts is not of the edits that are in force: after each edit, and after each result that was begun
-/// before one.
+/// Like [`enqueue_rescore`], but only if the current result was made with other edits than those in force. Called after
+/// each edit, and after each new result, whose work may have begun before an edit.
 pub(in crate::store) async fn catch_up(
     tx: &mut SqliteConnection,
     session: SessionId,
@@ -143,7 +144,7 @@ pub(in crate::store) async fn catch_up(
     enqueue_rescore(tx, session, now_ms, max_attempts).await
 }
 
-/// The result that counts: its path, and the state of edits that it was made with.
+/// The current result of a session: its id, its path and the revision of edits that it was made with.
 async fn counting(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<Option<(ResultId, Blob, u64)>> {
     let row = sqlx::query_as(
         "SELECT result.id, blob.hash, blob.bytes, result.edits FROM result JOIN blob ON blob.hash = result.trajectory
@@ -176,13 +177,13 @@ pub(in crate::store) async fn enqueue_waiting_sessions(
     Ok(())
 }
 
-/// What else the result of work about a session depends on: the program that does it.
+/// The `versions` part of the key of a job on a session: the version of the pipeline.
 pub(in crate::store) fn present() -> String {
     format!("pipeline {PIPELINE_VERSION}")
 }
 
-/// What else the result of work about a box depends on: which versions came before. The same photos sent twice in a row
-/// are one job; sent again after another calibration they are a new one.
+/// The `versions` part of the key of a job on a box: the latest version so far. The same photos sent twice in a row are
+/// one job; sent again after another calibration they are a new one.
 pub(super) async fn versions_so_far(tx: &mut SqliteConnection, kind: JobKind, of: BoxId) -> StoreResult<String> {
     let sql = match kind {
         JobKind::SelfTest => return Ok(present()), // its input names both versions

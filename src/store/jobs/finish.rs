@@ -1,5 +1,5 @@
-//! Results: stored in the transaction that ends the job, under the lease that they were computed under. A late finisher
-//! stores nothing.
+//! Stores results in the transaction that ends the job, under the job's lease. A worker that has lost the lease stores
+//! nothing.
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -23,8 +23,9 @@ use crate::ids::{BoxId, JobId, ResultId, SessionId};
 use crate::store::sessions::latest_result;
 
 impl Jobs<'_> {
-    /// Stores what tracking a session gave. If this session has a result of the same versions already, that one stays:
-    /// the same input gives the same numbers. If somebody has edited the session since it was assessed, it is scored again.
+    /// Stores the result of tracking a session. If the session already has a result of the same versions, that one
+    /// stays, because the same input gives the same numbers. If the session was edited since it was assessed, it is
+    /// scored again.
     pub async fn finish_track(&self, held: &Lease, result: NewResult) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
@@ -38,8 +39,9 @@ impl Jobs<'_> {
             .await
     }
 
-    /// Stores what scoring a stored path again gave, beside what is there. If another result counts by now, the path of the old one
-    /// is out of date and nothing is stored; nor if the session was edited meanwhile, which has queued work of its own.
+    /// Stores the result of scoring a stored path again, beside the earlier results. Nothing is stored if another
+    /// result is current by now, since its path is newer, or if the session was edited meanwhile, since that edit has
+    /// queued its own job.
     pub async fn finish_rescore(&self, held: &Lease, score: NewScore) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
         let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
@@ -56,7 +58,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// Stores a box's next camera. Sessions that waited for one are queued.
+    /// Stores the next version of a box's camera and queues the sessions that waited for it.
     pub async fn finish_calibration(&self, held: &Lease, new: NewCalibration) -> StoreResult<Calibration> {
         let of = box_of(held)?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
@@ -70,7 +72,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// Stores which tapes suit a box, with the job itself.
+    /// Stores the advice on tape colours in the job itself.
     pub async fn finish_advice(&self, held: &Lease, advice: PaletteAdvice) -> StoreResult<()> {
         let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
         self.0
@@ -78,13 +80,13 @@ impl Jobs<'_> {
                 end_as_done(tx, id, token, now_ms).await?;
                 let update = sqlx::query("UPDATE job SET advice = $2 WHERE id = $1").bind(id).bind(Json(advice));
                 update.execute(&mut *tx).await?;
-                sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id).execute(&mut *tx).await?; // asked for no more
+                sqlx::query("DELETE FROM job_file WHERE job_id = $1").bind(id).execute(&mut *tx).await?; // no longer used
                 Ok(())
             })
             .await
     }
 
-    /// Stores a box's next colours. Sessions that waited for them are queued.
+    /// Stores the next version of a box's colours and queues the sessions that waited for them.
     pub async fn finish_palette(&self, held: &Lease, new: NewPalette) -> StoreResult<Palette> {
         let of = box_of(held)?;
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
@@ -100,7 +102,7 @@ impl Jobs<'_> {
 }
 
 impl Jobs<'_> {
-    /// Stores a box's self-test. Its recording has told all that it can, and is let go.
+    /// Stores a box's self-test and releases its recording, which is not needed any more.
     pub async fn finish_self_test(&self, held: &Lease, new: NewSelfTest) -> StoreResult<()> {
         let of = box_of(held)?;
         let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
@@ -119,7 +121,7 @@ fn box_of(held: &Lease) -> StoreResult<BoxId> {
 }
 
 fn wrong_kind(expected: &str) -> StoreError {
-    StoreError::refused(format!("this result is of work about {expected}, which the job is not"))
+    StoreError::refused(format!("this result belongs to a job on {expected}, but the job has none"))
 }
 
 async fn insert_result(
@@ -156,7 +158,7 @@ async fn insert_result(
     }
 }
 
-/// A result of another's path: its files, its facts, the versions of its camera and colours.
+/// Inserts a new result for the path of an earlier one, with that result's files, video facts, camera and colours.
 async fn insert_score(tx: &mut SqliteConnection, job: JobId, new: NewScore, now_ms: i64) -> StoreResult<()> {
     let insert = sqlx::query_scalar(
         "INSERT INTO result (id, session_id, pipeline, calibration_id, palette_id, model, width, height, frames,
@@ -175,7 +177,8 @@ async fn insert_score(tx: &mut SqliteConnection, job: JobId, new: NewScore, now_
     }
 }
 
-/// A new result's features and the seconds that made them; where a rescoring has ordered the work, it is told what came of it.
+/// Inserts a new result's features and evidence, and links the result to the rescoring item that ordered it, if there
+/// is one.
 async fn insert_assessed(
     tx: &mut SqliteConnection,
     job: JobId,
@@ -184,10 +187,10 @@ async fn insert_assessed(
     evidence: Vec<EvidenceRow>,
 ) -> StoreResult<()> {
     evidence::insert(tx, result, evidence).await?;
-    let told = sqlx::query("UPDATE rescoring_item SET new_result_id = $2 WHERE job_id = $1 AND state = 'working'")
+    let link = sqlx::query("UPDATE rescoring_item SET new_result_id = $2 WHERE job_id = $1 AND state = 'working'")
         .bind(job)
         .bind(result);
-    told.execute(&mut *tx).await?;
+    link.execute(&mut *tx).await?;
     for (position, feature) in features.into_iter().enumerate() {
         let insert = sqlx::query(
             "INSERT INTO feature (result_id, position, name, title, unit, tool, space, value, not_enough,

@@ -1,7 +1,7 @@
-//! Who may work on a job, and until when: claim, heartbeat, hand back, rescue.
+//! Leases of jobs: claim, heartbeat, release, rescue.
 //!
-//! Each claim makes a new token, and every later write carries it (`AND lease_token = $token`). A worker that was
-//! paused, presumed dead and replaced can thus compute as long as it likes: its writes change nothing.
+//! Each claim makes a new token, and every later write must carry it (`AND lease_token = $token`). If a worker is
+//! paused, presumed dead and replaced, its later writes change nothing.
 
 use std::time::Duration;
 
@@ -15,24 +15,25 @@ use crate::domain::problem::Problem;
 use crate::ids::{JobId, LeaseToken};
 use crate::time::millis;
 
-/// The right to work on a job, until it is lost.
+/// The right to work on a job until the lease is lost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lease {
     /// The job as it was claimed.
     pub job: Job,
-    /// What every write about it must show.
+    /// The token that every write on this job must carry.
     pub token: LeaseToken,
 }
 
-/// What a sweep found.
+/// The result of a sweep.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Swept {
-    /// Jobs whose worker fell silent: queued again, or quarantined.
+    /// Jobs whose lease had run out: queued again or quarantined.
     pub rescued: Vec<Job>,
 }
 
 impl Jobs<'_> {
-    /// Gives the job that has waited longest to this worker; work about boxes goes first, since sessions wait for it.
+    /// Claims the next job for this worker: the one with the highest priority that has waited longest. Jobs on boxes go
+    /// first, since sessions wait for them.
     pub async fn claim(&self, worker: &str, lease: Duration) -> StoreResult<Option<Lease>> {
         let (worker, now_ms) = (worker.to_owned(), self.0.now_ms());
         self.0
@@ -52,7 +53,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// Says that the work goes on and how far it is; the lease lasts so long from now.
+    /// Reports progress and extends the lease to `lease` from now.
     pub async fn heartbeat(&self, held: &Lease, progress: f64, lease: Duration) -> StoreResult<()> {
         let (id, token, now_ms) = (held.job.id, held.token, self.0.now_ms());
         let progress = if progress.is_finite() { progress.clamp(0.0, 1.0) } else { 0.0 };
@@ -68,7 +69,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// Hands a job back untouched, because the service ends: it waits again at its old place and no attempt is counted.
+    /// Releases a job because the service is ending: it is queued again at its old position, and no attempt is counted.
     pub async fn give_back(&self, held: &Lease) -> StoreResult<()> {
         let (id, token) = (held.job.id, held.token);
         self.0
@@ -83,7 +84,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// The work cannot be done, and says why: no further attempt would change that.
+    /// Ends the job as failed, with a problem that another attempt would not solve.
     pub async fn fail(&self, held: &Lease, problem: Problem) -> StoreResult<Job> {
         let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
         self.0
@@ -100,7 +101,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// Whoever did the work died or ran out of time: another attempt, or quarantine after the last.
+    /// Records that the worker crashed or timed out: the job is queued again, or quarantined after the last attempt.
     pub async fn crashed(&self, held: &Lease, problem: Problem) -> StoreResult<Job> {
         let (token, id, now_ms) = (held.token, held.job.id, self.0.now_ms());
         self.0
@@ -113,8 +114,8 @@ impl Jobs<'_> {
             .await
     }
 
-    /// Rescues the jobs whose lease has run out. `all`: every running job, for the start after a crash, when no worker
-    /// of this service can be alive.
+    /// Rescues the jobs whose lease has run out. With `all` it rescues every running job: for the start after a crash,
+    /// when no worker of this service can be alive.
     pub async fn sweep(&self, all: bool, problem: Problem) -> StoreResult<Swept> {
         let now_ms = self.0.now_ms();
         self.0
@@ -132,7 +133,7 @@ impl Jobs<'_> {
     }
 }
 
-/// Takes the lease away: queued at its old place while attempts are left, else quarantined.
+/// Takes the lease away: the job is queued at its old position while attempts are left, else quarantined.
 async fn rescue(tx: &mut SqliteConnection, id: JobId, problem: Problem, now_ms: i64) -> StoreResult<Job> {
     let row = sqlx::query_as(concat!(
         "UPDATE job SET state = CASE WHEN attempt < max_attempts THEN 'queued' ELSE 'quarantined' END,

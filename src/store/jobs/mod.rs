@@ -1,11 +1,11 @@
-//! Work that waits, runs or has ended. The diagram of states stands in [`crate::domain::job`].
+//! Jobs that are queued, running or ended. See [`crate::domain::job`] for the diagram of states.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `mod.rs` | what people see |
-//! | `enqueue.rs` | into the queue, in the transaction that makes the work necessary |
-//! | `lease.rs` | claim, heartbeat, hand back, rescue: for [`crate::queue`] |
-//! | `finish.rs` | results, stored under the lease that they were computed under |
+//! | `mod.rs` | jobs as people see them |
+//! | `enqueue.rs` | enqueue jobs, in the transaction that makes the work necessary |
+//! | `lease.rs` | claim, heartbeat, release, rescue: for [`crate::queue`] |
+//! | `finish.rs` | store results under the job's lease |
 
 mod enqueue;
 mod finish;
@@ -26,61 +26,61 @@ use crate::domain::palette::PaletteAdvice;
 use crate::domain::problem::Problem;
 use crate::ids::{BoxId, JobId, SessionId};
 
-/// The queue.
+/// Access to the job queue.
 pub struct Jobs<'s>(pub(super) &'s Store);
 
-/// A piece of work.
+/// A job.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct Job {
     /// Its id.
     pub id: JobId,
-    /// What kind of work.
+    /// Its kind.
     pub kind: JobKind,
-    /// What it works on.
+    /// Its input.
     #[sqlx(json)]
     pub input: JobInput,
-    /// The session it is about, if it is about one.
+    /// The session that it works on, if any.
     pub session_id: Option<SessionId>,
-    /// The box it is about, if it is about one.
+    /// The box that it works on, if any.
     pub box_id: Option<BoxId>,
-    /// How it stands.
+    /// Its state.
     pub state: JobState,
-    /// Claims that ended in a crash or silence, and the present one.
+    /// Number of claims that ended in a crash or a lost lease, plus the present one.
     pub attempt: i64,
-    /// Crashes after which it is quarantined.
+    /// Number of attempts after which it is quarantined.
     pub max_attempts: i64,
-    /// Share done, 0 to 1.
+    /// Share of the work done, 0 to 1.
     pub progress: f64,
-    /// Why it failed, or what happened when it last crashed.
+    /// Why it failed, or the reason of its last crash.
     #[sqlx(json(nullable))]
     pub problem: Option<Problem>,
-    /// Which tapes suit the box, if it was asked that.
+    /// Advice on tape colours for the box, if the job was to give it.
     #[sqlx(json(nullable))]
     pub advice: Option<PaletteAdvice>,
-    /// Who works on it.
+    /// The worker that has the lease.
     pub worker: Option<String>,
-    /// When it was queued first, epoch ms.
+    /// When it was first queued, epoch ms.
     pub created_at_ms: i64,
-    /// When it was queued last, epoch ms.
+    /// When it was last queued, epoch ms.
     pub queued_at_ms: i64,
-    /// When it was claimed last, epoch ms.
+    /// When it was last claimed, epoch ms.
     pub started_at_ms: Option<i64>,
     /// When it ended, epoch ms.
     pub ended_at_ms: Option<i64>,
 }
 
-/// How much work there is.
+/// The number of jobs by state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, sqlx::FromRow)]
 pub struct QueueCounts {
-    /// Jobs that wait.
+    /// Queued jobs.
     pub queued: i64,
-    /// Jobs that run.
+    /// Running jobs.
     pub running: i64,
-    /// Jobs that crashed too often.
+    /// Quarantined jobs.
     pub quarantined: i64,
 }
 
-/// The columns of a [`Job`].
+/// The columns of a [`JobRecord`].
 macro_rules! job_columns {
     () => {
         "job.id, job.kind, job.input, job.session_id, job.box_id, job.state, job.attempt, job.max_attempts, \
@@ -90,7 +90,7 @@ macro_rules! job_columns {
 }
 pub(super) use job_columns;
 
-/// The job whose turn it is. The order is that of the index `job_waiting`.
+/// Selects the next job of the queue, in the order of the index `job_waiting`.
 macro_rules! next_in_queue {
     () => {
         "SELECT id FROM job WHERE state = 'queued' ORDER BY turn, queued_at_ms, id LIMIT 1"
@@ -98,7 +98,8 @@ macro_rules! next_in_queue {
 }
 pub(super) use next_in_queue;
 
-/// The job in this row is within the scope: one about a box for staff, one about a session for who sees its trainee.
+/// Condition: the job in this row is within the scope. Staff see jobs on boxes; a job on a session is visible with its
+/// trainee.
 macro_rules! sees_job {
     () => {
         concat!(
@@ -111,7 +112,7 @@ macro_rules! sees_job {
 }
 
 impl Jobs<'_> {
-    /// Queues work about a box. The same work twice is one job: one that has failed is queued again.
+    /// Queues a job on a box. The same work requested twice is one job; a failed job is queued again.
     pub async fn enqueue(&self, scope: &Scope, input: JobInput) -> StoreResult<Job> {
         require_staff(scope, "giving a box new colours, a new camera or a self-test")?;
         let of = input.of_box().ok_or_else(|| StoreError::refused("a session's job is made with the session"))?;
@@ -126,7 +127,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// The jobs that the scope sees, newest first; with `open`, only those that wait or run.
+    /// The jobs that the scope sees, newest first. With `open` only queued and running ones.
     pub async fn list(&self, scope: &Scope, open: bool, page: &PageRequest) -> StoreResult<Page<Job>> {
         let rows = sqlx::query_as(concat!(
             "SELECT ",
@@ -148,7 +149,7 @@ impl Jobs<'_> {
         row.ok_or(not_found("job"))
     }
 
-    /// Queues a job again that has failed or was quarantined; any other stays as it is.
+    /// Queues a failed or quarantined job again; a job in another state stays as it is.
     pub async fn retry(&self, scope: &Scope, id: JobId) -> StoreResult<Job> {
         self.get(scope, id).await?;
         require_staff(scope, "trying a job again")?;
@@ -165,7 +166,7 @@ impl Jobs<'_> {
             .await
     }
 
-    /// How much work there is, whoever it is of: numbers without names.
+    /// The number of jobs in each state, of all sessions and boxes: no personal data.
     pub async fn counts(&self) -> StoreResult<QueueCounts> {
         let row = sqlx::query_as(
             "SELECT (SELECT count(*) FROM job WHERE state = 'queued') AS queued,

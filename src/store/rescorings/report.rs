@@ -1,4 +1,4 @@
-//! What an order changed, for whom: pages of sessions and of trainees, those whose judgement changed first.
+//! Reports on rescoring orders: pages of sessions and of trainees, those whose judgement changed first.
 
 use sqlx::FromRow;
 
@@ -13,113 +13,113 @@ use crate::domain::text::{Code, Name};
 use crate::ids::{RescoringId, ResultId, SessionId, TaskId, TraineeId};
 use crate::store::Scope;
 
-/// An order, and how far it is.
+/// An order and its progress.
 #[derive(Clone, Debug, PartialEq, FromRow)]
 pub struct Rescoring {
     /// Its id.
     pub id: RescoringId,
-    /// Whose sessions.
+    /// The task whose sessions are scored again.
     pub task_id: TaskId,
-    /// What the task is called.
+    /// The task's name.
     pub task_name: Name,
-    /// Its code.
+    /// The task's code.
     pub task_code: Code,
-    /// What is read again.
+    /// What is scored again: the stored path or the recording.
     pub source: RescoringSource,
-    /// Only sessions whose result was of another version?
+    /// True if only sessions with a result of another version are included.
     pub only_older: bool,
     /// Version of the program when it was ordered.
     pub pipeline: String,
-    /// Version of the standard that old and new are judged by.
+    /// Version of the standard that judges old and new results.
     pub standard: Option<i64>,
-    /// Name of the person who ordered it, if it was one who is still there.
+    /// Name of the person who ordered it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// When it was ordered, epoch ms.
     pub created_at_ms: i64,
-    /// When it was called off, epoch ms.
+    /// When it was cancelled, epoch ms.
     pub cancelled_at_ms: Option<i64>,
-    /// When its last session had ended, epoch ms.
+    /// When its last session ended, epoch ms.
     pub ended_at_ms: Option<i64>,
-    /// Sessions in all.
+    /// Number of sessions.
     pub sessions: i64,
-    /// Sessions whose turn has not come.
+    /// Sessions that wait.
     pub waiting: i64,
-    /// Sessions that are worked on.
+    /// Sessions with a queued or running job.
     pub working: i64,
-    /// Sessions that are compared.
+    /// Sessions whose results are compared.
     pub done: i64,
-    /// Sessions whose work could not be done.
+    /// Sessions that failed.
     pub failed: i64,
-    /// Sessions that were left when it was called off.
+    /// Sessions that were left out when it was cancelled.
     pub cancelled: i64,
-    /// Sessions that had passed and do so no more.
+    /// Sessions that passed before and do not pass now.
     pub no_longer_passed: i64,
-    /// Sessions that had not passed and do so now.
+    /// Sessions that did not pass before and pass now.
     pub now_passed: i64,
     /// Sessions with a feature whose error bars do not overlap.
     pub apart: i64,
-    /// Sessions with a feature that differs beyond rounding.
+    /// Sessions with a feature that differs by more than rounding.
     pub changed: i64,
 }
 
 /// One session of an order.
 #[derive(Clone, Debug, PartialEq, FromRow)]
 pub struct RescoringItem {
-    /// Which session.
+    /// The session.
     pub session_id: SessionId,
-    /// Who trained.
+    /// The trainee.
     pub trainee_id: TraineeId,
-    /// What they are called.
+    /// The trainee's name.
     pub trainee_name: Name,
-    /// Their code.
+    /// The trainee's code.
     pub trainee_code: Code,
     /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
-    /// How it stands.
+    /// Its state.
     pub state: RescoringItemState,
     /// Why it failed.
     #[sqlx(json(nullable))]
     pub problem: Option<Problem>,
-    /// What counted when it was ordered.
+    /// The result that was current when it was ordered.
     pub old_result_id: ResultId,
-    /// What came of it.
+    /// The new result.
     pub new_result_id: Option<ResultId>,
-    /// The old result by the standard.
+    /// Judgement of the old result by the standard.
     pub judged_before: Option<SessionJudgement>,
-    /// The new one.
+    /// Judgement of the new result.
     pub judged_after: Option<SessionJudgement>,
     judgement_changed: bool,
     /// Features whose error bars do not overlap.
     pub features_apart: i64,
-    /// Features that differ beyond rounding.
+    /// Features that differ by more than rounding.
     pub features_changed: i64,
 }
 
 /// What an order changed for one trainee.
 #[derive(Clone, Debug, PartialEq, FromRow)]
 pub struct RescoringTrainee {
-    /// Who.
+    /// The trainee.
     pub trainee_id: TraineeId,
-    /// What they are called.
+    /// The trainee's name.
     pub trainee_name: Name,
-    /// Their code.
+    /// The trainee's code.
     pub trainee_code: Code,
     /// Their sessions in the order.
     pub sessions: i64,
-    /// Those that are compared.
+    /// Those whose results are compared.
     pub done: i64,
     judgements: i64,
-    /// Those that had passed and do so no more.
+    /// Those that passed before and do not pass now.
     pub no_longer_passed: i64,
-    /// Those that had not passed and do so now.
+    /// Those that did not pass before and pass now.
     pub now_passed: i64,
     /// Those with a feature whose error bars do not overlap.
     pub apart: i64,
-    /// Those with a feature that differs beyond rounding.
+    /// Those with a feature that differs by more than rounding.
     pub changed: i64,
 }
 
-/// Counts over the items of an order.
+/// Columns that count the items of an order.
 macro_rules! counts {
     () => {
         "count(item.session_id) AS sessions, coalesce(sum(item.state = 'done'), 0) AS done,
@@ -129,7 +129,7 @@ macro_rules! counts {
     };
 }
 
-/// Orders with all that a [`Rescoring`] says; conditions on `rescoring` follow.
+/// Selects [`RescoringRecord`]s; conditions on `rescoring` follow.
 macro_rules! select_rescorings {
     ($conditions:literal) => {
         concat!(
@@ -166,7 +166,8 @@ impl Rescorings<'_> {
         row.fetch_optional(self.0.readers()).await?.ok_or(not_found("rescoring"))
     }
 
-    /// Its sessions: whose judgement changed first, then those with most features that are apart.
+    /// The sessions of an order: first those whose judgement changed, then those with the most features whose error
+    /// bars do not overlap.
     pub async fn items(&self, scope: &Scope, id: RescoringId, page: &PageRequest) -> StoreResult<Page<RescoringItem>> {
         self.get(scope, id).await?;
         let (numbers, last) = cursor::<3>(page);
@@ -191,7 +192,7 @@ impl Rescorings<'_> {
         }))
     }
 
-    /// Its trainees: those with most sessions whose judgement changed first.
+    /// The trainees of an order, those with the most changed judgements first.
     pub async fn trainees(
         &self,
         scope: &Scope,
@@ -219,7 +220,7 @@ impl Rescorings<'_> {
     }
 }
 
-/// The numbers and the id behind which a page begins; without a cursor, before everything.
+/// The sort numbers and the id after which a page begins; without a cursor the page begins at the start.
 fn cursor<const N: usize>(page: &PageRequest) -> ([i64; N], String) {
     let mut numbers = [i64::MAX; N];
     let mut parts = page.after().unwrap_or_default().splitn(N + 1, '.');

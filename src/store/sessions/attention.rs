@@ -1,4 +1,4 @@
-//! Sessions that came lately and want somebody: one query a kind, each bounded.
+//! Recent sessions that need attention: one bounded query for each kind.
 
 use super::super::error::StoreResult;
 use super::super::visibility::{AskedBy, require_staff, sees_trainee};
@@ -7,28 +7,29 @@ use crate::domain::text::{Code, Name};
 use crate::ids::{SessionId, TaskId, TraineeId};
 use crate::store::Scope;
 
-/// A session that wants somebody.
+/// A session that needs attention.
 #[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
 pub struct Waiting {
-    /// Which.
+    /// The session.
     pub id: SessionId,
-    /// Whose.
+    /// Its trainee.
     pub trainee_id: TraineeId,
-    /// What they are called.
+    /// The trainee's name.
     pub trainee_name: Name,
-    /// Their code.
+    /// The trainee's code.
     pub trainee_code: Code,
-    /// Of what.
+    /// Its task.
     pub task_id: TaskId,
-    /// What it is called.
+    /// The task's name.
     pub task_name: Name,
-    /// Its code.
+    /// The task's code.
     pub task_code: Code,
     /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
 }
 
-/// Sessions with a result that came since `$3` and count, and what a [`Waiting`] says of them; conditions follow.
+/// Selects an [`AttentionItem`] for each session that arrived since `$3`, has a result and is not set aside; further
+/// conditions follow.
 macro_rules! waiting {
     ($($conditions:tt)*) => {
         concat!(
@@ -52,13 +53,14 @@ macro_rules! waiting {
 }
 
 impl Sessions<'_> {
-    /// Those that the quality gate refused: at most so many, the latest first.
+    /// Sessions that the quality gate refused, latest first, at most `most`.
     pub async fn refused_since(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<Waiting>> {
         let rows = sqlx::query_as(waiting!("json_extract(result.quality, '$.verdict') = 'refused'"));
         Ok(rows.asked_by(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
     }
 
-    /// Those that nobody has rated, of tasks that are rated since `rated_since_ms`: elsewhere nobody waits for a rating.
+    /// Sessions without a rating, of tasks with at least one rating since `rated_since_ms`: other tasks are not rated
+    /// at this centre.
     pub async fn unrated_since(
         &self,
         scope: &Scope,
@@ -66,7 +68,7 @@ impl Sessions<'_> {
         rated_since_ms: i64,
         most: u32,
     ) -> StoreResult<Vec<Waiting>> {
-        require_staff(scope, "what waits for a rating")?;
+        require_staff(scope, "the list of unrated sessions")?;
         let rows = sqlx::query_as(waiting!(
             "json_extract(result.quality, '$.verdict') IS NOT 'refused' AND session.tracker IS NULL
              AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)

@@ -1,4 +1,5 @@
-//! The seconds that made a session's features: kept with each result, read one session at a time.
+//! The evidence of a session's features: the seconds of the recording that determined them. Stored with each result,
+//! read for one session at a time.
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -11,7 +12,7 @@ use crate::domain::evidence::EvidenceRow;
 use crate::ids::{ResultId, SessionId};
 
 impl Sessions<'_> {
-    /// The evidence of a session's latest result; `None` while there is no result, and of one that was stored without.
+    /// The evidence of a session's latest result; `None` if there is no result or it was stored without evidence.
     pub async fn evidence(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<Vec<EvidenceRow>>> {
         let row = sqlx::query_scalar(concat!(
             "SELECT evidence.rows FROM session
@@ -29,7 +30,7 @@ impl Sessions<'_> {
     }
 }
 
-/// Stores a result's evidence, in the result's own transaction.
+/// Stores a result's evidence, in the same transaction as the result.
 pub(in crate::store) async fn insert(
     tx: &mut SqliteConnection,
     result: ResultId,

@@ -1,14 +1,14 @@
-//! Recordings that are here, and what came of them.
+//! Sessions: recordings and their results.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `mod.rs` | the session, its status, lists |
-//! | `places.rs` | places in the queue |
-//! | `write.rs` | made, tried again, erased |
+//! | `queue_positions.rs` | positions in the queue |
+//! | `write.rs` | create, retry, erase |
 //! | `result.rs` | results and features |
-//! | `evidence.rs` | the seconds that made features |
+//! | `evidence.rs` | the seconds that determined the features |
 //! | `practice.rs` | a trainee's sessions of one task over time, and those of many |
-//! | `attention.rs` | what came lately and wants somebody |
+//! | `attention.rs` | recent sessions that need attention |
 
 mod attention;
 pub(super) mod evidence;
@@ -34,7 +34,7 @@ use crate::domain::text::{Code, FileName, Key, Name, TrackerName};
 use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 
-/// The result of session `$1` that counts.
+/// Selects the current result of session `$1`.
 macro_rules! latest_result {
     () => {
         "SELECT id FROM result WHERE session_id = $1 ORDER BY created_at_ms DESC, id DESC LIMIT 1"
@@ -42,7 +42,7 @@ macro_rules! latest_result {
 }
 pub(in crate::store) use latest_result;
 
-/// The session in this row counts: nobody has set it aside. Along the index `session_set_aside`.
+/// Condition: the session in this row is not set aside. Uses the index `session_set_aside`.
 macro_rules! counts {
     () => {
         "NOT EXISTS (SELECT 1 FROM session_edit WHERE session_edit.session_id = session.id
@@ -51,69 +51,69 @@ macro_rules! counts {
 }
 pub(in crate::store) use counts;
 
-/// The sessions.
+/// Access to the sessions.
 pub struct Sessions<'s>(pub(super) &'s Store);
 
-/// One recording of one trainee doing one task in one box, and how it stands.
+/// A recording of a trainee doing a task in a box, with its status.
 #[derive(Clone, Debug, PartialEq, sqlx::FromRow)]
 pub struct Session {
     /// Its id.
     pub id: SessionId,
-    /// Who trained.
+    /// The trainee.
     pub trainee_id: TraineeId,
-    /// What they are called.
+    /// The trainee's name.
     pub trainee_name: Name,
-    /// Their code.
+    /// The trainee's code.
     pub trainee_code: Code,
-    /// The hand that they prefer, if said.
+    /// The trainee's preferred hand, if known.
     pub trainee_handedness: Option<Handedness>,
-    /// What they did.
+    /// The task.
     pub task_id: TaskId,
     /// What it is called.
     pub task_name: Name,
     /// Its code.
     pub task_code: Code,
-    /// Where.
+    /// The box.
     pub box_id: BoxId,
     /// What it is called.
     pub box_name: Name,
     /// Its code.
     pub box_code: Code,
-    /// The recording's name as it was sent.
+    /// The recording's file name as it was sent.
     pub filename: FileName,
     /// The recording's media type.
     pub media_type: String,
-    /// The recording; `None` while it arrives.
+    /// The recording's file in the vault; `None` while it is arriving.
     pub video: Option<BlobHash>,
     video_bytes: Option<i64>,
-    /// Whose rows it is, where it was not measured here; its recording is then the table as it was sent.
+    /// The program that measured the rows, if the session was imported; `video` is then the table as it was sent.
     pub tracker: Option<TrackerName>,
     /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
-    /// When it was whole here, epoch ms.
+    /// When it had arrived completely, epoch ms.
     pub created_at_ms: i64,
-    /// The latest job that it stands by: tracking or import, for what is only scored again has a result all the while; `None` while
-    /// its box lacks a camera or colours.
+    /// The latest tracking or import job, which determines the status. Jobs that only score again do not count, since
+    /// the session keeps a result all the while. `None` while its box lacks a camera or colours.
     pub job_id: Option<JobId>,
-    /// How that job stands.
+    /// The state of that job.
     pub job_state: Option<JobState>,
-    /// Share of it done, 0 to 1.
+    /// Share of that job done, 0 to 1.
     pub job_progress: Option<f64>,
-    /// Why it failed, or what happened when it last crashed.
+    /// Why that job failed, or the reason of its last crash.
     #[sqlx(json(nullable))]
     pub job_problem: Option<Problem>,
-    /// Has somebody set it aside, so that it counts in nothing?
+    /// True if staff set the session aside, so that it counts nowhere.
     pub is_set_aside: bool,
-    /// Has its box a camera?
+    /// Does its box have a camera?
     pub box_has_camera: bool,
-    /// Has its box colours?
+    /// Does its box have colours?
     pub box_has_palette: bool,
-    /// Its place in the queue, from 1, while it waits there.
+    /// Its position in the queue, from 1, while it waits there.
     #[sqlx(skip)]
     pub queue_position: Option<i64>,
 }
 
-/// Which sessions of a list.
+/// A filter for lists of sessions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SessionFilter {
     /// Only of this trainee, by id or code.
@@ -122,25 +122,25 @@ pub struct SessionFilter {
     pub task: Option<Key>,
     /// Only in this box, by id or code.
     pub in_box: Option<Key>,
-    /// Only those that stand so.
+    /// Only sessions with this status.
     pub status: Option<SessionStatus>,
-    /// Only those that count: not what somebody has set aside.
+    /// Only sessions that are not set aside.
     pub only_counting: bool,
 }
 
 impl Session {
-    /// How it stands, for people.
+    /// Its status, as people see it.
     pub fn status(&self) -> SessionStatus {
         if self.video.is_none() { SessionStatus::Receiving } else { self.job_state.into() }
     }
 
-    /// The recording as a file in the vault; `None` while it arrives.
+    /// The recording's file in the vault; `None` while it is arriving.
     pub fn video_blob(&self) -> Option<Blob> {
         let (hash, bytes) = self.video.zip(self.video_bytes)?;
         Some(Blob { hash, bytes: bytes.unsigned_abs() })
     }
 
-    /// Why it does not go on: the job's problem, or what its box lacks.
+    /// Why it is not scored: the job's problem, or what its box lacks.
     pub fn problem(&self) -> Option<Problem> {
         self.video?; // while it arrives, the box can still be made ready
         let lacking = match (self.job_id, self.box_has_camera, self.box_has_palette) {
@@ -157,14 +157,14 @@ impl Session {
         Some(Problem::new("box-not-ready", "The box is not ready", detail))
     }
 
-    /// Did whoever worked on it die or fall silent too often?
+    /// True if its job crashed or lost its lease too often.
     pub fn is_quarantined(&self) -> bool {
         self.job_state == Some(JobState::Quarantined)
     }
 }
 
-/// Sessions with all that a [`Session`] says; conditions follow. Scoring it again (turn 2) is no state of a session: whatever comes of
-/// that, its result stays.
+/// Selects [`SessionRecord`]s; conditions follow. A job that only scores again (`turn` 2) does not affect a session's
+/// status, since the session keeps its result even if that job fails.
 macro_rules! select_sessions {
     () => {
         "SELECT session.id, session.trainee_id, trainee.name AS trainee_name, trainee.code AS trainee_code,

@@ -1,5 +1,5 @@
-//! A trainee's sessions of one task over time, with what their latest results measured: one query for the sessions, one for the
-//! features.
+//! A trainee's sessions of one task over time, with the features of their latest results. One query reads the sessions
+//! and one the features.
 
 use std::collections::HashMap;
 
@@ -19,57 +19,57 @@ use crate::store::Scope;
 /// A trainee's practice of one task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Practice {
-    /// How many sessions lie before the first one here.
+    /// Number of earlier sessions that are left out.
     pub earlier: usize,
-    /// The sessions, in the order in which they were recorded.
+    /// The sessions, in the order of recording.
     pub sessions: Vec<Practised>,
 }
 
-/// Somebody, and a task that they train.
+/// A trainee and a task that they practise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct Trained {
-    /// Who.
+    /// The trainee.
     pub trainee: TraineeId,
-    /// What.
+    /// The task.
     pub task: TaskId,
 }
 
-/// One session of it.
+/// One session of a practice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Practised {
     /// Its id.
     pub id: SessionId,
     /// When it was recorded, epoch ms.
     pub recorded_at_ms: i64,
-    /// How it stands.
+    /// Its status.
     pub status: SessionStatus,
-    /// Has somebody set it aside?
+    /// Is it set aside?
     pub is_set_aside: bool,
     /// Its latest result.
     pub result: Option<Outcome>,
-    /// What that measured of the features that were asked for.
+    /// The values of the requested features in that result.
     pub measured: Vec<Measurement>,
 }
 
-/// A result, without its numbers.
+/// A result, without its features.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// Version of the program that made it.
     pub pipeline: String,
-    /// The camera that it was made with; `None` where it was not measured here.
+    /// The camera that it was made with; `None` if the session was measured by another program.
     pub calibration: Option<CalibrationId>,
-    /// Did the quality gate refuse it?
+    /// True if the quality gate refused it.
     pub refused: bool,
 }
 
 /// A value of one feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measurement {
-    /// Of which feature.
+    /// The feature.
     pub of: FeatureKey,
-    /// The value, in the feature's unit; `None` where too little was seen.
+    /// The value, in the feature's unit; `None` if too little was seen.
     pub value: Option<f64>,
-    /// Where the true value lies with 95 %; `None` where that is not known.
+    /// The 95 % interval of the true value; `None` if it is not known.
     pub bar: Option<[f64; 2]>,
 }
 
@@ -87,7 +87,7 @@ struct Row {
     in_all: i64,
 }
 
-/// The same, and whose.
+/// A [`PracticeRow`] with its trainee and task.
 #[derive(sqlx::FromRow)]
 struct RowOf {
     trainee_id: TraineeId,
@@ -98,7 +98,7 @@ struct RowOf {
 
 type FeatureRow = (ResultId, String, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
-/// What a [`Row`] says of a session.
+/// The columns of a [`PracticeRow`].
 macro_rules! of_session {
     () => {
         concat!(
@@ -111,7 +111,7 @@ macro_rules! of_session {
     };
 }
 
-/// The job and the latest result of a session.
+/// Joins a session's job and latest result.
 macro_rules! with_result {
     () => {
         "
@@ -124,7 +124,7 @@ macro_rules! with_result {
     };
 }
 
-/// The last `$5` sessions of trainee `$3` at task `$4`, the newest first.
+/// Selects the last `$5` sessions of trainee `$3` at task `$4`, newest first.
 macro_rules! practised {
     () => {
         concat!(
@@ -139,7 +139,7 @@ macro_rules! practised {
     };
 }
 
-/// The last `$4` sessions of each pair of a trainee and a task in `$3` (a JSON array), the newest first.
+/// Selects the last `$4` sessions of each pair of a trainee and a task in `$3` (a JSON array), newest first.
 macro_rules! practised_by_many {
     () => {
         concat!(
@@ -163,7 +163,8 @@ macro_rules! practised_by_many {
     };
 }
 
-/// The features named in `$2` of the results `$1`, both JSON arrays. Left alone, SQLite would read all features of each.
+/// Selects the features named in `$2` of the results `$1`, both JSON arrays. By default, SQLite would read all features
+/// of each result.
 macro_rules! measured {
     () => {
         "SELECT result_id, name, tool, space, value, low, high FROM feature INDEXED BY feature_named
@@ -171,10 +172,10 @@ macro_rules! measured {
     };
 }
 #[cfg(test)]
-pub(in crate::store) use {measured, of_session, practised, practised_by_many, with_result}; // for the test of their plans
+pub(in crate::store) use {measured, of_session, practised, practised_by_many, with_result}; // for the plan tests
 
 impl Sessions<'_> {
-    /// A trainee's last sessions of a task, at most so many, with these features of their latest results.
+    /// A trainee's last sessions of a task, at most `most`, with these features of their latest results.
     pub async fn practice(
         &self,
         scope: &Scope,
@@ -193,7 +194,8 @@ impl Sessions<'_> {
         Ok(practice(rows, &mut measured))
     }
 
-    /// The same of many pairs of a trainee and a task, of those that the scope sees; who has no session is left out.
+    /// Like [`SessionStore::practice`], for many pairs of a trainee and a task. Limited to trainees in the scope; pairs
+    /// without sessions are left out.
     pub async fn practice_of_many(
         &self,
         scope: &Scope,
@@ -212,8 +214,8 @@ impl Sessions<'_> {
         Ok(of_each.into_iter().map(|(of, rows)| (of, practice(rows, &mut measured))).collect())
     }
 
-    /// Who trained what that has a standard since then, and in how many sessions, of those whom the scope sees: at most so many, the
-    /// latest first.
+    /// Trainees and the tasks with a standard that they practised since `since_ms`, with the number of sessions.
+    /// Limited to trainees in the scope; latest first, at most `most`.
     pub async fn trained(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<(Trained, usize)>> {
         let rows = sqlx::query_as::<_, (TraineeId, TaskId, i64)>(concat!(
             "SELECT trainee_id, task_id, count(*) FROM session
@@ -228,7 +230,7 @@ impl Sessions<'_> {
             .collect())
     }
 
-    /// What these results measured of these features.
+    /// The values of these features in these results.
     async fn measured(
         &self,
         results: Vec<ResultId>,
@@ -244,7 +246,7 @@ impl Sessions<'_> {
         Ok(measured)
     }
 
-    /// The task of a trainee's newest session, if there is one.
+    /// The task of a trainee's latest session, if there is one.
     pub async fn last_task(&self, scope: &Scope, trainee: TraineeId) -> StoreResult<Option<TaskId>> {
         let row = sqlx::query_scalar(concat!(
             "SELECT task_id FROM session WHERE trainee_id = $3 AND ",
@@ -255,7 +257,7 @@ impl Sessions<'_> {
     }
 }
 
-/// Rows, the newest first, as practice.
+/// Makes a [`Practice`] of rows in the order of newest first.
 fn practice(mut rows: Vec<Row>, measured: &mut HashMap<ResultId, Vec<Measurement>>) -> Practice {
     rows.reverse();
     let earlier = rows.first().map_or(0, |row| (row.in_all.unsigned_abs() as usize).saturating_sub(rows.len()));

@@ -1,4 +1,4 @@
-//! What came of sessions: results and features, one set per session and versions; the latest counts.
+//! Results and features of sessions: one result per session and set of versions. The latest is the current one.
 
 use serde_json::Value;
 use sqlx::FromRow;
@@ -15,32 +15,32 @@ use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::store::Scope;
 
-/// What one version of the program made of a session.
+/// The result of a session by one set of versions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionResult {
     /// Its id.
     pub id: ResultId,
-    /// What it was made with.
+    /// The versions that it was made with.
     pub versions: Versions,
-    /// With which state of the session's edits.
+    /// The revision of the session's edits that it was made with.
     pub edits: u64,
-    /// What decoding the recording showed.
+    /// Facts from decoding the recording.
     pub video: VideoFacts,
     /// Names of the tools, in the trajectory's order.
     pub tools: Vec<String>,
-    /// Counts and reasons per tool; an object.
+    /// Counts and reasons for each tool; a JSON object.
     pub quality: Value,
-    /// Place in a reference cohort, if a model scored it; an object.
+    /// Rank in a reference cohort, if a model scored it; a JSON object.
     pub score: Option<Value>,
     /// Raw, filtered and smoothed paths: a file in the vault.
     pub trajectory: BlobHash,
-    /// What the tracker saw on every frame: a file in the vault; `None` where it was not tracked here.
+    /// The tracker's diagnostics of every frame: a file in the vault; `None` if the session was not tracked here.
     pub diagnostics: Option<BlobHash>,
     /// A JPEG of one frame: a file in the vault.
     pub preview: Option<BlobHash>,
     /// When it was stored, epoch ms.
     pub created_at_ms: i64,
-    /// Features, in the order in which people read them.
+    /// Features, in the order of display.
     pub features: Vec<FeatureRow>,
 }
 
@@ -71,12 +71,13 @@ struct Row {
     created_at_ms: i64,
 }
 
-/// A session's place in the order in which they came, by the clock of the service: when it was whole, epoch ms, and its id.
+/// Sort key for the order of arrival: when the session had arrived completely by the clock of the service, epoch ms,
+/// and its id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SessionPlace(pub i64, pub SessionId);
 
-/// The sessions of box `$1` with calibration `$2` that came before `$3`, `$4` and know their trocars; in the order of the index
-/// `session_box_order`, so that no more are read than are needed for the first `$5`.
+/// Selects the sessions of box `$1` with calibration `$2` that arrived before (`$3`, `$4`) and have trocar positions.
+/// The order is that of the index `session_box_order`, so that only the first `$5` are read.
 macro_rules! fulcrums_before {
     () => {
         "SELECT session.created_at_ms, session.id, result.quality FROM session JOIN result ON result.id =
@@ -95,7 +96,7 @@ macro_rules! fulcrums_before {
 pub(in crate::store) use fulcrums_before;
 
 impl Sessions<'_> {
-    /// The latest result of a session; `None` while there is none.
+    /// The latest result of a session; `None` if there is none.
     pub async fn result(&self, scope: &Scope, id: SessionId) -> StoreResult<Option<SessionResult>> {
         let row = sqlx::query_as::<_, Row>(concat!(
             "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
@@ -111,7 +112,7 @@ impl Sessions<'_> {
         }
     }
 
-    /// One result of a session, whether it counts or not.
+    /// One result of a session, current or not.
     pub async fn result_of(&self, scope: &Scope, id: SessionId, result: ResultId) -> StoreResult<SessionResult> {
         let row = sqlx::query_as::<_, Row>(concat!(
             "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND result.id = $4 AND ",
@@ -123,7 +124,7 @@ impl Sessions<'_> {
         Ok(row.with(features))
     }
 
-    /// All results of a session without their features, the one that counts first; at most so many.
+    /// The results of a session without their features, the current one first; at most `most`.
     pub async fn results(&self, scope: &Scope, id: SessionId, most: u32) -> StoreResult<Vec<SessionResult>> {
         let rows = sqlx::query_as::<_, Row>(concat!(
             "SELECT result.* FROM result JOIN session ON session.id = session_id WHERE session_id = $3 AND ",
@@ -137,9 +138,9 @@ impl Sessions<'_> {
         Ok(rows.into_iter().map(|row| row.with(Vec::new())).collect())
     }
 
-    /// Where the trocars were in a box's sessions with this calibration, the first that came first: of those that know it and were not
-    /// refused, and in which nothing had moved, so that what has moved stays so until the box is calibrated again.
-    /// Of those that came before this place; at most so many, each with its own place.
+    /// Trocar positions in a box's earliest sessions with this calibration, before the session `before`; at most
+    /// `most`, each with its sort key. Sessions that were refused, or whose camera or trocars had moved, do not count.
+    /// A shift is therefore reported until the box is calibrated again.
     pub async fn fulcrums(
         &self,
         of: BoxId,
@@ -156,8 +157,8 @@ impl Sessions<'_> {
         Ok(found.iter().map(known).collect())
     }
 
-    /// Is a session of this box being tracked at this moment that came before this place? Not one that has a result and is only
-    /// scored or tracked again: a long rescoring must not hold up what is new.
+    /// True if an earlier session of this box is being tracked at present. Sessions that already have a result and are
+    /// only scored or tracked again do not count, so that a long rescoring does not delay new sessions.
     pub async fn is_tracked_before(&self, of: BoxId, before: SessionPlace) -> StoreResult<bool> {
         let sql = "SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id
                    WHERE job.state = 'running' AND job.turn < 2 AND session.box_id = $1 AND (session.created_at_ms, session.id) < ($2, $3))";
@@ -216,7 +217,7 @@ impl FromRow<'_, SqliteRow> for FeatureRow {
             unit: row.try_get("unit")?,
             tool: row.try_get("tool")?,
             space: row.try_get::<FeatureSpace, _>("space")?,
-            value: value.ok_or_else(|| not_enough.unwrap_or_default()), // the schema has exactly one of them
+            value: value.ok_or_else(|| not_enough.unwrap_or_default()), // the schema requires exactly one of them
             error: error_of(row)?,
         })
     }

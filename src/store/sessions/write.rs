@@ -1,4 +1,4 @@
-//! Sessions are made, tried again, erased.
+//! Creates, retries and erases sessions.
 
 use sqlx::sqlite::SqliteConnection;
 
@@ -14,16 +14,17 @@ use crate::domain::text::TrackerName;
 use crate::ids::{JobId, SessionId};
 
 impl Sessions<'_> {
-    /// Makes a session of a recording that lies in the vault, and queues its tracking, in one transaction. The same
-    /// recording of the same trainee, task and box is [`StoreError::Taken`] with the session that has it.
+    /// Creates a session from a recording in the vault and queues its tracking, in one transaction. If the same
+    /// trainee, task and box already have this recording, the error is [`StoreError::Taken`] with the existing session.
     pub async fn create(&self, scope: &Scope, new: NewSession) -> StoreResult<Session> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         let id = self.0.write(async move |tx| insert(tx, &by, new, now_ms, attempts).await).await?;
         self.get(scope, id).await
     }
 
-    /// Makes a session of rows that another tracker measured, which lie in the vault as they were sent, and queues their
-    /// scoring, in one transaction. The same table of the same trainee, task and box is [`StoreError::Taken`].
+    /// Creates a session from a table that another tracker measured and that is stored in the vault as it was sent, and
+    /// queues its scoring, in one transaction. The same table of the same trainee, task and box is
+    /// [`StoreError::Taken`].
     pub async fn import(&self, scope: &Scope, new: NewSession, tracker: TrackerName) -> StoreResult<Session> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         let id = self
@@ -40,12 +41,12 @@ impl Sessions<'_> {
         self.get(scope, id).await
     }
 
-    /// Tracks a session again: after a failure, or because pipeline, camera or colours have a newer version. Nothing to
-    /// do while it waits or runs.
+    /// Tracks a session again: after a failure, or because pipeline, camera or colours have a newer version. Does
+    /// nothing while the session is queued or running.
     pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<Session> {
         if self.get(scope, id).await?.tracker.is_some() {
             return Err(StoreError::refused(
-                "it was not tracked here: its rows are scored again with its task's others",
+                "this session was measured by another program: to score it again, rescore its task",
             ));
         }
         require_staff(scope, "tracking a session again")?;
@@ -60,8 +61,8 @@ impl Sessions<'_> {
         self.get(scope, id).await
     }
 
-    /// Erases a session with recording and results. The files go with the next collection of blobs that nothing refers
-    /// to ([`crate::upkeep`]).
+    /// Erases a session with its recording and results. The files are deleted with the next collection of unreferenced
+    /// blobs ([`crate::upkeep`]).
     pub async fn erase(&self, scope: &Scope, id: SessionId) -> StoreResult<()> {
         self.get(scope, id).await?;
         require_staff(scope, "erasing sessions")?;
@@ -82,7 +83,7 @@ impl Sessions<'_> {
     }
 }
 
-/// Inserts a session and queues its tracking, if its box is ready for it.
+/// Inserts a session and queues its tracking, if its box is ready.
 pub(in crate::store) async fn insert(
     tx: &mut SqliteConnection,
     scope: &Scope,
@@ -96,7 +97,7 @@ pub(in crate::store) async fn insert(
     Ok(id)
 }
 
-/// Inserts a session whose content is here.
+/// Inserts a session whose file is in the vault.
 async fn insert_whole(
     tx: &mut SqliteConnection,
     scope: &Scope,
@@ -119,7 +120,8 @@ async fn insert_whole(
     Ok(id)
 }
 
-/// Asked before the insert, so that the answer can name the session; the schema's UNIQUE stands behind it.
+/// Refuses a recording that exists already. The check comes before the insert so that the error can name the session;
+/// the schema's UNIQUE constraint remains as a safeguard.
 async fn refuse_twice(tx: &mut SqliteConnection, new: &NewSession) -> StoreResult<()> {
     let sql = "SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
     let found = sqlx::query_scalar(sql).bind(new.trainee).bind(new.task).bind(new.in_box).bind(new.video.hash);
@@ -131,7 +133,7 @@ async fn refuse_if_done(tx: &mut SqliteConnection, job: JobId) -> StoreResult<()
     let state: JobState = sqlx::query_scalar("SELECT state FROM job WHERE id = $1").bind(job).fetch_one(tx).await?;
     if state == JobState::Done {
         return Err(StoreError::refused(
-            "it is scored with the present versions of program, camera and colours already",
+            "the session is already scored with the current versions of program, camera and colours",
         ));
     }
     Ok(())

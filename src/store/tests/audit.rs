@@ -1,4 +1,4 @@
-//! The trail tells today's names, and none of who was erased.
+//! The audit trail shows present names, and no names of erased people.
 
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
@@ -7,7 +7,7 @@ use crate::domain::text::Key;
 use crate::store::PageRequest;
 use crate::store::testing::Centre;
 
-/// What each change was made of, by kind and name, newest first.
+/// The kind and name of what each entry changed, newest first.
 async fn trail(centre: &Centre) -> Vec<(String, Option<String>)> {
     let page = centre.store.audit().list(&Scope::service(), &PageRequest::default()).await.unwrap();
     page.items.into_iter().map(|entry| (entry.noun, entry.called)).collect()

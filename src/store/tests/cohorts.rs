@@ -1,4 +1,4 @@
-//! Reference groups: who is in them, who sees whom of them, and what their people measured.
+//! Cohorts: their members, who sees which members, and the members' values.
 
 use serde_json::json;
 
@@ -39,7 +39,7 @@ async fn a_cohort_is_a_list_or_everybody_whom_it_describes() {
         (json!({"name": "Nobody", "level": "novice"}), vec![]),
     ] {
         let (made, mut expected) = (cohort(&centre, body.clone()).await, expected);
-        expected.sort(); // ids of one instant come in any order
+        expected.sort(); // ids made at the same instant are in any order
         assert_eq!(members(&centre, &Scope::service(), &made).await, expected, "{body}");
         assert_eq!(made.people, expected.len() as i64, "{body}");
     }
@@ -137,9 +137,9 @@ fn key(feature: &str) -> FeatureKey {
 async fn the_last_sessions_of_each_person_count_and_an_erased_person_is_in_no_cohort() {
     let centre = Centre::ready().await;
     let (ana, ben) = (centre.trainee("Ana").await, centre.trainee("Ben").await);
-    for (whom, seconds) in [(&ana, [90.0, 80.0, 70.0]), (&ben, [50.0, 40.0, 30.0])] {
+    for (trainee, seconds) in [(&ana, [90.0, 80.0, 70.0]), (&ben, [50.0, 40.0, 30.0])] {
         for (day, seconds) in seconds.into_iter().enumerate() {
-            centre.practised(whom.id, NOW_MS + day as i64, vec![duration(seconds, 1.0)]).await;
+            centre.practised(trainee.id, NOW_MS + day as i64, vec![duration(seconds, 1.0)]).await;
         }
     }
     let made = cohort(&centre, json!({"name": "Listed", "members": [ana.id, ben.id]})).await;

@@ -1,4 +1,4 @@
-//! Course plans: what they may ask for, who changes them, and what stands against their end.
+//! Course plans: what they may require, who changes them, and what prevents their deletion.
 
 use serde_json::{Value, json};
 

@@ -1,4 +1,4 @@
-//! Edits of sessions: which result counts, whoever is quicker; and what counts no more.
+//! Edits of sessions: which result is current in any order of events, and what no longer counts.
 
 use std::time::Duration;
 
@@ -32,10 +32,10 @@ async fn practised() -> (Centre, TraineeId, SessionId) {
     (centre, ana, session)
 }
 
-/// Ends the work with this duration and the edits of that state.
+/// Finishes the job with this duration and this revision of the edits.
 async fn score(centre: &Centre, lease: &Lease, seconds: f64, edits: u64) {
     let JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
-    centre.clock.advance(Duration::from_millis(1)); // the newest counts
+    centre.clock.advance(Duration::from_millis(1)); // the latest counts
     let score = NewScore {
         from: input.result,
         pipeline: PIPELINE_VERSION.to_owned(),
@@ -102,7 +102,7 @@ async fn a_recording_that_is_tracked_again_keeps_its_edits_also_where_one_came_m
     centre.store.sessions().retry(&Scope::service(), session).await.unwrap();
     let refused = add(&centre, session, TRIM).await;
     assert!(matches!(refused, Err(StoreError::Refused { .. })), "while it is tracked: {refused:?}");
-    // Its result is of before the trim: as if the trim had come while it was assessed.
+    // Its result is from before the trim, as if the trim had been made during the assessment.
     let lease = centre.claim().await.unwrap();
     centre.clock.advance(Duration::from_millis(1));
     centre.store.jobs().finish_track(&lease, centre.result(session).await).await.unwrap();
@@ -110,7 +110,7 @@ async fn a_recording_that_is_tracked_again_keeps_its_edits_also_where_one_came_m
     score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
     assert_eq!((counting(&centre, session).await.edits, score_state(&centre, session).await), (1, ScoreState::Current));
 
-    // A result that knows the edits leaves nothing to do.
+    // A result with the present edits needs no further job.
     centre.calibrate().await;
     centre.clock.advance(Duration::from_millis(1));
     centre.store.sessions().retry(&Scope::service(), session).await.unwrap();
@@ -164,8 +164,8 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
     let edit = add(&centre, second, Change::SetAside).await.unwrap();
     assert_eq!((values().await, declared().await), (vec![40.0], 1), "the last one that counts");
     let practice = centre.store.sessions().practice(&service, ana, centre.task.id, &["duration"], 9).await.unwrap();
-    let told: Vec<(SessionId, bool)> = practice.sessions.iter().map(|one| (one.id, one.is_set_aside)).collect();
-    assert_eq!(told, [(first, false), (second, true)]);
+    let shown: Vec<(SessionId, bool)> = practice.sessions.iter().map(|one| (one.id, one.is_set_aside)).collect();
+    assert_eq!(shown, [(first, false), (second, true)]);
     let rated = centre.store.ratings().values(&service, &[first, second]).await.unwrap();
     assert!(rated.iter().all(|value| value.session == first) && !rated.is_empty());
     centre.store.edits().undo(&service, second, edit.id).await.unwrap();

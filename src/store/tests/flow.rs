@@ -1,4 +1,4 @@
-//! A recording's way from the upload to the score.
+//! The flow of a recording from the upload to the score.
 
 use crate::domain::blob::Blob;
 use crate::domain::scope::Scope;
@@ -82,5 +82,5 @@ async fn the_same_recording_twice_names_the_session_that_has_it() {
     let twice = centre.store.sessions().create(&Scope::service(), centre.new_session(ana.id, "video")).await;
     let Err(StoreError::Taken { what: "recording", existing }) = twice else { panic!("{twice:?}") };
     assert_eq!(existing, Some(first.id.to_string()));
-    centre.session(ben.id, "video").await; // the same file is somebody else's too
+    centre.session(ben.id, "video").await; // another trainee may have the same file
 }

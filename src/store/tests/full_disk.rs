@@ -1,4 +1,5 @@
-//! A full disk: a kind of error of its own, reading and erasing go on, and writing goes on when there is space again.
+//! A full disk: it is an error of its own kind, reading and deleting still work, and writing works again once there is
+//! space.
 
 use std::fs;
 use std::path::Path;
@@ -15,11 +16,11 @@ use crate::time::Manual;
 
 const LASTS: Cookie = Cookie { idle: Duration::from_secs(30 * 60), most: Duration::from_secs(12 * 3600) };
 
-/// A small file system of its own, taken down at the end.
+/// A small mounted file system, unmounted at the end.
 struct SmallDisk(tempfile::TempDir);
 
 impl SmallDisk {
-    /// `None` where this process may not mount.
+    /// `None` if this process may not mount file systems.
     fn mount(bytes: u64) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let size = format!("size={bytes},mode=700");
@@ -47,7 +48,7 @@ impl SmallDisk {
 
 impl Drop for SmallDisk {
     fn drop(&mut self) {
-        let _ = Command::new("umount").arg("-l").arg(self.path()).output(); // left behind at worst: an empty mount
+        let _ = Command::new("umount").arg("-l").arg(self.path()).output(); // at worst an empty mount stays
     }
 }
 
@@ -56,7 +57,7 @@ fn task(number: usize) -> NewTask {
     NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description }
 }
 
-/// An administrator with a browser and a program.
+/// Creates an administrator with a signed-in browser and a token.
 async fn let_in(store: &Store) -> (Person, SecretHash, SecretHash) {
     let (service, role) = (Scope::service(), Role::Administrator);
     let (login, password) = ("root".parse().unwrap(), Password::new("correct horse").unwrap().hash());
@@ -95,12 +96,12 @@ async fn on_a_full_disk_reading_and_erasing_go_on_and_writing_does_when_there_is
 
     let page = PageRequest::new(200, None);
     assert_eq!(store.tasks().list(&service, &page).await.unwrap().items.len(), acknowledged);
-    clock.advance(Duration::from_secs(120)); // so that it would be noted who is here
+    clock.advance(Duration::from_secs(120)); // so that the last-seen time is due
     assert_eq!(store.cookies().person_of(cookie, LASTS).await.unwrap().unwrap().id, administrator.id);
     assert!(store.tokens().scope_of(token).await.unwrap().is_some());
     store.cookies().create(Secret::random().hash(), &administrator, LASTS).await.unwrap();
     store.cookies().replace(cookie).await.unwrap();
-    assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20, "kept for who erases");
+    assert_eq!(fs::metadata(disk.path().join("ballast")).unwrap().len(), 4 << 20, "kept for deletions");
     store.trainees().erase(&service, &Key::from(&ana.id)).await.unwrap();
     assert!(store.trainees().get(&service, &Key::from(&ana.id)).await.is_err());
 

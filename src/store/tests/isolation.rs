@@ -1,5 +1,5 @@
-//! Who sees what: every role against every noun that is about people, own, another's and missing. What is another's must
-//! look exactly like what does not exist.
+//! Visibility: every role against every noun on personal data, for own, others' and missing things. Others' things must
+//! look exactly like missing ones.
 
 use proptest::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::ids::{JobId, SessionId, TaskId, TraineeId, UploadId};
 use crate::store::testing::{Centre, NOW_MS};
 use crate::store::{NewUpload, PageRequest, SessionFilter, Store, StoreError, StoreResult};
 
-/// One trainee's things.
+/// The things of one trainee.
 struct Things {
     trainee: TraineeId,
     task: TaskId,
@@ -23,7 +23,7 @@ struct Things {
 const NOUNS: [&str; 10] =
     ["trainee", "change", "session", "result", "retry", "practice", "last task", "job", "upload", "erase session"];
 
-/// Asks for one of somebody's things; the answer's content does not matter, only whether there is one.
+/// Requests one thing of a trainee; only success or failure matters, not the content.
 async fn ask(store: &Store, scope: &Scope, noun: &str, of: &Things) -> StoreResult<()> {
     let trainee = Key::from(&of.trainee);
     match noun {
@@ -43,7 +43,7 @@ async fn ask(store: &Store, scope: &Scope, noun: &str, of: &Things) -> StoreResu
     }
 }
 
-/// What the role may do with what is within its reach.
+/// True if the role may do this with things in its scope.
 fn may(role: Role, noun: &str) -> bool {
     match noun {
         "change" | "retry" | "erase session" => matches!(role, Role::Administrator | Role::Instructor),
@@ -89,7 +89,7 @@ async fn every_role_sees_its_own_and_nothing_tells_anothers_from_what_does_not_e
         for scope in &reaches_ana_only {
             let absent = ask(&centre.store, scope, noun, &missing()).await.unwrap_err().to_string();
             let another = ask(&centre.store, scope, noun, &ben).await.unwrap_err().to_string();
-            assert_eq!(another, absent, "{} tells {noun} of another from none", scope.role());
+            assert_eq!(another, absent, "{} can distinguish another's {noun} from a missing one", scope.role());
         }
         let reaching = [(&administrator, &ben), (&reaches_ana_only[1], &ana), (&reaches_ana_only[0], &ana)];
         for (scope, own) in reaching {
@@ -170,7 +170,7 @@ const GROUPS: usize = 3;
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
-    /// Whatever the groups: an instructor's lists hold exactly the trainees and sessions of the groups that they teach.
+    /// With any groups, an instructor's lists hold exactly the trainees and sessions of the groups that they teach.
     #[test]
     fn lists_hold_exactly_what_the_groups_say(
         teaches in prop::array::uniform3(prop::array::uniform3(any::<bool>())),

@@ -1,4 +1,4 @@
-//! Claims about the store, each on a database of its own.
+//! Tests of the store, each on its own database.
 
 mod audit;
 mod cohorts;

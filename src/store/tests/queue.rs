@@ -1,4 +1,4 @@
-//! The queue stays quick however long it is: what is asked often is answered from an index.
+//! The queue stays fast at any length: frequent queries are answered from an index.
 
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
@@ -15,13 +15,13 @@ use crate::store::sessions::result::fulcrums_before;
 use crate::store::testing::Centre;
 use crate::store::{PageRequest, SessionFilter, SessionPlace};
 
-/// How SQLite goes about a statement: one line a loop.
+/// SQLite's query plan of a statement: one line per loop.
 async fn plan(centre: &Centre, sql: &'static str) -> Vec<String> {
     let rows = sqlx::query(sql).fetch_all(centre.store.readers()).await.unwrap();
     rows.iter().map(|row| row.get("detail")).collect()
 }
 
-/// So many sessions that wait, all arrived in one instant.
+/// Adds `sessions` waiting sessions that all arrived at the same instant.
 async fn fill(centre: &Centre, sessions: usize) {
     let trainee = centre.trainee("Ana").await.id;
     let news: Vec<NewSession> = (0..sessions).map(|i| centre.new_session(trainee, &format!("clip {i}"))).collect();
@@ -84,7 +84,7 @@ async fn a_session_is_behind_those_that_came_before_it_and_are_being_tracked() {
     }
     let tracked =
         async |place: usize| centre.store.sessions().is_tracked_before(centre.the_box.id, places[place]).await.unwrap();
-    assert!(!tracked(2).await, "what waits may wait for this one's worker");
+    assert!(!tracked(2).await, "waiting sessions do not count");
     let (first, second) = (centre.claim().await.unwrap(), centre.claim().await.unwrap());
     assert_eq!([tracked(0).await, tracked(1).await, tracked(2).await], [false, true, true]);
     centre.store.jobs().give_back(&first).await.unwrap();
@@ -98,7 +98,7 @@ async fn places_count_from_one_in_the_order_of_arrival_behind_work_about_boxes()
     let centre = Centre::ready().await;
     let trainee = centre.trainee("Ana").await.id;
     for clip in ["a", "b", "c", "d", "e"] {
-        centre.clock.advance(Duration::from_millis(1)); // what arrives in the same instant has no order
+        centre.clock.advance(Duration::from_millis(1)); // arrivals at the same instant have no order
         centre.session(trainee, clip).await;
     }
     let of_all = |places: Vec<(SessionId, Option<i64>)>| places.iter().rev().map(|p| p.1).collect::<Vec<_>>();

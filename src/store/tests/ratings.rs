@@ -1,4 +1,4 @@
-//! Ratings, comments and evidence: kept with the session, erased with it, and blind where they should be.
+//! Ratings, comments and evidence: stored with the session, erased with it, and hidden where rating must be blind.
 
 use crate::domain::comment::NewComment;
 use crate::domain::evidence::{EvidenceRow, StretchRow};
@@ -56,10 +56,10 @@ async fn a_rating_is_blind_unless_the_rater_could_have_seen_anothers() {
     };
     let give = async |by: &Scope, form, mark| give_to(session, by, form, mark).await;
     assert!(give(&one, Form::Goals, 2).await);
-    assert!(give(&one, Form::Goals, 3).await, "nobody else has rated yet");
+    assert!(give(&one, Form::Goals, 3).await, "there is no other rating yet");
     assert!(give(&two, Form::Goals, 5).await);
-    assert!(!give(&one, Form::Goals, 5).await, "by now the other's could be read");
-    assert!(!give(&one, Form::Osats, 4).await, "who read marks on one form has them in mind on another");
+    assert!(!give(&one, Form::Goals, 5).await, "the other rating could be read by now");
+    assert!(!give(&one, Form::Osats, 4).await, "marks read on one form influence those on another");
     let second = centre.session(ana.id, "another video").await.id;
     assert!(give_to(second, &one, Form::Goals, 2).await);
     centre.store.comments().add(&two, second, comment("poor"), [2.0, 2.0]).await.unwrap();

@@ -1,4 +1,4 @@
-//! Orders to score again: what they are about, how they are fed, what ends them.
+//! Rescoring orders: which sessions they include, how their jobs are queued, and when they end.
 
 use crate::domain::problem::Problem;
 use crate::domain::rescoring::{NewRescoring, RescoringSource, Which};
@@ -13,7 +13,7 @@ use crate::store::{Lease, PageRequest, StoreError};
 
 const OLDER: NewRescoring = NewRescoring { from: RescoringSource::Trajectory, which: Which::Older };
 
-/// So many sessions of version 1, and a centre.
+/// A centre with `sessions` sessions, scored by version 1.
 async fn practised(sessions: i64) -> Centre {
     let centre = Centre::ready().await;
     let ana = centre.trainee("Ana").await.id;
@@ -25,7 +25,7 @@ async fn practised(sessions: i64) -> Centre {
 
 async fn score(centre: &Centre, lease: &Lease, seconds: f64) {
     let crate::domain::job::JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
-    centre.clock.advance(std::time::Duration::from_millis(1)); // the newest counts
+    centre.clock.advance(std::time::Duration::from_millis(1)); // the latest counts
     let score = NewScore {
         from: input.result,
         pipeline: PIPELINE_VERSION.to_owned(),
@@ -45,7 +45,7 @@ async fn an_order_never_has_more_work_in_the_queue_than_it_may() {
     let id = rescorings.create(&service, centre.task.id, OLDER).await.unwrap();
     for _ in 0..3 {
         rescoring::look(&centre.store, 2).await.unwrap();
-        assert_eq!(centre.store.jobs().counts().await.unwrap().queued, 2, "however often it is looked after");
+        assert_eq!(centre.store.jobs().counts().await.unwrap().queued, 2, "after every round");
     }
     for left in [4, 3, 2, 1, 0] {
         let lease = centre.claim().await.unwrap();
@@ -126,7 +126,7 @@ async fn rows_of_another_tracker_are_a_version_of_their_own_and_never_tracked() 
     assert_eq!(
         centre.store.ratings().values(&service, &[session.id]).await.unwrap(),
         [],
-        "what was measured elsewhere goes with nothing"
+        "imported sessions are not correlated"
     );
     let rescorings = centre.store.rescorings();
     assert!(rescorings.create(&service, centre.task.id, OLDER).await.is_err(), "it is of the present version");
@@ -151,7 +151,7 @@ async fn an_item_whose_work_failed_keeps_the_reason_and_the_order_ends() {
     let page = rescorings.items(&service, id, &PageRequest::default()).await.unwrap();
     assert_eq!(page.items[0].problem.as_ref().unwrap().slug, "path-alone");
     let session = centre.store.sessions().get(&service, page.items[0].session_id).await.unwrap();
-    assert_eq!(session.status().name(), "done", "a session stands by its own work");
+    assert_eq!(session.status().name(), "done", "the session's own job determines its status");
 }
 
 #[tokio::test]
@@ -179,8 +179,8 @@ async fn a_result_that_cannot_be_read_holds_up_nothing_but_its_own_comparison() 
 async fn a_recording_that_cannot_be_tracked_again_leaves_the_session_as_it_was_until_a_person_asks() {
     let centre = practised(1).await;
     let (rescorings, service) = (centre.store.rescorings(), Scope::service());
-    centre.calibrate().await; // another camera than then
-    centre.clock.advance(std::time::Duration::from_millis(1)); // the newest work tells how a session stands
+    centre.calibrate().await; // a newer camera
+    centre.clock.advance(std::time::Duration::from_millis(1)); // the latest job determines the status
     let from_recording = NewRescoring { from: RescoringSource::Recording, which: Which::All };
     let id = rescorings.create(&service, centre.task.id, from_recording).await.unwrap();
     rescoring::look(&centre.store, 1).await.unwrap();

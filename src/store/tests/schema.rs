@@ -1,4 +1,4 @@
-//! The schema: commented, strict, and refusing nonsense whoever writes it.
+//! The schema: it is commented and strict, and refuses invalid rows from any writer.
 
 use std::sync::Arc;
 

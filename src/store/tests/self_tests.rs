@@ -1,4 +1,4 @@
-//! Self-tests of boxes: kept day by day, their recordings not.
+//! Self-tests of boxes: the results are kept, their recordings are not.
 
 use std::time::Duration;
 
@@ -28,12 +28,15 @@ fn report(light: Light) -> SelfTestReport {
     }
 }
 
-/// Sends a recording, and has it judged.
+/// Sends a recording and finishes its self-test.
 async fn test(centre: &Centre, by: &Scope, recording: &Blob, light: Light) {
     let SelfTestInput { calibration, palette, .. } = send(centre, by, recording).await;
     let lease = centre.claim().await.unwrap();
     assert_eq!(lease.job.kind, JobKind::SelfTest);
-    assert!(!centre.store.blobs().unreferenced(9).await.unwrap().contains(&recording.hash), "it is needed until then");
+    assert!(
+        !centre.store.blobs().unreferenced(9).await.unwrap().contains(&recording.hash),
+        "it is needed until the job ends"
+    );
     let new = NewSelfTest { calibration, palette, person: by.person(), report: report(light) };
     centre.store.jobs().finish_self_test(&lease, new).await.unwrap();
 }
@@ -71,10 +74,10 @@ async fn a_self_test_is_kept_with_who_asked_for_it_and_its_recording_is_let_go()
     send(&centre, &Scope::instructor(ines.id), &recording).await;
     assert!(centre.claim().await.is_none(), "the same test is one test");
     let stray = centre.store.blobs().unreferenced(9).await.unwrap();
-    assert_eq!(stray, [recording.hash], "its file came again, and is collected again");
+    assert_eq!(stray, [recording.hash], "the file was sent again and is collected again");
     centre.store.people().delete(&Scope::service(), ines.id).await.unwrap();
     let list = centre.store.self_tests().list(&Scope::service(), centre.the_box.id, &PageRequest::default()).await;
-    assert_eq!(list.unwrap().items[0].who, None, "the light stays when who tested it is gone");
+    assert_eq!(list.unwrap().items[0].who, None, "the light stays when the tester's account is deleted");
     centre.store.boxes().delete(&Scope::service(), &(&centre.the_box.code).into()).await.unwrap();
     assert_eq!(centre.store.check().await.unwrap(), Vec::<String>::new());
 }
@@ -95,7 +98,7 @@ async fn days_are_listed_from_the_newest_in_pages_and_yesterday_is_not_today() {
     let since = async |since_ms| centre.store.self_tests().light_since(&service, of, since_ms).await.unwrap();
     assert_eq!(since(last_ms).await.map(|test| test.light), Some(Light::NotMeasured));
     assert_eq!(since(last_ms + 1).await, None);
-    // Whatever stands in the reports: a list of boxes shows lights and reads no figures.
+    // Spoils the reports: a list of boxes shows lights and must not read any figures.
     let spoil = "UPDATE self_test SET report = '{}'";
     centre.store.write(async move |tx| Ok(sqlx::query(spoil).execute(tx).await?)).await.unwrap();
     assert_eq!(since(last_ms).await.map(|test| test.light), Some(Light::NotMeasured));

@@ -62,7 +62,7 @@ async fn another_role_signs_all_browsers_out_and_another_name_none() {
     let less = PersonChange { role: Some(Role::Instructor), ..PersonChange::default() };
     people.change(&service, ada.id, less).await.unwrap();
     assert!(!counts(of_ada).await);
-    assert!(counts(of_ina).await, "somebody else's");
+    assert!(counts(of_ina).await, "another person's");
 }
 
 #[tokio::test]

@@ -1,4 +1,4 @@
-//! Versions of models of skill: whose sessions they are made of, and that they go with them.
+//! Versions of skill models: their training data, and their withdrawal when that data is erased.
 
 use serde_json::json;
 
@@ -11,7 +11,7 @@ use crate::ids::TraineeId;
 use crate::store::testing::{Centre, NOW_MS, duration};
 use crate::store::{NewSkillModel, PageRequest, StoreError};
 
-/// A model that goes by the duration, said to be of these trainees.
+/// A model by the duration alone, with these trainees as training data.
 fn model(trainees: &[TraineeId]) -> NewSkillModel {
     let share = json!({"value": 0.8, "low": 0.6, "high": 0.9, "people": 24});
     let report = json!({
@@ -73,7 +73,7 @@ async fn a_model_is_withdrawn_with_the_first_session_that_it_may_hold() {
     let centre = Centre::ready().await;
     let (models, service) = (centre.store.skill_models(), Scope::service());
     let (ana, ben) = (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id);
-    let [anas, bens] = [(ana, "a"), (ben, "b")].map(|(whom, content)| centre.session(whom, content));
+    let [anas, bens] = [(ana, "a"), (ben, "b")].map(|(trainee, content)| centre.session(trainee, content));
     let (anas, bens) = (anas.await.id, bens.await.id);
     let made = models.add(&service, centre.task.id, model(&[ana])).await.unwrap();
     assert!(models.is_made_of(made.id, ana).await.unwrap() && !models.is_made_of(made.id, ben).await.unwrap());
@@ -92,9 +92,9 @@ async fn models_are_made_of_the_last_usable_sessions_of_people_of_a_declared_lev
     let ana = trainee(serde_json::json!({"name": "Ana", "level": "expert"})).await;
     let ben = trainee(serde_json::json!({"name": "Ben", "level": "expert"})).await;
     let eve = trainee(serde_json::json!({"name": "Eve"})).await;
-    for (whom, days) in [(ana, 0..4), (ben, 0..1), (eve, 0..1)] {
+    for (trainee, days) in [(ana, 0..4), (ben, 0..1), (eve, 0..1)] {
         for day in days {
-            centre.practised(whom, NOW_MS + day, vec![duration(10.0 + day as f64, 1.0)]).await;
+            centre.practised(trainee, NOW_MS + day, vec![duration(10.0 + day as f64, 1.0)]).await;
         }
     }
     let declared = async |pipeline, each, most| {
@@ -105,7 +105,7 @@ async fn models_are_made_of_the_last_usable_sessions_of_people_of_a_declared_lev
     let anas = |days: &[f64]| days.iter().map(|day| (ana, Level::Expert, 1, 10.0 + day)).collect::<Vec<_>>();
     let mut two = [anas(&[3.0, 2.0]), vec![(ben, Level::Expert, 1, 10.0)]].concat();
     two.sort_by_key(|row| row.0);
-    assert_eq!(declared("1", 2, 9).await, two, "Eve's level nobody declared");
+    assert_eq!(declared("1", 2, 9).await, two, "Eve has no declared level");
     assert_eq!(declared("1", 3, 1).await, anas(&[3.0, 2.0, 1.0]), "of one person: who practised last");
     assert_eq!(declared("2", 2, 9).await, [], "another version of the program");
 }

@@ -1,4 +1,4 @@
-//! Versions of standards, and what progress asks the database.
+//! Versions of standards, and the queries behind a trainee's progress.
 
 use sqlx::Row;
 
@@ -24,7 +24,7 @@ async fn a_standard_is_a_new_version_unless_it_says_the_same() {
     let centre = Centre::new().await;
     let (store, task) = (&centre.store, centre.task.id);
     let teacher = centre.person("ina", Role::Instructor, None).await;
-    centre.person("ada", Role::Administrator, None).await; // one stays, whoever goes
+    centre.person("ada", Role::Administrator, None).await; // one administrator must stay
     assert_eq!(store.standards().in_use(&teacher.scope(), task).await.unwrap(), None);
     let first = store.standards().add(&teacher.scope(), task, definition(2)).await.unwrap();
     assert_eq!((first.version, first.who.as_deref(), &first.definition), (1, Some("ina"), &definition(2)));
@@ -34,7 +34,7 @@ async fn a_standard_is_a_new_version_unless_it_says_the_same() {
     assert_eq!(store.standards().list(&teacher.scope(), task).await.unwrap(), [second.clone(), first]);
     store.people().delete(&Scope::service(), teacher.id).await.unwrap();
     let left = store.standards().list(&Scope::service(), task).await.unwrap();
-    assert_eq!((left[0].clone(), left[1].who.as_deref()), (second, None), "a standard outlives who set it");
+    assert_eq!((left[0].clone(), left[1].who.as_deref()), (second, None), "a standard outlives its author's account");
     store.tasks().delete(&Scope::service(), &Key::from(&task)).await.unwrap();
     assert!(store.standards().list(&Scope::service(), task).await.unwrap().is_empty());
 }
@@ -51,7 +51,7 @@ async fn trainees_read_standards_and_agents_do_not() {
     assert!(store.standards().in_use(&Scope::agent(centre.the_box.id), task).await.unwrap().is_none());
 }
 
-/// Every table of progress is reached along an index, from one person or one result.
+/// Every table that progress reads is accessed by an index, from one person or one result.
 #[tokio::test]
 async fn progress_reads_no_table_from_end_to_end() {
     let centre = Centre::new().await;

@@ -1,4 +1,4 @@
-//! The writer: groups, savepoints, natural keys; what is erased.
+//! The writer: commits of several requests, savepoints, natural keys, and deletion.
 
 use futures_util::future::join_all;
 
@@ -21,7 +21,7 @@ async fn a_request_that_fails_undoes_itself_and_not_its_neighbours_in_the_commit
     let made = join_all(wishes.map(|wish| tasks.create(&service, wish))).await;
     let refused = made.iter().filter(|made| matches!(made, Err(StoreError::Taken { what: "code", .. }))).count();
     assert_eq!((made.iter().filter(|made| made.is_ok()).count(), refused), (21, 9));
-    assert_eq!(tasks.list(&service, &PageRequest::default()).await.unwrap().items.len(), 22); // and the centre's own
+    assert_eq!(tasks.list(&service, &PageRequest::default()).await.unwrap().items.len(), 22); // with the centre's own
 }
 
 #[tokio::test]
@@ -39,7 +39,7 @@ async fn what_was_answered_is_there_for_another_life_of_the_service() {
     let Centre { store, clock, folder, .. } = Centre::new().await;
     let service = Scope::service();
     let made = store.tasks().create(&service, task("Knot", None)).await.unwrap();
-    let other = open(&folder, &clock).await; // beside the first, which ends without closing anything
+    let other = open(&folder, &clock).await; // the first one ends without closing anything
     assert_eq!(other.tasks().get(&service, &Key::from("knot")).await.unwrap(), made);
 }
 
