@@ -1,8 +1,8 @@
-//! What a session says about the person: every feature over the task, and over windows of it.
+//! Measures every feature of a session, over the whole task and over windows of it.
 //!
 //! The *task* runs from the start of the first movement of any tool to the end of the last (see
-//! [`features::movement`]); where nothing moved, over all that was seen. Each tool is measured over the whole task, so a
-//! hand that rests while the other works is idle, not absent.
+//! [`features::movement`]). If nothing moved, it is all of the time a tool was seen. Each tool is measured over the
+//! whole task, so a hand that rests while the other works is idle, not absent.
 
 use super::evidence::{Evidence, Gathering};
 use super::features::errors::replicate::replicate;
@@ -19,7 +19,7 @@ use crate::random::Dice;
 pub struct AssessmentSettings {
     /// How features are measured.
     pub features: FeatureSettings,
-    /// Length of the windows, s (T 4.4): shorter shows better where a fault lies, and is noisier. Usual 10.
+    /// Length of the windows, s (T 4.4). Shorter windows show better where a fault lies, but are noisier. Usual 10.
     pub window_s: f64,
 }
 
@@ -29,25 +29,25 @@ impl Default for AssessmentSettings {
     }
 }
 
-/// More windows than this are not computed: no session is that long.
+/// Maximum number of windows; with more, none is computed. No session is that long.
 pub const MOST_WINDOWS: i64 = 1000;
 
 /// Every feature of a session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assessment {
-    /// Names of the tools; [`FeatureValue::tool`] counts in it.
+    /// Names of the tools; [`FeatureValue::tool`] is an index into this list.
     pub tools: Vec<String>,
-    /// Start and end of what was measured, s; `None` where nothing was seen.
+    /// Start and end of the task, s; `None` if no tool was seen.
     pub task_s: Option<(f64, f64)>,
-    /// Over the whole task.
+    /// Features over the whole task.
     pub features: Vec<FeatureValue>,
-    /// The seconds that made each of these, in their order.
+    /// For each value of `features`, in the same order: the seconds that made it.
     pub evidence: Vec<Evidence>,
-    /// Over each window of the task, in time order; the last may be shorter.
+    /// Features over each window of the task, in time order; the last window may be shorter.
     pub windows: Vec<Window>,
 }
 
-/// A stretch of the task.
+/// One window of the task and its features.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
     /// Start, s.
@@ -59,7 +59,8 @@ pub struct Window {
 }
 
 impl Assessment {
-    /// The same without a single value: of a session whose numbers must not be believed ([`super::quality`]).
+    /// The same assessment with every value withheld, for a session whose measurements cannot be trusted
+    /// ([`super::quality`]).
     pub fn withheld(mut self) -> Self {
         let of_windows = self.windows.iter_mut().flat_map(|window| &mut window.features);
         self.features.iter_mut().chain(of_windows).for_each(|value| {
@@ -70,8 +71,8 @@ impl Assessment {
     }
 }
 
-/// Measures a session. Never fails: what cannot be measured carries its reason. `tools` is what the tracker says of each
-/// tool; nothing of a path that comes alone.
+/// Measures a session. Never fails: a feature that cannot be measured carries the reason. `tools` is the tracker's
+/// quality record of each tool; it is empty for a path that comes without one.
 pub fn assess(trajectory: &Trajectory, tools: &[ToolQuality], settings: &AssessmentSettings) -> Assessment {
     let session = Session::new(trajectory, tools, &settings.features);
     let task = task(&session.motions, &settings.features);
@@ -94,7 +95,7 @@ pub fn motions(trajectory: &Trajectory, settings: &FeatureSettings) -> Vec<Resul
     Session::new(trajectory, &[], settings).motions
 }
 
-/// A session while it is measured; what is known of each tool, in the trajectory's order.
+/// A session being measured. The vectors have one entry a tool, in the trajectory's order.
 struct Session<'a> {
     settings: &'a FeatureSettings,
     samples: Vec<Vec<Sample>>,
@@ -122,15 +123,15 @@ impl<'a> Session<'a> {
         features::measure(&motions, self.settings, |_| true)
     }
 
-    /// Tells how far each value may be off, and takes off the shift that errors cause ([`features::errors`]). The same path
-    /// always gives the same bars. What else wants to hear the replicates hears each.
-    fn add_error_bars(&self, values: &mut [FeatureValue], mut hear: impl FnMut(&[Result<Motion, NotEnough>])) {
-        let anew = |number| {
+    /// Adds an error bar to each value and removes the shift that errors cause ([`features::errors`]). The same path
+    /// always gives the same bars. `on_replicate` receives the motions of each replicate.
+    fn add_error_bars(&self, values: &mut [FeatureValue], mut on_replicate: impl FnMut(&[Result<Motion, NotEnough>])) {
+        let measure_replicate = |number| {
             let motions = self.anew(number)?;
-            hear(&motions);
+            on_replicate(&motions);
             Some(self.of_task(&motions))
         };
-        let replicates: Option<Vec<_>> = (0..REPLICATES).map(anew).collect();
+        let replicates: Option<Vec<_>> = (0..REPLICATES).map(measure_replicate).collect();
         for (index, value) in values.iter_mut().enumerate() {
             let bar = match (value.value, &replicates) {
                 (Err(_), _) => Err(NoErrorBar::NoValue),
@@ -145,7 +146,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// The motions of the session as it could have been seen just as well.
+    /// The motions of one replicate: the session as the tracker could have seen it just as well. `None` if the path
+    /// states no errors.
     fn anew(&self, number: usize) -> Option<Vec<Result<Motion, NotEnough>>> {
         let of_tool = |(tool, samples): (usize, &Vec<Sample>)| {
             let samples = replicate(samples, &mut Dice::new(number as u64, &format!("errors of tool {tool}")))?;
@@ -154,7 +156,7 @@ impl<'a> Session<'a> {
         self.samples.iter().enumerate().map(of_tool).collect()
     }
 
-    /// The motions within an interval. A tool that was never seen is absent from it all the time.
+    /// The motions within an interval. A tool that was never seen has an empty motion over it.
     fn clipped(&self, motions: &[Result<Motion, NotEnough>], interval: Interval) -> Vec<Result<Motion, NotEnough>> {
         let clip = |(motion, known): (&Result<Motion, NotEnough>, &Known)| {
             let mut clipped = match motion {

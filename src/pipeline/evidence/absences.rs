@@ -1,11 +1,11 @@
-//! Absences: where a tool was not seen, and whose doing that was.
+//! Absences: where a tool was not seen, and the cause.
 
 use super::{Adds, Cause, Errors, Question, What, seconds_of};
 use crate::pipeline::features::FeatureSettings;
 use crate::pipeline::features::motion::{Interval, Motion};
 use crate::pipeline::features::view::absences;
 
-/// The absences, of one cause or of any; errors of what was seen have no part in them.
+/// The absences, of one cause or of all. Measurement errors do not affect them.
 pub(super) fn of_tool<'a>(
     motions: &[&Motion],
     settings: &FeatureSettings,

@@ -1,10 +1,10 @@
-//! Bursts: where the motion's power lies in a band of frequencies.
+//! Bursts: stretches of motion with power in a frequency band.
 
 use super::{Adds, Errors, Question, What, nodes};
 use crate::pipeline::features::motion::{Interval, Motion};
 use crate::pipeline::features::spectrum::Bands;
 
-/// Stretches by how fast the tip moves within a band, as root mean square speed, mm/s.
+/// Stretches weighed by the speed of the tip within a frequency band, root mean square, mm/s.
 pub(super) fn within<'a>(motions: &[&Motion], (low_hz, high_hz): (f64, f64)) -> Question<'a> {
     let own = motions[0];
     let bands = Bands::new(own.step_s);

@@ -1,4 +1,4 @@
-//! What each feature's evidence is: one table, which names every feature.
+//! The kind of stretch that each feature has: one table that names every feature.
 
 use super::movements::{Measure, Way};
 use super::seconds::{Between, Second};
@@ -8,8 +8,8 @@ use crate::pipeline::features::pauses::Tier;
 use crate::pipeline::features::spectrum::TREMOR_HZ;
 use crate::pipeline::features::{FeatureSettings, FeatureValue};
 
-/// What is asked about a feature that was measured so on these motions, one's own first; `None` of one that has no place in time,
-/// because the whole task makes it alike.
+/// How to find the stretches of a feature with this measured value on these motions, the tool's own first. `None` if
+/// the feature has no stretches, because the whole task contributes alike.
 pub(super) fn question<'a>(
     value: &FeatureValue,
     measured: f64,
@@ -76,6 +76,6 @@ pub(super) fn question<'a>(
     })
 }
 
-/// Features that the whole task makes alike: means and medians of which neither more nor less is a fault.
+/// Features that come from the whole task alike: means and medians for which neither more nor less is a fault.
 #[cfg(test)]
 pub(super) const WHOLE: [&str; 3] = ["mean_velocity", "median_velocity", "tip_distance"];

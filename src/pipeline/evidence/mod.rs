@@ -1,28 +1,28 @@
-//! Evidence: the seconds that made a feature what it is, so that a person can look at them.
+//! Feature stretches: the seconds that made a feature what it is, so that a person can watch them.
 //!
-//! **In:** the motions that the features were measured on, and the same as they could have been seen just as well
-//! ([`super::features::errors::replicate`]). **Out:** for each feature, tool and space at most [`MOST_STRETCHES`] stretches of
-//! time that do not overlap, the weightiest first, or the reason why there are none.
+//! **In:** the motions that the features were measured on, and replicates of them as the tracker could have seen them
+//! just as well ([`super::features::errors::replicate`]). **Out:** for each feature, tool and space at most
+//! [`MAX_STRETCHES`] stretches of time that do not overlap, the weightiest first, or the reason why there are none.
 //!
-//! **Method.** What a feature's evidence is stands in one table, [`kinds`]: a pause is a rest, a long path its detours, a
-//! trembling hand the bursts of 3 to 6 Hz. Each kind proposes stretches and says how much each holds; the weightiest are asked
-//! again of every replicate of the path. What errors alone would add is taken off, and only what then still lies beyond the
-//! session's own usual by more than errors make of the weightiest of so many is told: a place where the tracker trembles is
-//! nobody's tremor. A stretch lies in what was seen; where nothing was seen, only the features of the view point, and say whose
-//! doing it was.
+//! **Method.** One table, [`kinds`], states the kind of stretch for each feature: for pauses the rests, for a long path
+//! the detours, for tremor the bursts of 3 to 6 Hz. Each kind proposes stretches and measures how much each contains.
+//! The weightiest ones are measured again on every replicate of the path. The amount that errors alone add is removed.
+//! A stretch is reported only if the remaining amount exceeds the session's usual one by more than errors can explain
+//! for the weightiest of so many: trembling of the tracker must not count as tremor of the hand. A stretch lies where
+//! the tool was seen. Only the features of the view report stretches where it was not seen, with the cause.
 //!
-//! | file | holds |
+//! | file | contents |
 //! |---|---|
-//! | `kinds.rs` | what each feature's evidence is |
-//! | `rests.rs` | rests, slowness, hands at rest or alone |
+//! | `kinds.rs` | the kind of stretch for each feature |
+//! | `rests.rs` | rests, slow motion, hands at rest or alone |
 //! | `movements.rs` | movements, their detours and their measures |
 //! | `seconds.rs` | the fastest, most crooked, farthest seconds |
-//! | `bursts.rs` | power in a band of frequencies |
+//! | `bursts.rs` | power in a frequency band |
 //! | `absences.rs` | where a tool was not seen |
-//! | `weigh.rs` | which stretches are told |
+//! | `weigh.rs` | the selection of the stretches to report |
 //!
-//! **Gives up** with [`NoStretches`]: a path that does not state its own errors has no evidence, for nobody could tell the hand
-//! from the tracker.
+//! **Gives up** with [`NoStretches`]: a path that does not state its own errors has no stretches, because the hand's
+//! motion could not be distinguished from the tracker's errors.
 
 mod absences;
 mod bursts;
@@ -42,25 +42,25 @@ use super::features::view::Cause;
 use super::features::{Feature, FeatureSettings, FeatureValue, NotEnough, Space};
 use weigh::{Adds, Amount, Candidate, Errors, Question};
 
-/// Stretches that are told of a feature, at most: who looks at three places has seen the fault.
+/// Maximum number of stretches per feature: three places are enough to see a fault.
 pub const MOST_STRETCHES: usize = 3;
 
 /// The seconds that made one feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evidence {
-    /// Of which feature.
+    /// The feature.
     pub feature: &'static Feature,
-    /// Whose, as an index into the trajectory's tools; `None` for the session as a whole.
+    /// The tool, as an index into the trajectory's tools; `None` for the session as a whole.
     pub tool: Option<usize>,
-    /// In which space.
+    /// The space it was measured in.
     pub space: Space,
-    /// What the stretches are; `None` where the feature has no place in time.
+    /// The kind of its stretches; `None` if the whole task contributes alike.
     pub what: Option<What>,
     /// The stretches, the weightiest first, or why there are none.
     pub stretches: Result<Vec<Stretch>, NoStretches>,
 }
 
-/// What a stretch is, and what it is weighed by.
+/// The kind of a stretch, and the unit that it is weighed in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct What {
     /// Stable name for files, API and pages.
@@ -76,34 +76,34 @@ pub struct Stretch {
     pub from_s: f64,
     /// End, s.
     pub to_s: f64,
-    /// How much of it there was, in the unit of [`What`], as measured.
+    /// The measured amount, in the unit of [`StretchKind`].
     pub amount: f64,
-    /// The share of the feature's value, as measured, that it made, 0 to 1; `None` of what does not add up.
+    /// Its share of the feature's measured value, 0 to 1; `None` if amounts do not add up to the value.
     pub share: Option<f64>,
-    /// Where the tool was not seen: whose doing that was, if the tracker says.
+    /// For a stretch where the tool was not seen: the cause, if the tracker states it.
     pub cause: Option<Cause>,
 }
 
 /// Why a feature has no stretches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoStretches {
-    /// It has no place in time.
-    #[error("the whole task made it alike")]
+    /// The whole task contributes alike.
+    #[error("the whole task contributed equally")]
     Whole,
-    /// There is no value that anything could have made.
+    /// The feature has no value.
     #[error("there is no value")]
     NoValue,
-    /// The path does not say how far it may be off.
-    #[error("the path does not state its own errors, so that the hand's doing cannot be told from the tracker's")]
+    /// The path does not state its own errors.
+    #[error("the path does not state its own errors, so the hand's motion cannot be distinguished from them")]
     NotStated,
     /// The task has no stretch of this kind: no rest, no absence, no movement.
     #[error("the task has no stretch of this kind")]
     Nothing,
-    /// All of it could be errors, or is as usual.
-    #[error("no part of the task stands out from the rest of it by more than the path's errors")]
+    /// Nothing exceeds the usual amount by more than errors can explain.
+    #[error("no part of the task differs from the rest by more than the path's errors")]
     NothingStandsOut,
     /// The session is refused.
-    #[error("the session is refused")]
+    #[error("the session was refused")]
     Refused,
 }
 
@@ -122,13 +122,13 @@ impl NoStretches {
 }
 
 impl Evidence {
-    /// The same of a session whose numbers must not be believed.
+    /// The same with the stretches withheld, for a session whose measurements cannot be trusted.
     pub fn withheld(self) -> Self {
         Self { stretches: Err(NoStretches::Refused), ..self }
     }
 }
 
-/// Evidence while it is gathered: stretches are proposed once, then every replicate of the path is heard.
+/// Collects feature stretches: proposes candidates once, then measures them on every replicate of the path.
 pub struct Gathering<'a> {
     asked: Vec<Asked<'a>>,
     heard: usize,
@@ -141,7 +141,8 @@ struct Asked<'a> {
 }
 
 impl<'a> Gathering<'a> {
-    /// Proposes stretches for these values. They were measured on these motions, with errors or without; values are as measured.
+    /// Proposes stretches for these values. The values are as measured on these motions; whether they state errors does
+    /// not matter.
     pub fn new(
         values: &[FeatureValue],
         motions: &'a [Result<Motion, NotEnough>],
@@ -163,7 +164,7 @@ impl<'a> Gathering<'a> {
         Self { asked: values.iter().map(asked).collect(), heard: 0 }
     }
 
-    /// Asks a replicate of the path how much of each stretch is in it.
+    /// Measures every candidate on a replicate of the path.
     pub fn hear(&mut self, motions: &[Result<Motion, NotEnough>]) {
         let spaces = [Space::ThreeD, Space::Image].map(|space| Flat::of(motions, space));
         self.heard += 1;
@@ -176,7 +177,7 @@ impl<'a> Gathering<'a> {
         }
     }
 
-    /// What is the hand's doing, of all that was proposed. A path of which no replicate was heard does not state its errors.
+    /// Selects the stretches that the hand caused. If no replicate was added, the path does not state its errors.
     pub fn end(self, step_s: f64) -> Vec<Evidence> {
         let heard = self.heard;
         self.asked.into_iter().map(|asked| asked.end(heard, step_s)).collect()
@@ -204,7 +205,7 @@ impl<'m> Flat<'m> {
         Self(motions.iter().map(|motion| motion.as_ref().ok().map(in_space)).collect())
     }
 
-    /// The motions that a value was measured on: one's own first, then the others; of the session all of them.
+    /// The motions that a value was measured on: the tool's own first, then the others; for the session, all of them.
     fn of_value(&self, tool: Option<usize>) -> Vec<&Motion> {
         let own = tool.map(|tool| self.0.get(tool).and_then(Option::as_deref));
         let others = self.0.iter().enumerate().filter(|(index, _)| Some(*index) != tool);
@@ -216,7 +217,7 @@ impl<'m> Flat<'m> {
     }
 }
 
-/// The nodes of a motion within an interval, if it was seen all the time.
+/// The nodes of a motion within an interval, if the tool was seen in all of it.
 fn nodes(motion: &Motion, interval: Interval) -> Option<&[Node]> {
     let next = motion.spans.partition_point(|span| span.last() < interval.first);
     let span = motion.spans.get(next)?;
@@ -224,12 +225,12 @@ fn nodes(motion: &Motion, interval: Interval) -> Option<&[Node]> {
     span.nodes.get(index(interval.first)?..=index(interval.last)?)
 }
 
-/// How long an interval is, s.
+/// The length of an interval, s.
 fn seconds_of(interval: Interval, motion: &Motion) -> f64 {
     interval.steps() as f64 * motion.step_s
 }
 
-/// Neighbouring nodes: steps of the path.
+/// Pairs of adjacent nodes: the steps of the path.
 fn steps(nodes: &[Node]) -> impl Iterator<Item = (&Node, &Node)> {
     nodes.iter().zip(nodes.iter().skip(1))
 }

@@ -1,7 +1,7 @@
-//! Movements: the way that each goes about, its smoothness, its corrections.
+//! Movements: their detours, their smoothness and their corrections.
 //!
-//! A movement that never ends is no place to look at: of one longer than features take for one movement, the worst stretches of
-//! that length are.
+//! A very long movement is too long to watch. If a movement is longer than the features accept, it is divided into
+//! stretches of the maximum length.
 
 use nalgebra::Point3;
 
@@ -15,20 +15,20 @@ use crate::pipeline::features::straightness::way_about;
 use crate::pipeline::features::submovements::peaks;
 use crate::pipeline::features::turning::angle;
 
-/// Of what a way goes farther than it must.
+/// What a detour is measured in.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Way {
-    /// Its length, mm.
+    /// Path length, mm.
     Length,
-    /// Its depth, mm.
+    /// Travel in depth, mm.
     Depth,
-    /// The angle about the trocar, rad.
+    /// Angle about the trocar, rad.
     Turn(Point3<f64>),
-    /// The distance from the trocar, mm.
+    /// Travel along the tool, to and from the trocar, mm.
     Insertion(Point3<f64>),
 }
 
-/// What is told of a whole movement.
+/// A measure of a whole movement.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Measure {
     /// Log dimensionless jerk.
@@ -37,16 +37,16 @@ pub(super) enum Measure {
     Jerk,
     /// Spectral arc length.
     ArcLength,
-    /// Path by straight distance.
+    /// Path length divided by the straight distance.
     Ratio,
-    /// Path by the way about the trocar.
+    /// Path length divided by the shortest way about the trocar.
     RatioAbout(Point3<f64>),
 }
 
-/// How much of the time is stepped on between two stretches of one movement, s.
+/// Time between the starts of two stretches of one long movement, s.
 const STEP_S: f64 = 1.0;
 
-/// Detours: what movements go farther than from their start to their end.
+/// Detours: how much longer movements are than the way from their start to their end.
 pub(super) fn detours<'a>(motions: &[&Motion], settings: &'a FeatureSettings, way: Way, adds: Adds) -> Question<'a> {
     let what = match way {
         Way::Length => What { name: "detour", unit: "mm" },
@@ -78,7 +78,7 @@ pub(super) fn crooked<'a>(motions: &[&Motion], settings: &'a FeatureSettings) ->
     question(what, stretches(motions[0], settings), Box::new(amount), Adds::Not, Errors::InSquares)
 }
 
-/// Movements by a measure of their own, worse than the session's median.
+/// Movements weighed by a measure, if they are worse than the session's median.
 pub(super) fn worst<'a>(
     motions: &[&Motion],
     settings: &'a FeatureSettings,
@@ -111,13 +111,14 @@ pub(super) fn worst<'a>(
     Question { usual: median, less_is_worse, ..question }
 }
 
-/// A hand that knows its way needs so many pushes a movement.
+/// Number of pushes per movement that a practised hand needs.
 const PUSHES: f64 = 2.0;
 
-/// What lies farther off, s, has no part in what a push stands out from: the whole of an hour need not be read for each movement.
+/// Time around a movement that is searched for speed peaks, s. Speeds farther away do not change which peaks stand out,
+/// so a long recording need not be read again for each movement.
 const AROUND_S: f64 = 10.0;
 
-/// Movements that are made of many pushes.
+/// Movements that consist of many pushes.
 pub(super) fn corrected<'a>(motions: &[&Motion], settings: &'a FeatureSettings, total: f64) -> Question<'a> {
     let amount = |motions: &[&Motion], interval: Interval| {
         let own = motions.first()?;
@@ -134,10 +135,10 @@ pub(super) fn corrected<'a>(motions: &[&Motion], settings: &'a FeatureSettings, 
     Question { usual: PUSHES, ..question }
 }
 
-/// Stretches of so many seconds in which movements are counted.
+/// Length of the stretches for counting movements, s.
 const COUNTED_S: f64 = 10.0;
 
-/// Where movements come thick and fast: more of them than usual in ten seconds.
+/// Where movements are frequent: more of them than usual in ten seconds.
 pub(super) fn many<'a>(motions: &[&Motion], settings: &'a FeatureSettings, total: f64, adds: Adds) -> Question<'a> {
     let own = motions[0];
     let all = movements(own, settings);
@@ -165,7 +166,7 @@ fn question<'a>(what: What, proposed: Vec<Interval>, amount: Amount<'a>, adds: A
     Question { what, proposed, amount, usual: 0.0, less_is_worse: false, adds, errors }
 }
 
-/// The movements, and of each that is too long the stretches of the longest length.
+/// The movements; each one that is too long is replaced by overlapping stretches of the maximum length.
 fn stretches(own: &Motion, settings: &FeatureSettings) -> Vec<Interval> {
     let [longest, step] = [settings.longest_movement_s, STEP_S].map(|s| ((s / own.step_s).round() as i64).max(1));
     let of_movement = |movement: &Span| {

@@ -1,4 +1,4 @@
-//! Rests of a tool, its slowness, and what both hands do at the same time.
+//! Stretches of rest: a tool's rests, its slow motion, and one or both hands at rest.
 
 use super::{Adds, Amount, Cause, Errors, Question, What, nodes, steps};
 use crate::pipeline::features::FeatureSettings;
@@ -12,7 +12,8 @@ const SLOW: What = What { name: "slow", unit: "s" };
 const ONE_HAND: What = What { name: "one_hand_alone", unit: "s" };
 const THIS_HAND: What = What { name: "this_hand_alone", unit: "s" };
 
-/// The rests of a tool whose length, in steps, is wanted; `within_own`: only between its own first and last movement.
+/// The rests of a tool whose length, in steps, is wanted. With `within_own` only those between its own first and last
+/// movement.
 pub(super) fn of_tool<'a>(
     motions: &[&Motion],
     settings: &'a FeatureSettings,
@@ -28,12 +29,12 @@ pub(super) fn of_tool<'a>(
     plain(REST, proposed.collect(), Box::new(amount), adds)
 }
 
-/// Is a rest of so many steps as long as a pause?
+/// True if a rest of this many steps is long enough for a pause.
 pub(super) fn is_pause(steps: i64, settings: &FeatureSettings) -> bool {
     steps as f64 * settings.step_s >= settings.pause_min_s - 1e-9
 }
 
-/// Where no tool is in a movement, and all that are seen at all are in sight, for as long as a pause.
+/// Where no tool is in a movement for at least the length of a pause, while all tools that are seen at all are in view.
 pub(super) fn of_all<'a>(motions: &[&Motion], settings: &'a FeatureSettings, adds: Adds) -> Question<'a> {
     let proposed = all_resting(&seen(motions), settings).into_iter().filter(|run| is_pause(run.steps(), settings));
     let amount = |motions: &[&Motion], interval: Interval| {
@@ -44,7 +45,7 @@ pub(super) fn of_all<'a>(motions: &[&Motion], settings: &'a FeatureSettings, add
     plain(ALL_AT_REST, proposed.map(|run| (run, None)).collect(), Box::new(amount), adds)
 }
 
-/// Where both hands rest in sight; `share` of the time in which both are.
+/// Where both hands rest in view; `share` is their share of the time with both in view.
 pub(super) fn of_both<'a>(motions: &[&Motion], settings: &'a FeatureSettings, share: f64) -> Option<Question<'a>> {
     let pair = motions.get(..2)?;
     let total_s = share * count(pair, pair[0].interval, settings, |_| true) * pair[0].step_s;
@@ -55,7 +56,7 @@ fn seen<'m>(motions: &[&'m Motion]) -> Vec<&'m Motion> {
     motions.iter().copied().filter(|motion| !motion.spans.is_empty()).collect()
 }
 
-/// Below the thinking speed.
+/// Where the tool is below the thinking speed.
 pub(super) fn slow<'a>(motions: &[&Motion], settings: &'a FeatureSettings, total_s: f64) -> Question<'a> {
     let mut proposed: Vec<Interval> = Vec::new();
     for span in &motions[0].spans {
@@ -77,7 +78,7 @@ pub(super) fn slow<'a>(motions: &[&Motion], settings: &'a FeatureSettings, total
     plain(SLOW, proposed, Box::new(amount), Adds::Up(total_s))
 }
 
-/// Where one hand works alone: any, or one's own. It may pause for a moment meanwhile; only its movements count.
+/// Where one hand works alone: either hand, or the tool's own. The hand may pause briefly; only its movements count.
 pub(super) fn alone<'a>(
     motions: &[&Motion],
     settings: &'a FeatureSettings,
@@ -104,13 +105,13 @@ fn plain<'a>(what: What, proposed: Vec<(Interval, Option<Cause>)>, amount: Amoun
     Question { what, proposed, amount, usual: 0.0, less_is_worse: false, adds, errors: Errors::Plainly }
 }
 
-/// For how long a tool is in no movement, s.
+/// Time that a tool is not in a movement, s.
 fn rests_s(motion: &Motion, interval: Interval, settings: &FeatureSettings) -> f64 {
     let moving = movements(motion, settings).iter().filter_map(|movement| movement.interval().common(interval));
     (interval.steps() - moving.map(Interval::steps).sum::<i64>()) as f64 * motion.step_s
 }
 
-/// What a tool does at an instant.
+/// The state of a tool at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Unseen,
@@ -118,7 +119,7 @@ enum State {
     Moving,
 }
 
-/// What each tool does at each instant of an interval, instant after instant.
+/// The state of each tool at each instant of an interval, instant after instant.
 fn states(motions: &[&Motion], interval: Interval, settings: &FeatureSettings) -> Vec<State> {
     let tools = motions.len();
     let mut states = vec![State::Unseen; usize::try_from(interval.steps() + 1).unwrap_or(0) * tools];
@@ -137,13 +138,13 @@ fn states(motions: &[&Motion], interval: Interval, settings: &FeatureSettings) -
     states
 }
 
-/// At how many instants all tools are seen and this holds.
+/// Number of instants at which all tools are seen and `holds` is true.
 fn count(motions: &[&Motion], interval: Interval, settings: &FeatureSettings, holds: impl Fn(&[State]) -> bool) -> f64 {
     let states = states(motions, interval, settings);
     states.chunks_exact(motions.len()).filter(|at| !at.contains(&State::Unseen) && holds(at)).count() as f64
 }
 
-/// Stretches in which all tools rest in sight.
+/// Stretches where all tools rest in view.
 fn all_resting(motions: &[&Motion], settings: &FeatureSettings) -> Vec<Interval> {
     let Some(first) = motions.first().map(|motion| motion.interval.first) else { return Vec::new() };
     let states = states(motions, motions[0].interval, settings);
@@ -158,22 +159,22 @@ fn all_resting(motions: &[&Motion], settings: &FeatureSettings) -> Vec<Interval>
     runs
 }
 
-/// Stretches in which one of two hands works while the other rests in sight, without a pause of both.
+/// Stretches where one hand works while the other rests in view, without a pause of both.
 fn workings(pair: &[&Motion], hand: usize, settings: &FeatureSettings) -> Vec<Interval> {
     let longest = (settings.pause_min_s / settings.step_s).round() as i64;
     let first = pair[0].interval.first;
-    let (mut runs, mut goes_on) = (Vec::<Interval>::new(), false);
+    let (mut runs, mut continues) = (Vec::<Interval>::new(), false);
     for (instant, at) in (first..).zip(states(pair, pair[0].interval, settings).chunks_exact(pair.len())) {
         match (at[hand], at[1 - hand]) {
             (State::Moving, State::Resting) => {
                 match runs.last_mut() {
-                    Some(run) if goes_on && instant - run.last < longest => run.last = instant,
+                    Some(run) if continues && instant - run.last < longest => run.last = instant,
                     _ => runs.push(Interval { first: instant, last: instant }),
                 }
-                goes_on = true;
+                continues = true;
             }
             (State::Resting, State::Resting) => {}
-            _ => goes_on = false,
+            _ => continues = false,
         }
     }
     runs

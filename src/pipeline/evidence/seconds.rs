@@ -8,7 +8,7 @@ use crate::pipeline::features::curvature::bend;
 use crate::pipeline::features::motion::{Interval, Motion, Node};
 use crate::pipeline::features::turning::angle;
 
-/// What a second is weighed by.
+/// What a second of one tool is weighed by.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Second {
     /// Mean speed.
@@ -17,28 +17,29 @@ pub(super) enum Second {
     Unsteady,
     /// Angle about the trocar.
     Turning(Point3<f64>),
-    /// How far the path bends where it moves.
+    /// How much the path bends while the tool moves.
     Bending,
-    /// Distance from the mean place.
+    /// Distance from the mean position.
     Outlying,
 }
 
-/// What a second of two tools is weighed by.
+/// What a second of two tools is weighed by: the distance between the tips.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Between {
-    /// The tips are far apart.
+    /// A large distance.
     Far,
-    /// They are near each other.
+    /// A small distance.
     Near,
-    /// Their distance is not the usual one.
+    /// An unusual distance.
     Unusual,
 }
 
-/// Length of a stretch, s, and how far apart two of them begin.
+/// Length of a stretch, s.
 const LENGTH_S: f64 = 1.0;
+/// Time between the starts of two stretches, s.
 const STEP_S: f64 = 0.1;
 
-/// Seconds of one tool.
+/// Seconds of one tool, weighed by a measure.
 pub(super) fn of_tool<'a>(motions: &[&Motion], settings: &'a FeatureSettings, by: Second) -> Question<'a> {
     let own = motions[0];
     let (name, unit) = match by {
@@ -69,7 +70,7 @@ pub(super) fn of_tool<'a>(motions: &[&Motion], settings: &'a FeatureSettings, by
     }
 }
 
-/// The mean of what a second is weighed by.
+/// The mean of the measure over some nodes.
 fn weight(nodes: &[Node], by: Second, middle: Vector3<f64>, step_s: f64, settings: &FeatureSettings) -> f64 {
     let mean = |of: &dyn Fn(&Node) -> f64| nodes.iter().map(of).sum::<f64>() / nodes.len() as f64;
     match by {
@@ -87,7 +88,7 @@ fn weight(nodes: &[Node], by: Second, middle: Vector3<f64>, step_s: f64, setting
     }
 }
 
-/// Seconds in which both tips are seen, by the distance between them.
+/// Seconds with both tips in view, weighed by the distance between them.
 pub(super) fn between<'a>(motions: &[&Motion], by: Between) -> Option<Question<'a>> {
     let [a, b, ..] = motions else { return None };
     let both = |of_a: Interval| b.spans.iter().filter_map(move |of_b| of_a.common(of_b.interval()));

@@ -1,4 +1,5 @@
-//! Evidence as laws: where stretches lie, what they add up to, that what was planted is found, and that errors are not.
+//! Laws of feature stretches: where they lie, what they add up to, that planted faults are found, and that errors are
+//! not.
 
 use std::f64::consts::TAU;
 
@@ -16,7 +17,7 @@ type Path<'a> = dyn Fn(f64) -> Point3<f64> + 'a;
 
 const FPS: f64 = 50.0;
 
-/// Samples at 50 a second from `start_s` on, with the errors that they state.
+/// Samples at 50 a second from `start_s`, with the errors that they state.
 fn record(start_s: f64, length_s: f64, paths: &[&Path<'_>], sigma_mm: f64) -> Trajectory {
     let frames = (length_s * FPS) as u64;
     let time_s = |frame: u64| start_s + frame as f64 / FPS;
@@ -59,7 +60,7 @@ fn first(assessment: &Assessment, name: &str, tool: Option<usize>) -> Stretch {
     }
 }
 
-/// There and back over 40 mm every two seconds, resting where it is told: `stop` is when, and for how long, s.
+/// Strokes of 40 mm there and back every two seconds, with one rest: `stop` is its start and its length, s.
 fn strokes(stop: (f64, f64)) -> impl Fn(f64) -> Point3<f64> {
     move |t| {
         let moved = if t < stop.0 { t } else { (t - stop.1).max(stop.0) };
@@ -68,7 +69,7 @@ fn strokes(stop: (f64, f64)) -> impl Fn(f64) -> Point3<f64> {
     }
 }
 
-/// The same, with a loop of 15 mm from `at_s` on for a second and a half.
+/// The same, with a loop of 15 mm that starts at `at_s` and lasts 1.5 s.
 fn with_loop(at_s: f64) -> impl Fn(f64) -> Point3<f64> {
     move |t| {
         let along = Point3::new(2.0 * t + 8.0 * (TAU * t / 5.0 - TAU / 4.0).sin(), 0.0, 180.0);
@@ -78,7 +79,7 @@ fn with_loop(at_s: f64) -> impl Fn(f64) -> Point3<f64> {
     }
 }
 
-/// The strokes, trembling at 4.5 Hz with 1.2 mm from `at_s` on for three seconds.
+/// The strokes with a tremor of 4.5 Hz and 1.2 mm for three seconds from `at_s`.
 fn trembling(at_s: f64) -> impl Fn(f64) -> Point3<f64> {
     let base = strokes((1e9, 0.0));
     move |t| {
@@ -106,7 +107,7 @@ fn stretches_lie_in_the_task_do_not_overlap_and_add_up_to_no_more_than_the_value
     let (a, b) = (with_loop(11.0), trembling(20.0));
     let assessment = assessed(&record(0.0, 40.0, &[&a, &b], 0.02));
     let (start, end) = assessment.task_s.unwrap();
-    let mut told = 0;
+    let mut found = 0;
     for evidence in &assessment.evidence {
         let Ok(stretches) = &evidence.stretches else { continue };
         let name = evidence.feature.name;
@@ -121,9 +122,9 @@ fn stretches_lie_in_the_task_do_not_overlap_and_add_up_to_no_more_than_the_value
         }
         let shares: f64 = stretches.iter().filter_map(|stretch| stretch.share).sum();
         assert!(shares <= 1.0 + 1e-9, "{name}: {stretches:?}");
-        told += 1;
+        found += 1;
     }
-    assert!(told > 30, "{told} features have stretches");
+    assert!(found > 30, "{found} features have stretches");
 }
 
 #[test]

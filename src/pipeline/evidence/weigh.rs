@@ -1,65 +1,65 @@
-//! Which of the proposed stretches are told: the weightiest that the replicates bear out.
+//! Selects the stretches to report: the weightiest proposed ones that the replicates confirm.
 
 use super::super::features::motion::{Interval, Motion};
 use super::super::features::view::Cause;
 use super::super::score::distribution::student_quantile;
 use super::{MOST_STRETCHES, NoStretches, Stretch, What};
 
-/// Stretches that are tried for these, the weightiest first.
+/// Maximum number of candidates that are tested on the replicates, the weightiest first.
 const TRIED: usize = 8;
 
-/// The chance that errors alone make one of all stretches of a feature stand out, one-sided. The weightiest of many is weighty by
-/// luck too, so each is asked with its share of this (Bonferroni).
+/// Chance that errors alone make any stretch of a feature stand out, one-sided. The weightiest of many stretches is
+/// partly weighty by luck, so each is tested at its share of this chance (Bonferroni).
 const BY_CHANCE: f64 = 0.025;
 
-/// Of a stretch that is the hand's at least this share of it is left once what errors add is taken off.
+/// Minimum share of a stretch's amount that must remain after the amount added by errors is removed.
 const LEFT_SHARE: f64 = 0.5;
 
-/// Of the replicates so many must have a stretch's amount at all.
+/// Minimum share of the replicates that must have an amount for a stretch.
 const ENOUGH_SHARE: f64 = 0.85;
 
-/// How much of something a stretch holds on these motions, one's own first; `None` where that cannot be said.
+/// Measures the amount of a stretch on these motions, the tool's own first; `None` if it cannot be measured.
 pub(super) type Amount<'a> = Box<dyn Fn(&[&Motion], Interval) -> Option<f64> + 'a>;
 
-/// What is asked about one feature.
+/// How to find the stretches of one feature.
 pub(super) struct Question<'a> {
     pub(super) what: What,
-    /// Stretches to weigh.
+    /// Stretches to test.
     pub(super) proposed: Vec<(Interval, Option<Cause>)>,
     pub(super) amount: Amount<'a>,
-    /// An amount that is as usual in this session.
+    /// The usual amount in this session.
     pub(super) usual: f64,
-    /// Is less of it more of a fault?
+    /// True if a smaller amount is worse.
     pub(super) less_is_worse: bool,
-    /// How amounts make the value.
+    /// How the amounts add up to the value.
     pub(super) adds: Adds,
-    /// How errors come into an amount.
+    /// How errors add to an amount.
     pub(super) errors: Errors,
 }
 
-/// How stretches' amounts make a value.
+/// How the amounts of stretches add up to a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Adds {
     /// They do not add up.
     Not,
-    /// Their sum over all of the task is this.
+    /// Their sum over the whole task is this.
     Up(f64),
     /// The sum of their squares is this.
     InSquares(f64),
 }
 
-/// How errors come into an amount.
+/// How errors add to an amount.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Errors {
-    /// As they come into a length: in squares.
+    /// In squares, as they add to a length.
     InSquares,
-    /// Otherwise.
+    /// In another way; the shift is removed linearly.
     Plainly,
     /// Not at all.
     Not,
 }
 
-/// A stretch that may be told, and what the replicates say of it.
+/// A stretch that may be reported, with its amounts on the replicates.
 pub(super) struct Candidate {
     pub(super) interval: Interval,
     pub(super) cause: Option<Cause>,
@@ -68,7 +68,7 @@ pub(super) struct Candidate {
 }
 
 impl Question<'_> {
-    /// The weightiest of what is proposed that do not overlap and are more than usual.
+    /// The weightiest proposed stretches that do not overlap and exceed the usual amount.
     pub(super) fn weightiest(&self, motions: &[&Motion]) -> Vec<Candidate> {
         let amount = |&(interval, cause): &(Interval, Option<Cause>)| {
             let amount = (self.amount)(motions, interval).filter(|amount| amount.is_finite())?;
@@ -76,7 +76,7 @@ impl Question<'_> {
         };
         let mut all: Vec<Candidate> = self.proposed.iter().filter_map(amount).collect();
         all.retain(|candidate| self.faulty(candidate.amount) > self.faulty(self.usual));
-        // Of amounts that differ by rounding alone the earlier goes first.
+        // Of amounts that differ only by rounding, the earlier stretch comes first.
         let weight = |candidate: &Candidate| self.faulty(candidate.amount) as f32;
         all.sort_by(|a, b| weight(b).total_cmp(&weight(a)).then(a.interval.first.cmp(&b.interval.first)));
         let mut kept: Vec<Candidate> = Vec::new();
@@ -89,7 +89,7 @@ impl Question<'_> {
         kept
     }
 
-    /// An amount, larger where it is worse.
+    /// The amount with its sign set so that larger is worse.
     fn faulty(&self, amount: f64) -> f64 {
         if self.less_is_worse { -amount } else { amount }
     }
@@ -114,11 +114,11 @@ impl Question<'_> {
             share: self.adds.share(candidate.amount),
             cause: candidate.cause,
         };
-        let told: Vec<Stretch> = candidates.iter().filter(is_the_hands).take(MOST_STRETCHES).map(stretch).collect();
-        if told.is_empty() { Err(NoStretches::NothingStandsOut) } else { Ok(told) }
+        let selected: Vec<Stretch> = candidates.iter().filter(is_the_hands).take(MOST_STRETCHES).map(stretch).collect();
+        if selected.is_empty() { Err(NoStretches::NothingStandsOut) } else { Ok(selected) }
     }
 
-    /// Would it still stand out without what errors add?
+    /// True if the stretch still stands out after the amount added by errors is removed.
     fn is_the_hands(&self, Candidate { interval, amount, replicated, .. }: &Candidate, heard: usize) -> bool {
         let n = replicated.len() as f64;
         if n < 2.0 || n < ENOUGH_SHARE * heard as f64 {
@@ -127,7 +127,7 @@ impl Question<'_> {
         let mean = replicated.iter().sum::<f64>() / n;
         let spread = (replicated.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
         let (measured, mean, usual) = (self.faulty(*amount), self.faulty(mean), self.faulty(self.usual));
-        let added = (mean - measured).max(0.0); // as much again as errors have added already
+        let added = (mean - measured).max(0.0); // errors have already added this much once
         let left = match self.errors {
             Errors::InSquares if added > 0.0 => (2.0 * measured * measured - mean * mean).max(0.0).sqrt(),
             _ => measured - added,
@@ -137,7 +137,7 @@ impl Question<'_> {
         is_mostly_left && left - usual > sigmas * spread
     }
 
-    /// How many stretches of this length there are side by side in all that was proposed.
+    /// How many stretches of this length fit side by side into the proposed time.
     fn stretches_like(&self, interval: Interval) -> f64 {
         let mut all: Vec<Interval> = self.proposed.iter().map(|(interval, _)| *interval).collect();
         all.sort_by_key(|interval| interval.first);

@@ -1,11 +1,11 @@
-//! Features of curvature: how tightly the path bends where the tool moves. In the picture only: errors of 0.4 mm in depth bend
-//! straight strokes by 0.015/mm.
+//! Features of curvature: how tightly the path bends while the tool moves. Measured in the picture only: depth errors
+//! of 0.4 mm bend straight strokes by 0.015/mm.
 
 use super::motion::{Motion, Node};
 use super::quantile::weighted_quantile;
 use super::{Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
 
-/// How tightly usually.
+/// The usual curvature: the median along the path.
 pub const MEDIAN_CURVATURE: Feature = Feature {
     name: "median_curvature",
     title: "Median curvature",
@@ -14,7 +14,7 @@ pub const MEDIAN_CURVATURE: Feature = Feature {
     ..CURVATURE
 };
 
-/// How tightly at most, without the outliers.
+/// The highest curvature without outliers: the 95 % quantile along the path.
 pub const PEAK_CURVATURE: Feature = Feature {
     name: "peak_curvature",
     title: "Peak curvature (95 %)",

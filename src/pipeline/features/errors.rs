@@ -1,67 +1,72 @@
-//! How far a feature may be off, because the path it was measured on is.
+//! Error bars: how far a feature may be off because the path that it was measured on has errors.
 //!
-//! **Method** (a parametric bootstrap): the path is made anew [`REPLICATES`] times, each time with errors added that are like
-//! those it states of itself ([`replicate`]), and the feature is measured on each. Their spread is the feature's. Where errors
-//! shift a feature to one side (they lengthen every path, whichever way they point), the same shift shows once more between
-//! the path and its replicates, and is taken off. **Assumes** that a path's errors hang together in time as [`replicate`]
-//! says. Their size was set on 17 scenes of three renderers and chosen among three on six simulated ones. On twelve simulated people
-//! who had no part in that, 92.5 of 100 features lay within the bar about the value of the true path; with what
-//! [`super::Family`] adds since then, `benches/figures` measures it on twelve others (part `features`). **Gives up** where the path states no errors, or where a
-//! feature has no value on too many replicates.
+//! **Method** (a parametric bootstrap): [`replicate`] makes [`REPLICATES`] copies of the path, each with added errors
+//! of the size that the path states. The feature is measured on each copy; the spread of these values is the spread of
+//! the feature. Errors can shift a feature to one side (they lengthen every path, in any direction). The same shift
+//! appears a second time between the path and its replicates, so it is estimated there and removed. **Assumes** that a
+//! path's errors are correlated in time as [`replicate`] describes. Their size was set on 17 scenes of three renderers
+//! and chosen among three on six simulated scenes. On twelve simulated people that were not used for this, 92.5 of 100
+//! features lay within the bar around the value of the true path. `benches/figures` (part `features`) measures the bars
+//! on twelve other people, with the additional share of [`super::Family`], which was added since. **Gives up** if the
+//! path states no errors, or if a feature has no value on too many replicates.
 
 pub mod replicate;
 
 use super::Feature;
 
-/// How many times the path is made anew: the spread of so many is known to 13 %.
+/// Number of replicates: 32 give the spread to 13 %.
 pub const REPLICATES: usize = 32;
-/// Replicates that must have a value.
+/// Minimum number of replicates with a value.
 const ENOUGH: usize = 28;
-/// Quantile of Student's t at 97.5 % with as many degrees of freedom as replicates but one.
+/// Quantile of Student's t at 97.5 % with [`REPLICATES`] − 1 degrees of freedom.
 const T: f64 = 2.04;
-/// A shift is taken off if it is so many times its own standard error.
+/// A shift is removed only if it exceeds this many times its own standard error.
 const SHIFT_SEEN: f64 = 2.0;
-/// Units of lengths, also on a sphere about the trocar, to which errors add in squares.
+/// Units of lengths, including angles on a sphere around the trocar. Errors add to these in squares.
 const LENGTHS: [&str; 4] = ["mm", "mm/s", "rad", "rad/s"];
-/// A shift by more than this share of a size that is no length is not known well enough to be taken off.
+/// For a quantity that is not a length: a shift above this share of the value is too uncertain to be removed.
 const LARGEST_SHARE: f64 = 0.4;
-/// A count may be off by one.
+/// Standard deviation added to a count, because it may be off by one.
 const COUNT_UNSURE: f64 = 0.5;
-/// So much of what is taken off may be missing, as a standard deviation: a session's errors are not quite those it states.
+/// Uncertainty of the removed shift, as a standard deviation in multiples of the shift: a session's real errors differ
+/// from the stated ones.
 const SHIFT_UNSURE: f64 = 1.5;
 
-/// How far a value may be off.
+/// The error bar of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorBar {
-    /// The value before the shift that errors cause was taken off.
+    /// The value before the shift caused by errors was removed.
     pub as_measured: f64,
     /// Standard deviation, in the feature's unit.
     pub sigma: f64,
-    /// The feature on the true path lies between this
+    /// Lower end of the bar: in 95 of 100 sessions the value on the true path lies within the bar.
     pub low: f64,
-    /// and this in 95 of 100 sessions.
+    /// Upper end of the bar.
     pub high: f64,
 }
 
-/// Why it is not known how far a value may be off.
+/// Why a value has no error bar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoErrorBar {
-    /// Not worked out here: of windows, and while a recording goes on.
-    #[error("not worked out here")]
+    /// Not computed: for windows, and during a live recording.
+    #[error("not computed here")]
     NotAsked,
     /// There is no value.
     #[error("there is no value")]
     NoValue,
-    /// The path does not say how far it may be off.
+    /// The path does not state its own errors.
     #[error("the path does not state its own errors")]
     NotStated,
-    /// The feature's value hangs on errors: on many equally likely paths there is none.
+    /// The value depends on the errors: on many equally likely paths there is none.
     #[error("with other errors of the same size there would be no value")]
     Unsteady,
 }
 
-/// A value without the shift that errors cause, and how far it may be off: from what was measured, and from what
-/// replicates of the path gave.
+/// Computes the value with the shift by errors removed, and its error bar, from the measured value and the values of
+/// the replicates.
+///
+/// # Errors
+/// [`NoErrorBar::Unsteady`] if too few replicates have a value.
 pub fn error_bar(
     feature: &Feature,
     measured: f64,
@@ -80,11 +85,12 @@ pub fn error_bar(
     let is_seen = !is_count && shift.abs() > SHIFT_SEEN * spread / n.sqrt();
     let value = match () {
         _ if !is_seen => measured,
-        // What errors add to a length they add in squares, which counts where there is little else: at rest, all of it is theirs.
+        // Errors add to a length in squares. This matters where there is little else: at rest the whole length comes
+        // from errors.
         _ if LENGTHS.contains(&feature.unit) && shift > 0.0 => {
             (2.0 * measured * measured - mean * mean).max(0.0).sqrt()
         }
-        _ if feature.range.0 == 0.0 && shift > LARGEST_SHARE * measured => measured, // the bar says it
+        _ if feature.range.0 == 0.0 && shift > LARGEST_SHARE * measured => measured, // the error bar covers it
         _ => measured - shift,
     };
     let value = value.clamp(range.0, range.1);

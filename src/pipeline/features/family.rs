@@ -1,21 +1,21 @@
-//! Families of features: what a long list is read by.
+//! Families of features: the headings of the long feature list.
 
-/// What a feature tells about.
+/// What a feature describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Family {
-    /// How long, and how much of it at rest.
+    /// Duration, and how much of it was rest.
     Time,
-    /// How fast, and how unsteadily so.
+    /// Speed, and how unsteady it is.
     Speed,
-    /// How far, through how much room, by which way.
+    /// Length of the path and the space that it takes up.
     Path,
-    /// How smoothly.
+    /// Smoothness of the motion.
     Smoothness,
-    /// In how many movements, and how straight each.
+    /// Number of movements, and how straight each is.
     Movements,
     /// How both hands work together.
     TwoHands,
-    /// How much was not seen, and why.
+    /// How long a tool was not seen, and why.
     View,
 }
 
@@ -32,8 +32,9 @@ impl Family {
             Family::View => "view",
         }
     }
-    /// So much of a value, as a standard deviation, may hang on what no replicate of the path brings back: quick motions that
-    /// the smoother flattened, and counts at a threshold. Set so that the bars held on six simulated people.
+    /// Additional standard deviation as a share of the value, for errors that no replicate of the path reproduces:
+    /// quick motions that the smoother flattened, and counts at a threshold. Set so that the bars held on six simulated
+    /// people.
     pub(super) fn beyond_replicates(self) -> f64 {
         match self {
             Family::Path | Family::TwoHands | Family::View => 0.02,

@@ -1,24 +1,24 @@
 //! A local polynomial through uneven samples: Savitzky and Golay's filter without their even spacing.
 //!
-//! Around an instant, a cubic is fitted by weighted least squares to the samples near it; its value and derivatives at
-//! that instant are the estimate (Savitzky & Golay 1964; weights after Cleveland 1979). Real time stamps go in, so a
-//! dropped frame or a variable frame rate shifts nothing. Tricube weights let samples fade in and out of the window:
-//! with equal weights the estimate would jump at every sample, which the jerk would see.
+//! Around an instant, a cubic is fitted by weighted least squares to the samples near it. Its value and derivatives at
+//! that instant are the estimate (Savitzky & Golay 1964; weights after Cleveland 1979). The fit uses the real time
+//! stamps, so a dropped frame or a variable frame rate shifts nothing. Tricube weights let samples fade in and out of
+//! the window: with equal weights the estimate would jump at every sample, and the jerk would show the jumps.
 
 use nalgebra::{Matrix3x4, Matrix4, Vector3, Vector4};
 
-/// Samples that a fit needs: a cubic has four coefficients, and the outermost sample has no weight.
+/// Minimum number of samples in a fit: a cubic has four coefficients, and the outermost sample has no weight.
 pub const MIN_SAMPLES: usize = 6;
 
-/// Neighbours for which the window is widened where samples are sparse.
+/// The window is widened to this many nearest samples where samples are sparse.
 pub const NEIGHBOURS: usize = 7;
 
 /// A vector over time, known at uneven instants.
 #[derive(Clone, Copy, Debug)]
 pub struct Series<'a> {
-    /// When, s, growing.
+    /// Times, s, ascending.
     pub times_s: &'a [f64],
-    /// What, as many as there are times.
+    /// Values, one per time.
     pub values: &'a [Vector3<f64>],
 }
 
@@ -34,8 +34,8 @@ pub struct Estimate {
 }
 
 impl Series<'_> {
-    /// Fits around `at_s` with the given half window, s, or the distance of the seventh nearest sample if that is
-    /// farther. `None` with fewer than [`MIN_SAMPLES`] samples or where they coincide.
+    /// Fits around `at_s`. The half window is `half_window_s`, or the distance of the seventh nearest sample if that is
+    /// larger. `None` with fewer than [`MIN_SAMPLES`] samples or if they coincide.
     pub fn fit(&self, at_s: f64, half_window_s: f64) -> Option<Estimate> {
         let nearest = self.nearest(at_s);
         let farthest = nearest.clone().map(|i| (self.times_s[i] - at_s).abs()).fold(0.0, f64::max);

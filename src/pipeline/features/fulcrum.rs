@@ -1,26 +1,28 @@
-//! Where a tool passes through the box's wall, as its path tells.
+//! Finds the fulcrum of a tool: the point where it passes through the box's wall (the trocar), from its path.
 //!
-//! **In:** a tool's samples with the axis of its shaft. **Out:** the point that all axes pass through, camera frame, mm.
-//! **Method:** the point nearest to all axes ([`nearest_point`]); the tracker states the axis from the trocar to the tip where it
-//! knows the trocar, so that this is then the tracker's own. What is measured about it takes it as it is: that it may be off by
-//! millimetres, over a lever of decimetres, is in no error bar. **Gives up** where no axes are stated, where they turn
-//! too little to meet in one place, or where it would lie at the tip or before it.
+//! **In:** a tool's samples with the axis of its shaft. **Out:** the point that all axes pass through, camera frame,
+//! mm. **Method:** the point nearest to all axes ([`nearest_point`]). Where the tracker knows the trocar, it states the
+//! axis from the trocar to the tip, so this function returns the tracker's trocar. Features measured about the trocar
+//! take it as exact: it may be off by millimetres on a lever of decimetres, and no error bar includes that. **Gives
+//! up** if no axes are stated, if they turn too little to meet in one point, or if the point would lie at the tip or in
+//! front of it.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::pipeline::pose::fulcrum::{PLAY_MM, WELL_KNOWN_MM, nearest_point};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
-/// Axes that err alike for so long count as one, s: what lies behind the tape changes as slowly.
+/// Axes within this time share their errors and count as one, s: the background behind the tape changes as slowly.
 const ALIKE_S: f64 = 1.0;
 
-/// Nearest to a tip that a trocar can be, mm: behind the band and a piece of shaft.
+/// Minimum distance of a trocar behind the tip, mm: the band and a piece of shaft lie between them.
 const NEAREST_MM: f64 = 20.0;
 
-/// How far beside it the axes may pass, root mean square, mm: beyond that the tool does not turn about a point.
+/// Maximum root mean square distance at which the axes pass the point, mm. Beyond it the tool does not turn about a
+/// point.
 const PASSES_MM: f64 = 5.0;
 
-/// The trocar of one tool, if its axes tell where it is, to [`WELL_KNOWN_MM`].
+/// The trocar of one tool, if its axes determine it to within [`WELL_KNOWN_MM`].
 pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {
     let observed = samples.iter().filter(|sample| sample.state == SampleState::Observed);
     let line = |sample: &Sample| Some((sample.time_s, (sample.tip_mm, sample.axis?.try_normalize(1e-9)?)));
@@ -31,12 +33,12 @@ pub fn find(samples: &[Sample]) -> Option<Point3<f64>> {
     (behind_mm > NEAREST_MM && is_well_known(&lines, at, independent as f64)).then_some(at)
 }
 
-/// Is the point surely where it seems to be? Axes tell little of it along themselves unless they turn.
+/// True if the position of the point is certain enough. Axes determine the position along themselves only if they turn.
 fn is_well_known(lines: &[(Point3<f64>, Vector3<f64>)], at: Point3<f64>, independent: f64) -> bool {
     let across = |axis: &Vector3<f64>| Matrix3::identity() - axis * axis.transpose();
     let count = lines.len() as f64;
     let missed = lines.iter().map(|(tip, axis)| (across(axis) * (tip - at)).norm_squared()).sum::<f64>() / count;
-    let least = 2.0 * PLAY_MM * PLAY_MM; // axes that were made to meet do not tell how surely
+    let least = 2.0 * PLAY_MM * PLAY_MM; // axes that the tracker made meet show no misses
     let information =
         lines.iter().map(|(_, axis)| across(axis)).sum::<Matrix3<f64>>() * (independent.min(count) / count);
     let largest = information
@@ -53,7 +55,7 @@ mod tests {
 
     const TRUE: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
 
-    /// A tip that wanders over so many millimetres, with axes that are off by `off` of their length.
+    /// A tip that moves over `wander_mm`, with axes that are off by `off` of their length.
     fn path(wander_mm: f64, off: f64) -> Vec<Sample> {
         let sample = |k: u32| {
             let t = f64::from(k) * 0.04;

@@ -1,4 +1,4 @@
-//! Convex hulls: the room that a path takes up.
+//! Convex hulls: area and volume of the space that a path takes up.
 
 use std::collections::HashSet;
 
@@ -32,13 +32,13 @@ fn chain(points: impl Iterator<Item = Point2<f64>>) -> Vec<Point2<f64>> {
 /// A point on a lattice of 2²⁰ steps across the path.
 type LatticePoint = Vector3<i64>;
 
-/// Steps of the lattice across the points' largest extent. With coordinates below 2²⁰ every determinant stays below
-/// 6·2⁶⁰ and is exact in 64 bits. That matters: near-coplanar points are the rule on a path sampled each millimetre, and
-/// with rounded signs the hull falls apart into ever more faces.
+/// Lattice steps across the points' largest extent. With coordinates below 2²⁰ every determinant stays below 6·2⁶⁰ and
+/// is exact in 64 bits. Exactness matters: on a path sampled each millimetre most points are nearly coplanar, and with
+/// rounded signs the hull would split into ever more faces.
 const LATTICE: f64 = 1_048_576.0;
 
-/// Volume of the convex hull of points in space; next to 0 where they lie in a plane. Points are added one by one to a
-/// tetrahedron: each replaces the faces that it sees by a cone to their horizon.
+/// Volume of the convex hull of points in space; almost 0 if they lie in a plane. Points are added one by one to a
+/// tetrahedron: each new point replaces the faces that it sees by a cone to their horizon.
 pub fn volume(points: &[Point3<f64>]) -> f64 {
     let Some((points, unit)) = on_lattice(points) else { return 0.0 };
     let Some([a, b, c, d]) = tetrahedron(&points) else { return 0.0 };
@@ -49,17 +49,17 @@ pub fn volume(points: &[Point3<f64>]) -> f64 {
     for point in outermost(&points) {
         add(&mut faces, point, &points);
     }
-    // By now nearly all of the others lie inside, and once inside is always inside.
+    // Nearly all other points lie inside by now, and a point inside a hull stays inside as the hull grows.
     let planes: Vec<Plane> = faces.iter().map(|face| Plane::of(face, &points)).collect();
     for point in (0..points.len()).filter(|&point| planes.iter().any(|plane| plane.sees(&points[point]))) {
         add(&mut faces, point, &points);
     }
-    // The signed cones from the origin to all faces; summed exactly, then scaled back to millimetres.
+    // The signed cones from the origin to all faces, summed exactly, then scaled back to millimetres.
     let six: i128 = faces.iter().map(|[i, j, k]| i128::from(points[*i].cross(&points[*j]).dot(&points[*k]))).sum();
     six as f64 / 6.0 * unit.powi(3)
 }
 
-/// Adds a point to a hull: the faces that see it give way to a cone to their horizon.
+/// Adds a point to a hull: a cone to the horizon replaces the faces that the point sees.
 fn add(faces: &mut Vec<[usize; 3]>, point: usize, points: &[LatticePoint]) {
     let sees = |[i, j, k]: &[usize; 3]| six_volumes(&points[*i], &points[*j], &points[*k], &points[point]) > 0;
     if faces.iter().any(sees) {
@@ -69,7 +69,7 @@ fn add(faces: &mut Vec<[usize; 3]>, point: usize, points: &[LatticePoint]) {
     }
 }
 
-/// The points that lie farthest in evenly spread directions: a hull that holds most of the others.
+/// The points that lie farthest in evenly spread directions. Their hull contains most of the other points.
 fn outermost(points: &[LatticePoint]) -> impl Iterator<Item = usize> {
     let directions =
         (0..27).map(|k| Vector3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1)).filter(|d| *d != Vector3::zeros());
@@ -88,19 +88,19 @@ impl Plane {
         Self { height: normal.dot(&points[*i]), normal }
     }
 
-    /// Does a point lie outside?
+    /// True if the point lies outside the face.
     fn sees(&self, point: &LatticePoint) -> bool {
         self.normal.dot(point) > self.height
     }
 }
 
-/// The edges around a set of neighbouring faces, each running as in its face.
+/// The edges around a set of adjacent faces, each in the direction that it has in its face.
 fn horizon(faces: &[[usize; 3]]) -> Vec<(usize, usize)> {
     let edges: HashSet<_> = faces.iter().flat_map(|&[i, j, k]| [(i, j), (j, k), (k, i)]).collect();
     edges.iter().filter(|(i, j)| !edges.contains(&(*j, *i))).copied().collect()
 }
 
-/// The points as steps of a lattice from their least corner, and the length of a step; `None` where all coincide.
+/// The points in lattice steps from their lower corner, and the length of a step; `None` if all points coincide.
 fn on_lattice(points: &[Point3<f64>]) -> Option<(Vec<LatticePoint>, f64)> {
     let first = points.first()?.coords;
     let (least, most) = points.iter().fold((first, first), |(l, m), p| (l.inf(&p.coords), m.sup(&p.coords)));
@@ -109,13 +109,12 @@ fn on_lattice(points: &[Point3<f64>]) -> Option<(Vec<LatticePoint>, f64)> {
     (unit > 0.0).then(|| (points.iter().map(step).collect(), unit))
 }
 
-/// Six times the volume of a tetrahedron; positive where `from` lies on the side from which `a`, `b`, `c` run
-/// counter-clockwise.
+/// Six times the volume of a tetrahedron; positive if `a`, `b`, `c` run counter-clockwise as seen from `from`.
 fn six_volumes(a: &LatticePoint, b: &LatticePoint, c: &LatticePoint, from: &LatticePoint) -> i64 {
     (b - a).cross(&(c - a)).dot(&(from - a))
 }
 
-/// Four points that span a volume, as large as easily found; `None` where all lie in a plane.
+/// Four points that span a large volume; `None` if all points lie in a plane.
 fn tetrahedron(points: &[LatticePoint]) -> Option<[usize; 4]> {
     let farthest = |measure: &dyn Fn(&LatticePoint) -> i128| (0..points.len()).max_by_key(|&i| measure(&points[i]));
     let square = |v: LatticePoint| v.iter().map(|c| i128::from(*c).pow(2)).sum();

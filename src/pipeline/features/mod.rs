@@ -1,12 +1,13 @@
-//! Features: what a path says about the hand that made it. One file per family, one list of them all: [`FEATURES`].
+//! Features: numbers that describe how a hand moved, measured on its path. One file per family; [`FEATURES`] lists them
+//! all.
 //!
-//! **In:** a trajectory (mm, s). **Out:** per feature, tool and space a value with a unit, or the reason why there is
-//! none. **Method** (METHOD 6; T 4.4): each tool's observed stretches are put on one even time grid by local cubic
-//! fits ([`fit`], [`motion`]), so that neither the frame rate nor a dropped frame changes a value beyond noise, and
-//! nothing is ever the difference of two noisy points, and a path is measured alike whoever made it.
-//! All features of a session are taken over the *task*: from the start of the first movement of any tool to the end
-//! of the last ([`movement`]); where nothing moves, over all that was seen. **Gives up** with a [`NotEnough`] where too
-//! little was seen; sums describe what was seen, and [`view::NOT_SEEN_SHARE`] says how much was not.
+//! **In:** a trajectory (mm, s). **Out:** for each feature, tool and space a value with a unit, or the reason why there
+//! is none. **Method** (METHOD 6; T 4.4): local cubic fits put each tool's observed stretches on one even time grid
+//! ([`fit`], [`motion`]). So neither the frame rate nor a dropped frame changes a value beyond noise, no value is a
+//! difference of two noisy points, and paths of every origin are measured alike. All features of a session are taken
+//! over the *task*: from the start of the first movement of any tool to the end of the last ([`movement`]); if nothing
+//! moved, over all of the time a tool was seen. **Gives up** with a [`NotEnough`] where too little was seen. Sums
+//! describe the seen part, and [`view::NOT_SEEN_SHARE`] states how much was not seen.
 
 pub mod curvature;
 pub mod errors;
@@ -42,12 +43,12 @@ pub use settings::{FeatureSettings, MOVEMENT_END_RATIO};
 use errors::{ErrorBar, NoErrorBar};
 use motion::Motion;
 
-/// In which space a feature is measured.
+/// The space that a feature is measured in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Space {
     /// x, y and z.
     ThreeD,
-    /// x and y only, in mm: the thesis's form, which the camera's weakness in depth does not touch.
+    /// x and y only, in mm: the thesis's form. The camera's weak depth does not affect it.
     Image,
 }
 
@@ -72,7 +73,7 @@ pub enum Direction {
     Lower,
     /// Larger is better.
     Higher,
-    /// Neither by itself.
+    /// The direction alone says nothing about skill.
     Neither,
 }
 
@@ -87,14 +88,14 @@ impl Direction {
     }
 }
 
-/// A feature: what it is called, what it means, and how it is measured.
+/// A feature: its name, its meaning, and how it is measured.
 #[derive(Debug)]
 pub struct Feature {
     /// Stable name for files, API and pages.
     pub name: &'static str,
-    /// Name for people.
+    /// Display name.
     pub title: &'static str,
-    /// Under which head it stands.
+    /// The family that lists it.
     pub family: Family,
     /// Unit; `1` for shares, counts and ratios.
     pub unit: &'static str,
@@ -104,13 +105,13 @@ pub struct Feature {
     pub description: &'static str,
     /// Where the definition comes from.
     pub source: &'static str,
-    /// Smallest and largest value that a hand can give; anything else is withheld.
+    /// Smallest and largest value that a hand can produce; a value outside is withheld.
     pub range: (f64, f64),
-    /// In which spaces it is measured.
+    /// The spaces that it is measured in.
     pub spaces: &'static [Space],
-    /// Is it also measured over windows of the task?
+    /// Whether it is also measured over windows of the task.
     pub windowed: bool,
-    /// Whose motion it is measured on.
+    /// How it is measured, and on whose motion.
     measures: &'static [Measure],
 }
 
@@ -122,35 +123,35 @@ impl PartialEq for Feature {
 
 type Value = Result<f64, NotEnough>;
 
-/// On whose motion a feature is measured.
+/// How a feature is measured, by the motion that it needs.
 #[derive(Debug)]
 enum Measure {
-    /// Each tool's own.
+    /// On each tool's own motion.
     Tool(fn(&Motion, &FeatureSettings) -> Value),
-    /// All tools' together.
+    /// On the motions of all tools together.
     Session(fn(&[Motion], &FeatureSettings) -> Value),
-    /// The two tools' together.
+    /// On the motions of the two tools together.
     Pair(fn(&Motion, &Motion, &FeatureSettings) -> Value),
-    /// Each of two tools against the other.
+    /// On each of two tools compared with the other.
     EachOfPair(fn(&Motion, &Motion, &FeatureSettings) -> Value),
 }
 
 /// One measured feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureValue {
-    /// Which feature.
+    /// The feature.
     pub feature: &'static Feature,
-    /// Whose, as an index into the trajectory's tools; `None` for the session as a whole.
+    /// The tool, as an index into the trajectory's tools; `None` for the session as a whole.
     pub tool: Option<usize>,
-    /// In which space.
+    /// The space it was measured in.
     pub space: Space,
     /// The value in the feature's unit, or why there is none.
     pub value: Value,
-    /// How far it may be off, or why that is not known.
+    /// The error bar, or why there is none.
     pub error: Result<ErrorBar, NoErrorBar>,
 }
 
-/// Every feature, in the order in which people read them: family by family.
+/// Every feature, in reading order: family by family.
 pub static FEATURES: &[Feature] = &[
     time::DURATION,
     time::THINKING_TIME,
@@ -208,13 +209,13 @@ pub static FEATURES: &[Feature] = &[
     view::LONGEST_ABSENCE,
 ];
 
-/// The feature of a name.
+/// The feature with this name.
 pub fn find(name: &str) -> Option<&'static Feature> {
     FEATURES.iter().find(|feature| feature.name == name)
 }
 
-/// Measures every feature that `wanted` picks. Each tool's motion is clipped to what is to be measured, or is the
-/// reason why there is none.
+/// Measures every feature that `wanted` selects. Each motion must already be clipped to the interval to measure; a tool
+/// without a motion gives the reason.
 pub fn measure(
     motions: &[Result<Motion, NotEnough>],
     settings: &FeatureSettings,
@@ -234,12 +235,12 @@ fn in_space(motions: &[Result<Motion, NotEnough>], space: Space) -> Vec<Result<M
 }
 
 impl Feature {
-    /// Has each tool a value of its own?
+    /// True if each tool has a value of its own.
     pub fn is_of_tools(&self) -> bool {
         self.measures.iter().any(|measure| matches!(measure, Measure::Tool(_) | Measure::EachOfPair(_)))
     }
 
-    /// Has the session as a whole a value?
+    /// True if the session as a whole has a value.
     pub fn is_of_session(&self) -> bool {
         self.measures.iter().any(|measure| matches!(measure, Measure::Session(_) | Measure::Pair(_)))
     }

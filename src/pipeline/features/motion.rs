@@ -1,8 +1,8 @@
-//! A tool's motion on an even time grid: what every feature is measured on.
+//! A tool's motion on an even time grid. Every feature is measured on it.
 //!
 //! Instants are whole multiples of the grid's step, counted from time 0, so the grids of two tools and of two frame
-//! rates coincide. A *span* is a stretch in which the tool was observed with no gap longer than the settings allow;
-//! between spans nothing is assumed. Samples that the tracker predicted count only inside such a stretch.
+//! rates coincide. During a *span* the tool was observed with no gap longer than the settings allow. Nothing is assumed
+//! between spans. Samples that the tracker predicted count only inside a span.
 
 use std::cell::OnceCell;
 use std::rc::Rc;
@@ -15,12 +15,13 @@ use super::view::Absent;
 use super::{NotEnough, Space};
 use crate::pipeline::trajectory::{Sample, SampleState, is_cut};
 
-/// Largest coordinate, mm, and latest time, s, that is taken for a measurement: ten metres and a week.
+/// Maximum coordinate of a usable sample, mm: ten metres.
 const LARGEST_MM: f64 = 1e4;
+/// Maximum time of a usable sample, s: a week.
 const LATEST_S: f64 = 604_800.0;
 
-/// Fastest mean speed that is taken for a hand's, mm/s. It also bounds the work: a path is never longer than this
-/// times the time it was seen.
+/// Maximum mean speed of a hand, mm/s. It also bounds the work: a path is never longer than this times the time it was
+/// seen.
 const FASTEST_MM_S: f64 = 5e3;
 
 /// The motion at one instant of the grid.
@@ -34,7 +35,7 @@ pub struct Node {
     pub acceleration: Vector3<f64>,
 }
 
-/// A stretch of motion without a gap: at least two nodes.
+/// A stretch of motion without a gap; it has at least two nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Span {
     /// Grid instant of the first node.
@@ -55,25 +56,25 @@ pub struct Interval {
 /// One tool's motion within an interval.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// What is measured, seen or not.
+    /// The measured interval, whether the tool was seen or not.
     pub interval: Interval,
-    /// Where it was seen.
+    /// The spans when the tool was seen.
     pub spans: Vec<Span>,
     /// The grid's step, s.
     pub step_s: f64,
-    /// What is known of the tool beside its path.
+    /// What is known of the tool in addition to its path.
     pub known: Known,
-    /// What [`super::movement::movements`] found.
+    /// Cache of [`super::movement::movements`].
     pub(super) movements: OnceCell<Vec<Span>>,
     length_mm: OnceCell<f64>,
 }
 
-/// What is known of a tool beside its path.
+/// What is known of a tool in addition to its path.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
-    /// Where it passes through the box's wall, mm ([`super::fulcrum`]).
+    /// The point where it passes through the box's wall, mm ([`super::fulcrum`]).
     pub fulcrum: Option<Point3<f64>>,
-    /// Why it was not seen where it was not, over the whole recording ([`super::view`]).
+    /// Its absences over the whole recording, each with its cause ([`super::view`]); `None` if the causes are unknown.
     pub absent: Option<Rc<[Absent]>>,
 }
 
@@ -98,7 +99,7 @@ impl Span {
         self.nodes.windows(2).map(|pair| (pair[1].position - pair[0].position).norm()).sum()
     }
 
-    /// The part inside an interval, if it has a length.
+    /// The part inside an interval, if it is longer than 0.
     fn clipped(&self, interval: Interval) -> Option<Span> {
         let (first, last) = (self.first.max(interval.first), self.last().min(interval.last));
         let index = |instant: i64| usize::try_from(instant - self.first).ok();
@@ -108,30 +109,32 @@ impl Span {
 }
 
 impl Interval {
-    /// The smallest interval that holds both.
+    /// The smallest interval that contains both.
     pub fn hull(self, other: Interval) -> Interval {
         Interval { first: self.first.min(other.first), last: self.last.max(other.last) }
     }
 
-    /// What both have in common, if that has a length.
+    /// The intersection of both, if it is longer than 0.
     pub fn common(self, other: Interval) -> Option<Interval> {
         let (first, last) = (self.first.max(other.first), self.last.min(other.last));
         (first < last).then_some(Interval { first, last })
     }
 
-    /// How many steps long it is.
+    /// Its length in grid steps.
     pub fn steps(self) -> i64 {
         self.last - self.first
     }
 
-    /// Between two spans: is it longer than what is bridged? Else only a cut parts them.
+    /// For an interval between two spans: true if it is longer than a gap that is bridged. Otherwise only a cut
+    /// separates the spans.
     pub fn is_gap(self, settings: &FeatureSettings) -> bool {
         self.steps() as f64 * settings.step_s > settings.max_gap_s
     }
 }
 
 impl Motion {
-    /// Follows one tool's samples, in time order; over none of the cuts, s. The interval is the whole time in which the tool was seen.
+    /// Builds the motion from one tool's samples, in time order. Nothing is bridged across `cuts_s`, s. The interval is
+    /// the whole time the tool was seen.
     pub fn of_samples(samples: &[Sample], cuts_s: &[f64], settings: &FeatureSettings) -> Result<Motion, NotEnough> {
         check(samples)?;
         let runs = runs(samples, cuts_s, settings.max_gap_s);
@@ -141,18 +144,18 @@ impl Motion {
         Ok(Motion::new(interval, spans, settings.step_s))
     }
 
-    /// The motion of a tool that was not seen in an interval.
+    /// An empty motion: the tool was not seen in the interval.
     pub fn unseen(interval: Interval, settings: &FeatureSettings) -> Motion {
         Motion::new(interval, Vec::new(), settings.step_s)
     }
 
-    /// The motion within an interval, which may be longer than what was seen.
+    /// The motion within an interval. The interval may extend beyond the time the tool was seen.
     pub fn clipped(&self, interval: Interval) -> Motion {
         let spans = self.spans.iter().filter_map(|span| span.clipped(interval)).collect();
         self.with(interval, spans)
     }
 
-    /// The motion as a space shows it: whole, or flattened to x and y.
+    /// The motion in a space: unchanged, or flattened to x and y.
     pub fn in_space(&self, space: Space) -> Motion {
         let mut spans = self.spans.clone();
         if space == Space::Image {
@@ -163,7 +166,7 @@ impl Motion {
         self.with(self.interval, spans)
     }
 
-    /// The same tool seen otherwise.
+    /// The same tool with another interval and other spans.
     fn with(&self, interval: Interval, spans: Vec<Span>) -> Motion {
         Motion { known: self.known.clone(), ..Motion::new(interval, spans, self.step_s) }
     }
@@ -178,12 +181,12 @@ impl Motion {
         self.spans.iter().flat_map(|span| &span.nodes)
     }
 
-    /// Neighbouring nodes: the steps of the path.
+    /// Pairs of adjacent nodes: the steps of the path.
     pub fn steps(&self) -> impl Iterator<Item = (&Node, &Node)> {
         self.spans.iter().flat_map(|span| span.nodes.iter().zip(&span.nodes[1..]))
     }
 
-    /// How many steps of the grid the tool was seen for.
+    /// Number of grid steps with the tool in view.
     pub fn observed_steps(&self) -> usize {
         self.spans.iter().map(|span| span.nodes.len() - 1).sum()
     }
@@ -193,23 +196,26 @@ impl Motion {
         self.observed_steps() as f64 * self.step_s
     }
 
-    /// The share of the interval in which the tool was seen, 0 to 1; where the path was cut it was, though nothing is known of the
-    /// motion.
+    /// The share of the interval with the tool in view, 0 to 1. The time at a cut counts as seen, although the motion
+    /// there is unknown.
     pub fn seen_share(&self, settings: &FeatureSettings) -> f64 {
         let between = self.spans.windows(2).map(|pair| Interval { first: pair[0].last(), last: pair[1].first });
-        let cut: i64 = between.filter(|hole| !hole.is_gap(settings)).map(Interval::steps).sum();
+        let cut: i64 = between.filter(|interval| !interval.is_gap(settings)).map(Interval::steps).sum();
         match self.interval.steps() {
             steps if steps > 0 => (self.observed_steps() as f64 + cut as f64) / steps as f64,
             _ => 0.0,
         }
     }
 
-    /// The path's length as far as it was seen, mm; worked out once.
+    /// Length of the seen path, mm; computed once and cached.
     pub fn length_mm(&self) -> f64 {
         *self.length_mm.get_or_init(|| self.steps().map(|(a, b)| (b.position - a.position).norm()).sum())
     }
 
-    /// Refuses a motion of which too little was seen, or that no hand can make.
+    /// Checks that enough of the motion was seen and that a hand can make it.
+    ///
+    /// # Errors
+    /// The [`NotEnough`] that applies.
     pub fn check_enough(&self, settings: &FeatureSettings) -> Result<(), NotEnough> {
         if self.spans.is_empty() {
             return Err(NotEnough::NeverSeen);
@@ -218,8 +224,8 @@ impl Motion {
     }
 }
 
-/// Was enough seen of a motion, and can a hand make it? Takes how long it was seen, s, in which share of the time, and how
-/// far it went meanwhile, mm.
+/// Checks that enough of a motion was seen and that a hand can make it, from the seen time, s, its share of the
+/// interval, and the length of the seen path, mm.
 pub(super) fn check_enough(
     observed_s: f64,
     share: f64,
@@ -247,23 +253,24 @@ fn check(samples: &[Sample]) -> Result<(), NotEnough> {
     if ordered && samples.iter().all(usable) { Ok(()) } else { Err(NotEnough::UnusableSamples) }
 }
 
-/// Cuts the samples where nothing was observed for too long, and where they are another tool's from then on. A run starts and
-/// ends with an observation.
+/// Splits the samples where nothing was observed for too long and at cuts, where the samples change to another tool. A
+/// run starts and ends with an observation.
 fn runs<'s>(samples: &'s [Sample], cuts_s: &[f64], max_gap_s: f64) -> Vec<&'s [Sample]> {
-    let goes_on = |before_s: f64, time_s: f64| time_s - before_s <= max_gap_s && !is_cut(cuts_s, [before_s, time_s]);
+    let continues = |before_s: f64, time_s: f64| time_s - before_s <= max_gap_s && !is_cut(cuts_s, [before_s, time_s]);
     let observed = samples.iter().enumerate().filter(|(_, s)| s.state == SampleState::Observed);
     let mut ranges: Vec<(usize, usize)> = Vec::new();
     for (index, sample) in observed {
         match ranges.last_mut() {
-            Some((_, last)) if goes_on(samples[*last].time_s, sample.time_s) => *last = index,
+            Some((_, last)) if continues(samples[*last].time_s, sample.time_s) => *last = index,
             _ => ranges.push((index, index)),
         }
     }
     ranges.into_iter().map(|(first, last)| &samples[first..=last]).collect()
 }
 
-/// One run on the grid. Velocity and acceleration come from the positions, also where a filter gives velocities: those are
-/// smoothed otherwise, and an acceleration made of them was up to twice as large as that of a path without them.
+/// Puts one run on the grid. Velocity and acceleration come from the positions even where a filter gives velocities:
+/// the filter smooths those differently, and an acceleration derived from them was up to twice as large as without
+/// them.
 fn follow(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
     let (start, end) = (run.first()?, run.last()?);
     if run.len() < MIN_SAMPLES {
@@ -276,7 +283,7 @@ fn follow(run: &[Sample], settings: &FeatureSettings) -> Option<Span> {
     nodes.filter(|nodes| nodes.len() > 1).map(|nodes| Span { first, nodes })
 }
 
-/// A run's samples, taken apart.
+/// A run's samples as separate times and positions.
 struct Samples {
     times_s: Vec<f64>,
     positions: Vec<Vector3<f64>>,
@@ -291,12 +298,12 @@ impl Samples {
     }
 
     fn node(&self, at_s: f64, half_window_s: f64) -> Option<Node> {
-        let place = Series { times_s: &self.times_s, values: &self.positions }.fit(at_s, half_window_s)?;
-        Some(Node { position: Point3::from(place.value), velocity: place.first, acceleration: place.second })
+        let fitted = Series { times_s: &self.times_s, values: &self.positions }.fit(at_s, half_window_s)?;
+        Some(Node { position: Point3::from(fitted.value), velocity: fitted.first, acceleration: fitted.second })
     }
 }
 
-/// The motion at one moment of a run.
+/// The motion at one instant of a run.
 pub(super) fn node_at(run: &[Sample], at_s: f64, half_window_s: f64) -> Option<Node> {
     Samples::new(run).node(at_s, half_window_s)
 }

@@ -1,26 +1,27 @@
-//! Where a motion consists of movements: stretches faster than rest.
+//! Splits a motion into movements (stretches faster than rest) and rests.
 //!
-//! A movement is a stretch in which the speed stays above 0.7 of the movement speed, reaches the movement speed, and
-//! which lasts long enough (the hysteresis of PerkTutor's action count). The rule reads the same backwards in time.
+//! During a movement the speed stays above 0.7 of the movement speed and reaches the movement speed at least once, and
+//! the movement lasts long enough (the hysteresis of PerkTutor's action count). The rule gives the same result
+//! backwards in time.
 
 use std::ops::Range;
 
 use super::motion::{Interval, Motion, Span};
 use super::settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
-/// The movements of a motion, in time order; worked out once, by the settings of the first who asks.
+/// The movements of a motion, in time order. Computed once and cached; the settings of the first call apply.
 pub fn movements<'a>(motion: &'a Motion, settings: &FeatureSettings) -> &'a [Span] {
     let all = || motion.spans.iter().flat_map(|span| movements_of_span(span, settings)).collect();
     motion.movements.get_or_init(all)
 }
 
-/// From the first instant of the first movement to the last of the last.
+/// The interval from the start of the first movement to the end of the last.
 pub fn extent(motion: &Motion, settings: &FeatureSettings) -> Option<Interval> {
     let movements = movements(motion, settings);
     Some(movements.first()?.interval().hull(movements.last()?.interval()))
 }
 
-/// The rests of a motion: what lies before, between and after the movements of each of its spans, in time order.
+/// The rests of a motion, in time order: the parts of each span before, between and after its movements.
 pub fn rests(motion: &Motion, settings: &FeatureSettings) -> impl Iterator<Item = Interval> {
     let all = movements(motion, settings);
     let of_span = move |span: &'_ Span| {
@@ -43,12 +44,12 @@ fn movements_of_span(span: &Span, settings: &FeatureSettings) -> Vec<Span> {
     kept.map(|run| Span { first: span.first + run.start as i64, nodes: span.nodes[run].to_vec() }).collect()
 }
 
-/// Is this too fast for rest?
+/// True if the speed is too high for rest.
 pub(super) fn is_fast(speed_mm_s: f64, settings: &FeatureSettings) -> bool {
     speed_mm_s > MOVEMENT_END_RATIO * settings.movement_speed_mm_s
 }
 
-/// Is a stretch of so many steps long enough for a movement?
+/// True if a stretch of this many steps is long enough for a movement.
 pub(super) fn is_long_enough(steps: i64, settings: &FeatureSettings) -> bool {
     steps as f64 >= settings.movement_min_s / settings.step_s - 1e-9 // 0.2 s in steps of 0.02 s is 10, not 10.000…2
 }

@@ -1,4 +1,4 @@
-//! Why a feature has no value: said in words, never as a zero.
+//! Why a feature has no value. A missing value is stated as a reason, never as a zero.
 
 use std::fmt;
 
@@ -7,54 +7,54 @@ use std::fmt;
 pub enum NotEnough {
     /// The tool was never seen, or never for long enough to follow its motion.
     NeverSeen,
-    /// Seen for too short a time.
+    /// The tool was seen for too short a time.
     TooShort {
         /// How long it was seen, s.
         observed_s: f64,
         /// How long it must be, s.
         needed_s: f64,
     },
-    /// Seen for too small a share of the task.
+    /// The tool was seen for too small a share of the task.
     TooLittleSeen {
-        /// Share in which it was seen, 0 to 1.
+        /// Seen share, 0 to 1.
         share: f64,
-        /// Share in which it must be.
+        /// Share that must be seen.
         needed: f64,
     },
     /// Nothing moved.
     NoMovement,
-    /// The feature is defined for discrete movements, and most of the motion is not made of such.
+    /// The feature is defined for discrete movements, and most of the moving time lies in longer ones.
     MovementsTooLong {
         /// Share of the moving time that lies in short enough movements, 0 to 1.
         share: f64,
-        /// Share that must.
+        /// Share that must lie in them.
         needed: f64,
     },
-    /// The movements end where they began, so that there is no way to hold theirs against.
+    /// The movements end where they began, so there is no direct way to compare them with.
     ReturnsToStart,
-    /// The path does not tell where the tool passes through the box's wall.
+    /// The path does not determine where the tool passes through the box's wall.
     NoFulcrum,
-    /// Nobody knows why the tool was not seen: the path comes without the tracker's reasons.
+    /// The reason why the tool was not seen is unknown: the path comes without the tracker's reasons.
     NoReasons,
-    /// Too little was seen in one piece.
+    /// Too little was seen without a gap.
     NoStretch {
-        /// How long a piece must be, s.
+        /// How long a stretch without a gap must be, s.
         needed_s: f64,
     },
-    /// A feature of two hands, but not two tools.
+    /// The feature needs two tools, and the trajectory has another number.
     NotTwoTools {
         /// How many tools the trajectory has.
         found: usize,
     },
-    /// A comparison with another tool, of which the same could not be measured.
+    /// The feature compares two tools, and the other tool could not be measured.
     OtherTool,
     /// A position or time that is not a usable number, or rows that are not in time order.
     UnusableSamples,
-    /// A setting that nothing can be measured with.
+    /// The named setting has a value that no measurement can use.
     UnusableSetting(&'static str),
-    /// The whole session is refused: its quality says why.
+    /// The session was refused; its quality verdict gives the reason.
     Refused,
-    /// What came out lies outside the feature's valid range, so the path cannot have been a hand's.
+    /// The result lies outside the feature's valid range, so the path cannot be a hand's.
     OutOfRange,
 }
 
@@ -94,12 +94,12 @@ impl fmt::Display for NotEnough {
             NotEnough::NoMovement => f.write_str("nothing moved"),
             NotEnough::MovementsTooLong { share, needed } => write!(
                 f,
-                "{:.0} % of the motion is in short enough movements; needs {:.0} %",
+                "{:.0} % of the moving time is in short enough movements; needs {:.0} %",
                 100.0 * share,
                 100.0 * needed
             ),
             NotEnough::ReturnsToStart => f.write_str("the movements end where they began"),
-            NotEnough::NoFulcrum => f.write_str("the path does not tell where its trocar is"),
+            NotEnough::NoFulcrum => f.write_str("the position of the trocar is unknown"),
             NotEnough::NoReasons => f.write_str("the path does not say why a tool was not seen"),
             NotEnough::NoStretch { needed_s } => {
                 write!(f, "needs most of the seen time in stretches of {needed_s:.1} s without a gap")
@@ -108,8 +108,8 @@ impl fmt::Display for NotEnough {
             NotEnough::OtherTool => f.write_str("the other tool's path could not be measured"),
             NotEnough::UnusableSamples => f.write_str("the samples are not finite numbers in time order"),
             NotEnough::UnusableSetting(name) => write!(f, "the setting {name} cannot be used"),
-            NotEnough::Refused => f.write_str("the session is refused; its quality says why"),
-            NotEnough::OutOfRange => f.write_str("the path is not one that a hand can make"),
+            NotEnough::Refused => f.write_str("the session was refused; see its quality"),
+            NotEnough::OutOfRange => f.write_str("no hand can move like this path"),
         }
     }
 }

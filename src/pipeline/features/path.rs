@@ -1,4 +1,4 @@
-//! Features of the path's shape in space: length, economy, room.
+//! Features of the path's shape: its length, its economy, and the space that it takes up.
 
 use nalgebra::{Point3, Vector3};
 
@@ -6,17 +6,17 @@ use super::hull;
 use super::motion::Motion;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough, THREE_D};
 
-/// Longest path that is taken for a hand's, mm: ten kilometres.
+/// Maximum path length of a hand, mm: ten kilometres.
 pub(super) const LONGEST_MM: f64 = 1e7;
 
-/// How far.
+/// Length of the path.
 pub const PATH_LENGTH: Feature = Feature {
     name: "path_length",
     title: "Path length",
     family: Family::Path,
     unit: "mm",
     direction: Direction::Lower,
-    description: "Length of the path during the task, as far as it was seen; nothing is added across gaps.",
+    description: "Length of the seen path during the task; nothing is added across gaps.",
     source: "universal in the field",
     range: (0.0, LONGEST_MM),
     spaces: BOTH,
@@ -24,7 +24,7 @@ pub const PATH_LENGTH: Feature = Feature {
     measures: &[Measure::Tool(path_length)],
 };
 
-/// How far towards and away from the camera.
+/// Distance moved towards and away from the camera.
 pub const DEPTH_TRAVELLED: Feature = Feature {
     name: "depth_travelled",
     title: "Depth travelled",
@@ -39,7 +39,7 @@ pub const DEPTH_TRAVELLED: Feature = Feature {
     measures: &[Measure::Tool(depth_travelled)],
 };
 
-/// Room for the length, in the picture.
+/// Size of the area used in the picture, relative to the path length.
 pub const ECONOMY_OF_AREA: Feature = Feature {
     name: "economy_of_area",
     title: "Economy of area",
@@ -55,7 +55,7 @@ pub const ECONOMY_OF_AREA: Feature = Feature {
     measures: &[Measure::Tool(economy_of_area)],
 };
 
-/// Room for the length, in space.
+/// Size of the volume used, relative to the path length.
 pub const ECONOMY_OF_VOLUME: Feature = Feature {
     name: "economy_of_volume",
     title: "Economy of volume",
@@ -71,7 +71,7 @@ pub const ECONOMY_OF_VOLUME: Feature = Feature {
     measures: &[Measure::Tool(economy_of_volume)],
 };
 
-/// Room used, in the picture.
+/// Area used in the picture.
 pub const WORKING_AREA: Feature = Feature {
     name: "working_area",
     title: "Working area",
@@ -86,7 +86,7 @@ pub const WORKING_AREA: Feature = Feature {
     measures: &[Measure::Tool(working_area)],
 };
 
-/// Room used, in space.
+/// Volume used.
 pub const WORKING_VOLUME: Feature = Feature {
     name: "working_volume",
     title: "Working volume",
@@ -101,23 +101,23 @@ pub const WORKING_VOLUME: Feature = Feature {
     measures: &[Measure::Tool(working_volume)],
 };
 
-/// How far about.
+/// How far the tip spreads around its mean position.
 pub const SPREAD: Feature = Feature {
     name: "spread",
     title: "Spread",
     family: Family::Path,
     unit: "mm",
     direction: Direction::Lower,
-    description: "Root mean square distance of the tip from its mean place during the task.",
-    source: "PerkTutor (position's spread)",
+    description: "Root mean square distance of the tip from its mean position during the task.",
+    source: "PerkTutor (spread of the position)",
     range: (0.0, 20_000.0),
     spaces: BOTH,
     windowed: true,
     measures: &[Measure::Tool(spread)],
 };
 
-/// Points from which a hull is made, at most: every instant of six minutes. Of a longer path every second or third is
-/// taken, which costs nothing where it matters: a hand is slow where it turns back.
+/// Maximum number of points in a hull: every instant of six minutes. A longer path is thinned to every second or third
+/// instant. That costs almost nothing: a hand is slow at the turning points, which determine the hull.
 const HULL_POINTS: usize = 20_000;
 
 pub(super) fn path_length(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -159,7 +159,7 @@ fn spread(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough>
     Ok((square / count).sqrt())
 }
 
-/// The path's length, if it went anywhere.
+/// The path's length, if the tool moved at all.
 fn moved(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let length = path_length(motion, settings)?;
     if length < settings.smoothness_step_mm { Err(NotEnough::NoMovement) } else { Ok(length) }

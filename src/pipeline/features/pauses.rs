@@ -1,13 +1,13 @@
-//! Features of pauses, by their length: a look, a thought, or lost time.
+//! Features of pauses by length: a brief stop, a look, or lost time.
 //!
-//! A pause is a rest between two movements, or between a movement and where the tool was not seen. All of a rest counts as
-//! the one tier that its length puts it in.
+//! A pause is a rest between two movements, or between a movement and a time when the tool was not seen. The whole rest
+//! counts in the one tier that its length falls in.
 
 use super::motion::{Interval, Motion};
 use super::movement::rests;
 use super::{Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
-/// How often it stops for a moment.
+/// How often the tool stops briefly.
 pub const SHORT_PAUSES: Feature = Feature {
     name: "short_pauses",
     title: "Pauses below 1 s",
@@ -16,7 +16,7 @@ pub const SHORT_PAUSES: Feature = Feature {
     ..OFTEN
 };
 
-/// How often it stops for a look.
+/// How often the tool stops long enough for a look.
 pub const MEDIUM_PAUSES: Feature = Feature {
     name: "medium_pauses",
     title: "Pauses of 1 to 3 s",
@@ -25,7 +25,7 @@ pub const MEDIUM_PAUSES: Feature = Feature {
     ..OFTEN
 };
 
-/// How often it stops for long.
+/// How often the tool stops for long.
 pub const LONG_PAUSES: Feature = Feature {
     name: "long_pauses",
     title: "Pauses of 3 s and more",
@@ -34,7 +34,7 @@ pub const LONG_PAUSES: Feature = Feature {
     ..OFTEN
 };
 
-/// How much time goes in moments.
+/// Share of the time in brief stops.
 pub const SHORT_PAUSE_SHARE: Feature = Feature {
     name: "short_pause_share",
     title: "Share in pauses below 1 s",
@@ -43,7 +43,7 @@ pub const SHORT_PAUSE_SHARE: Feature = Feature {
     ..SHARE
 };
 
-/// How much time goes in looks.
+/// Share of the time in stops long enough for a look.
 pub const MEDIUM_PAUSE_SHARE: Feature = Feature {
     name: "medium_pause_share",
     title: "Share in pauses of 1 to 3 s",
@@ -53,7 +53,7 @@ pub const MEDIUM_PAUSE_SHARE: Feature = Feature {
     ..SHARE
 };
 
-/// How much time goes in long pauses.
+/// Share of the time in long pauses.
 pub const LONG_PAUSE_SHARE: Feature = Feature {
     name: "long_pause_share",
     title: "Share in pauses of 3 s and more",
@@ -62,7 +62,7 @@ pub const LONG_PAUSE_SHARE: Feature = Feature {
     ..SHARE
 };
 
-/// What is told of a tier as a rate.
+/// Common fields of the features that count pauses per minute.
 const OFTEN: Feature = Feature {
     name: "",
     title: "",
@@ -77,22 +77,22 @@ const OFTEN: Feature = Feature {
     measures: &[],
 };
 
-/// What is told of a tier as a share.
+/// Common fields of the features that state a share of the time.
 const SHARE: Feature = Feature { unit: "1", range: (0.0, 1.0), ..OFTEN };
 
-/// How long a rest is.
+/// The tier of a rest, by its length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::pipeline) enum Tier {
-    /// A turning point, or a moment's stop.
+    /// Below 1 s: a turning point or a brief stop.
     Short,
-    /// A look, or a check.
+    /// From 1 s to 3 s: a look or a check.
     Medium,
-    /// Time lost.
+    /// 3 s and longer: lost time.
     Long,
 }
 
 impl Tier {
-    /// The tier of a rest of so many steps.
+    /// The tier of a rest with this many grid steps.
     pub(in crate::pipeline) fn of(steps: i64, settings: &FeatureSettings) -> Self {
         let rest_s = steps as f64 * settings.step_s + 1e-9;
         match () {
@@ -113,7 +113,7 @@ fn share(motion: &Motion, settings: &FeatureSettings, tier: Tier) -> Result<f64,
     Ok(of_tier(motion, settings, tier).sum::<i64>() as f64 / motion.observed_steps() as f64)
 }
 
-/// The rests of a tier, in steps.
+/// The lengths of the rests of a tier, in grid steps.
 fn of_tier(motion: &Motion, settings: &FeatureSettings, tier: Tier) -> impl Iterator<Item = i64> {
     rests(motion, settings).map(Interval::steps).filter(move |steps| Tier::of(*steps, settings) == tier)
 }

@@ -1,14 +1,14 @@
-//! Features of single movements: how many, and how smooth each is.
+//! Features of single movements: their number, and the smoothness of each.
 //!
 //! Jerk and spectrum are defined for discrete movements of a few seconds, and their authors warn against longer ones.
-//! So they are taken per movement, and the session's value is the median, weighted by the movements' lengths.
+//! So they are measured per movement; the session's value is the median, weighted by the movements' durations.
 
 use super::motion::{Motion, Span};
 use super::movement::movements;
 use super::quantile::weighted_quantile;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
 
-/// How many.
+/// Number of movements.
 pub const MOVEMENTS: Feature = Feature {
     name: "movements",
     title: "Number of movements",
@@ -24,7 +24,7 @@ pub const MOVEMENTS: Feature = Feature {
     measures: &[Measure::Tool(movement_count)],
 };
 
-/// How many, for the time.
+/// Number of movements per minute.
 pub const MOVEMENT_RATE: Feature = Feature {
     name: "movement_rate",
     title: "Movements per minute",
@@ -39,7 +39,7 @@ pub const MOVEMENT_RATE: Feature = Feature {
     measures: &[Measure::Tool(movement_rate)],
 };
 
-/// Smoothness in time.
+/// Smoothness of the speed over time.
 pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
     name: "log_dimensionless_jerk",
     title: "Log dimensionless jerk",
@@ -55,7 +55,7 @@ pub const LOG_DIMENSIONLESS_JERK: Feature = Feature {
     measures: &[Measure::Tool(log_dimensionless_jerk)],
 };
 
-/// Smoothness in time, in space.
+/// Smoothness of the motion in space over time.
 pub const NORMALISED_JERK: Feature = Feature {
     name: "normalised_jerk",
     title: "Normalised jerk",
@@ -71,7 +71,7 @@ pub const NORMALISED_JERK: Feature = Feature {
     measures: &[Measure::Tool(normalised_jerk)],
 };
 
-/// Smoothness in frequency.
+/// Smoothness of the speed's frequency spectrum.
 pub const SPECTRAL_ARC_LENGTH: Feature = Feature {
     name: "spectral_arc_length",
     title: "Spectral arc length",
@@ -90,13 +90,14 @@ pub const SPECTRAL_ARC_LENGTH: Feature = Feature {
 /// Highest frequency of the spectrum, Hz.
 const CUT_OFF_HZ: f64 = 10.0;
 
-/// The spectrum ends at the last frequency with this share of the largest amplitude.
+/// The spectrum ends at the last frequency whose amplitude is at least this share of the largest.
 const LEAST_AMPLITUDE: f64 = 0.05;
 
-/// The spectrum is refined by zeros to this power of two times the movement's length.
+/// The speed profile is padded with zeros to 2⁴ times its length (rounded up to a power of two), which refines the
+/// spectrum.
 const PADDING: u32 = 4;
 
-/// Frequencies that are worked out at a time.
+/// Number of frequencies computed at a time.
 const ABREAST: usize = 8;
 
 fn movement_count(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -120,7 +121,7 @@ fn spectral_arc_length(motion: &Motion, settings: &FeatureSettings) -> Result<f6
     median_over_movements(motion, settings, |movement| sparc(&movement.speeds(), motion.step_s))
 }
 
-/// The median of what the movements that are short enough have, weighted by their duration.
+/// The median of a value of each movement that is short enough, weighted by duration.
 pub(super) fn median_over_movements(
     motion: &Motion,
     settings: &FeatureSettings,
@@ -141,8 +142,8 @@ pub(super) fn median_over_movements(
     }
 }
 
-/// Normalised jerk of a movement; `None` where it goes nowhere. A jerk is the change of the fitted acceleration over a step,
-/// which sees as little of the noise as that does.
+/// Normalised jerk of a movement; `None` if it has no length. The jerk is the change of the fitted acceleration over a
+/// step; it contains as little noise as the acceleration does.
 pub(in crate::pipeline) fn jerk_of(movement: &Span, step_s: f64) -> Option<f64> {
     let steps = || movement.nodes.iter().zip(&movement.nodes[1..]);
     let jerk: f64 = steps().map(|(a, b)| (b.acceleration - a.acceleration).norm_squared()).sum::<f64>() / step_s;
@@ -172,14 +173,15 @@ pub fn sparc(speeds: &[f64], step_s: f64) -> Option<f64> {
     (last > first).then(|| -steps.sum::<f64>())
 }
 
-/// The amplitudes of the spectrum up to the cut-off, the largest being 1. A speed is never negative, so its largest
-/// amplitude is the one at frequency 0: the sum.
+/// The amplitudes of the spectrum up to the cut-off, relative to the largest. A speed is never negative, so its largest
+/// amplitude is at frequency 0: the sum.
 fn amplitudes(speeds: &[f64], step_s: f64) -> Option<Vec<f64>> {
     let sum: f64 = speeds.iter().sum();
     let length = speeds.len().next_power_of_two() << PADDING;
     let bins = ((CUT_OFF_HZ * step_s * length as f64 + 1e-9) as usize).min(length - 1);
     let amplitudes = |first: usize| {
-        // Goertzel's recurrence: one pass per frequency, without a table of sines; several at a time, as none waits for another.
+        // Goertzel's recurrence: one pass per frequency, without a table of sines. Several run at a time, since they
+        // are independent.
         let cosine = |bin: usize| (std::f64::consts::TAU * (first + bin) as f64 / length as f64).cos();
         let turns: [f64; ABREAST] = std::array::from_fn(|bin| 2.0 * cosine(bin));
         let (mut s1, mut s2) = ([0.0; ABREAST], [0.0; ABREAST]);

@@ -1,6 +1,6 @@
-//! The value below which a share of others lies.
+//! Quantiles of plain and of weighted values.
 
-/// The value with this share of the others below it; NaN of nothing.
+/// The value with this share of the others below it; NaN if there are no values.
 pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -9,7 +9,7 @@ pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     *values.select_nth_unstable_by(rank, f64::total_cmp).1
 }
 
-/// The value at which this share of the weight is reached, of pairs of value and weight; NaN of nothing.
+/// The value at which the cumulative weight reaches this share, for pairs of value and weight; NaN if there are none.
 pub fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = values.iter().map(|(_, weight)| weight).sum::<f64>() * share;

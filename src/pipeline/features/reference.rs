@@ -1,10 +1,11 @@
-//! How far a path is from another that shows how it should go: a figure to be traced, or an expert's path.
+//! Distance of a path from a reference path: a figure to trace, or an expert's path.
 //!
-//! **In:** two motions. **Out:** two distances, mm. **Method:** of both, the path of the movements alone is laid out in 2000 points
-//! evenly spaced along it, so that neither pace nor rests count. *Dynamic time warping* pairs the points of both in order so that
-//! their distances add up to the least (Sakoe & Chiba 1978, the symmetric form, whose weights add up to the same whatever the
-//! pairing): a mean. The *discrete Fréchet distance* (Eiter & Mannila 1994) is the longest leash that two walkers need who
-//! never turn back: a largest one. Both paths are where the camera saw them: it must not have moved in between.
+//! **In:** two motions. **Out:** two distances, mm. **Method:** the movements of each path are resampled to 2000 points
+//! at equal distances along the path, so that neither pace nor rests count. *Dynamic time warping* pairs the points of
+//! both paths in order so that the sum of their distances is smallest (Sakoe & Chiba 1978, the symmetric form, whose
+//! weights have the same sum for every pairing); it gives a mean distance. The *discrete Fréchet distance* (Eiter &
+//! Mannila 1994) is the shortest leash that joins two walkers, one on each path, who never walk back; it gives a
+//! largest distance. Both paths are in the camera's frame, so the camera must not move between the recordings.
 
 use nalgebra::Point3;
 
@@ -12,10 +13,10 @@ use super::motion::Motion;
 use super::movement::movements;
 use super::{FeatureSettings, NotEnough};
 
-/// Points in which a path is laid out: a path of 20 m has one each centimetre.
+/// Number of points of a resampled path: a path of 20 m has one per centimetre.
 const POINTS: usize = 2000;
 
-/// How far a path is from its reference, mm.
+/// Distance of a path from its reference, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
     /// Mean distance of the points that dynamic time warping pairs.
@@ -24,13 +25,13 @@ pub struct Deviation {
     pub largest_mm: f64,
 }
 
-/// How far a motion's path is from another's.
+/// Compares a motion's path with a reference path.
 pub fn deviation(motion: &Motion, reference: &Motion, settings: &FeatureSettings) -> Result<Deviation, NotEnough> {
     let (path, reference) = (laid_out(motion, settings)?, laid_out(reference, settings)?);
     Ok(Deviation { mean_mm: warped_mean(&path, &reference), largest_mm: frechet(&path, &reference) })
 }
 
-/// The path of a motion's movements in evenly spaced points.
+/// The path of a motion's movements, resampled to evenly spaced points.
 fn laid_out(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f64>>, NotEnough> {
     motion.check_enough(settings)?;
     let nodes = movements(motion, settings).iter().flat_map(|movement| &movement.nodes);
@@ -50,7 +51,8 @@ fn laid_out(motion: &Motion, settings: &FeatureSettings) -> Result<Vec<Point3<f6
     Ok(points)
 }
 
-/// Least sum of the distances of paired points over the sum of their weights: a step ahead in both paths counts twice.
+/// Smallest weighted sum of the distances of paired points, divided by the sum of the weights. A step forward in both
+/// paths has weight 2.
 fn warped_mean(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
     let sum = along(a, b, |before, distance| match before {
         None => 2.0 * distance,
@@ -67,8 +69,9 @@ fn frechet(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
     })
 }
 
-/// Fills a table by what is best before a pair of points (a step back in both paths, in the one, in the other) and their
-/// distance, row by row; its last value. Before the table's edges nothing is reachable.
+/// Fills the table of dynamic programming row by row and returns its last value. `best` combines the values of the
+/// three predecessors (one step back in both paths, in `a`, in `b`) with the distance of the current pair of points.
+/// Cells outside the table are unreachable.
 fn along(a: &[Point3<f64>], b: &[Point3<f64>], best: impl Fn(Option<[f64; 3]>, f64) -> f64) -> f64 {
     let mut row = vec![f64::INFINITY; b.len() + 1];
     for (i, from) in a.iter().enumerate() {

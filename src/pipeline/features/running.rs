@@ -1,11 +1,12 @@
-//! Features while a feed goes on: sums over all that was seen so far, from each sample once.
+//! Features during a live feed: sums over everything seen so far, updated once per sample.
 //!
-//! **In:** samples of the causal path as they come. **Out:** the features of [`super::FEATURES`] that are sums or means. **Law:** after
-//! [`Running::end`] each equals the same feature measured on the whole path at once ([`super::motion::Motion::of_samples`]), but for the
-//! order of sums. The path goes on the same grid: an instant counts once no later sample can change its fit, which is 0.15 s
-//! after it, or seven frames.
+//! **In:** samples of the causal path as they arrive. **Out:** the features of [`super::FEATURES`] that are sums or
+//! means. **Law:** after [`RunningFeatures::finish`] each value equals the same feature measured on the whole path at
+//! once ([`super::motion::Motion::of_samples`]), except for the order of summation. The path is put on the same grid.
+//! An instant is added once no later sample can change its fit: 0.15 s or seven frames after it.
 //!
-//! Over the time since a tool was first seen, not over the task: when that ends is known at its end only.
+//! The values cover the time since a tool was first seen, not the task, because the end of the task is known only at
+//! its end.
 
 use std::collections::VecDeque;
 
@@ -27,7 +28,7 @@ mod moving;
 
 use moving::Moving;
 
-/// The features that can be told while a feed goes on, in the order in which people read them.
+/// The features that are available during a live feed, in reading order.
 pub static LIVE: [&Feature; 14] = [
     &THINKING_TIME,
     &IDLE_SHARE,
@@ -45,7 +46,7 @@ pub static LIVE: [&Feature; 14] = [
     &LONGEST_ABSENCE,
 ];
 
-/// Running features of some tools.
+/// The running features of all tools.
 pub struct Running {
     settings: FeatureSettings,
     tools: Vec<Growing>,
@@ -53,12 +54,12 @@ pub struct Running {
 }
 
 impl Running {
-    /// Nothing seen yet of so many tools.
+    /// Starts with this many tools, none of them seen yet.
     pub fn new(tools: usize, settings: FeatureSettings) -> Self {
         Self { tools: (0..tools).map(|_| Growing::default()).collect(), settings, now_s: 0.0 }
     }
 
-    /// It is so late now, s: what was not seen since the last sample counts as that.
+    /// Sets the current time, s. The time since a tool's last sample counts as not seen.
     pub fn pass(&mut self, now_s: f64) {
         self.now_s = now_s;
         let is_gone =
@@ -66,19 +67,19 @@ impl Running {
         self.tools.iter_mut().filter(is_gone).for_each(|tool| tool.end_run(&self.settings));
     }
 
-    /// Takes a tool's next sample, in time order; one of a tool that is not there is ignored.
+    /// Adds a tool's next sample, in time order. A sample of an unknown tool is ignored.
     pub fn take(&mut self, sample: &Sample) {
         if let Some(tool) = self.tools.get_mut(sample.tool) {
             tool.take(*sample, &self.settings);
         }
     }
 
-    /// The path has ended: what waited for samples to come counts now.
+    /// Ends the path: instants that waited for later samples are added now.
     pub fn end(&mut self) {
         self.tools.iter_mut().for_each(|tool| tool.end_run(&self.settings));
     }
 
-    /// Each tool's features over all that was seen of it so far, or why there is none.
+    /// Each tool's features over everything seen so far, or why there is none.
     pub fn values(&self) -> Vec<FeatureValue> {
         let of_tool = |(tool, growing): (usize, &Growing)| {
             let values = growing.sums.values(self.now_s, &self.settings);
@@ -90,17 +91,18 @@ impl Running {
     }
 }
 
-/// One tool's path while it grows.
+/// One tool's path while samples arrive.
 #[derive(Default)]
 struct Growing {
-    /// Samples since the run began that a fit to come may still need; the last is an observation.
+    /// Samples of the current run that a later fit may still need; the last is an observation.
     run: VecDeque<Sample>,
-    /// Samples that the run has had.
+    /// Number of samples in the current run so far.
     length: usize,
-    /// Predicted since the last observation: they count once there is another.
+    /// Samples predicted since the last observation; they count once another observation follows.
     predicted: Vec<Sample>,
-    /// The next instant of the grid, and the node before it in the same span.
+    /// The next instant of the grid.
     next: Option<i64>,
+    /// The node before it in the same span.
     before: Option<Node>,
     sums: Sums,
 }
@@ -123,7 +125,7 @@ impl Growing {
         self.grow(settings, sample.time_s, false);
     }
 
-    /// What is left of the run counts, and a new one begins.
+    /// Adds the rest of the current run and starts a new one.
     fn end_run(&mut self, settings: &FeatureSettings) {
         if let Some(last_s) = self.run.back().map(|last| last.time_s) {
             self.grow(settings, last_s, true);
@@ -134,7 +136,7 @@ impl Growing {
         self.predicted.clear();
     }
 
-    /// Adds the instants up to the last sample whose fits are final.
+    /// Adds the instants whose fits are final; all up to `last_s` if the run `is_whole`.
     fn grow(&mut self, settings: &FeatureSettings, last_s: f64, is_whole: bool) {
         let FeatureSettings { step_s, fit_half_window_s: half_s, .. } = *settings;
         if self.length < MIN_SAMPLES {
@@ -154,14 +156,14 @@ impl Growing {
             }
             self.next = Some(instant + 1);
         }
-        // A fit reaches back over half a window, or to the farthest of its nearest neighbours.
+        // A fit uses the samples of half a window back, or back to the farthest of its nearest neighbours.
         let needed_s = self.next.map_or(last_s, |next| next as f64 * step_s) - half_s;
         let old = samples.partition_point(|sample| sample.time_s <= needed_s);
         self.run.drain(..old.saturating_sub(NEIGHBOURS));
     }
 }
 
-/// What is added up over a path's steps.
+/// Sums over a path's steps.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     /// First and last instant of the grid.
@@ -169,21 +171,22 @@ struct Sums {
     steps: u64,
     length_mm: f64,
     depth_mm: f64,
-    /// Of the mean speed of each step.
+    /// Sum of the mean speed of each step.
     speeds_mm_s: f64,
-    /// Of the mean acceleration of each step.
+    /// Sum of the mean acceleration of each step.
     accelerations_mm_s2: f64,
-    /// Shares of steps below the thinking speed.
+    /// Number of steps below the thinking speed; a step that crosses it counts in proportion.
     slow_steps: f64,
-    /// Stretches between spans, and the longest of them in steps.
+    /// Number of stretches between spans.
     absences: u32,
+    /// The longest of them, in steps.
     longest_absence: i64,
     moving: Moving,
 }
 
 impl Sums {
     fn add(&mut self, before: Option<Node>, node: Node, instant: i64, settings: &FeatureSettings) {
-        let Some(before) = before else { return }; // a span has a length only from its second node on
+        let Some(before) = before else { return }; // a span has a length from its second node on
         let step = Interval { first: instant - 1, last: instant };
         let missed = self.extent.map_or(0, |extent| step.first - extent.last);
         self.absences += u32::from(missed > 0);
@@ -200,10 +203,10 @@ impl Sums {
         self.slow_steps += share_below(speeds[0], speeds[1], settings.thinking_speed_mm_s);
     }
 
-    /// The values of [`LIVE`].
+    /// The values of [`LIVE_FEATURES`].
     fn values(&self, now_s: f64, settings: &FeatureSettings) -> [Result<f64, NotEnough>; LIVE.len()] {
         let Some(extent) = self.extent else { return [Err(NotEnough::NeverSeen); LIVE.len()] };
-        // A tool that has not been missing for longer than a gap may still turn out to have been seen.
+        // A tool that is missing for less than a gap may still count as seen once it is observed again.
         let now = ((now_s - settings.max_gap_s) / settings.step_s).floor() as i64;
         let steps = extent.steps().max(now - extent.first);
         let observed_s = self.steps as f64 * settings.step_s;

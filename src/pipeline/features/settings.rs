@@ -1,40 +1,40 @@
-//! How features are measured: every threshold, with its unit and its source.
+//! The settings of the features: every threshold, with its unit and its source.
 
-/// Settings of the features. [`Default`] is what is stored with a score unless a box says otherwise; two scores are
-/// comparable only under the same settings.
+/// Settings of the features. A score is stored with [`Default`] unless a box overrides it. Two scores are comparable
+/// only under the same settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureSettings {
-    /// Spacing of the time grid on which every path is measured, s, whatever the camera's frame rate. Smaller costs
+    /// Spacing of the time grid that every path is measured on, s, for every camera frame rate. A smaller step costs
     /// time and gains nothing: hands move below 5 Hz. Usual 0.02.
     pub step_s: f64,
-    /// Half width of the local fit that gives position, velocity and acceleration, s. Wider suppresses more noise and
-    /// flattens fast motion (0.15 s passes 99 % of 1 Hz and 90 % of 3 Hz). Usual 0.1 to 0.2.
+    /// Half width of the local fit that gives position, velocity and acceleration, s. A wider fit suppresses more noise
+    /// and flattens fast motion (0.15 s passes 99 % of 1 Hz and 90 % of 3 Hz). Usual 0.1 to 0.2.
     pub fit_half_window_s: f64,
-    /// Longest stretch without an observation that is bridged, s; a longer one splits the path and counts as not seen.
+    /// Maximum stretch without an observation that is bridged, s. A longer one splits the path and counts as not seen.
     pub max_gap_s: f64,
-    /// Least time a tool must be seen within the task, or within a window, before a value is given, s.
+    /// Minimum time that a tool must be seen within the task, or within a window, for a value, s.
     pub min_observed_s: f64,
-    /// Least share of the task, or of a window, in which a tool must be seen before a value is given. Below one half,
-    /// sums such as the path's length would describe what the camera saw more than what the hand did.
+    /// Minimum share of the task, or of a window, that a tool must be seen for a value. Below one half, sums such as
+    /// the path length would describe the camera's view more than the hand's motion.
     pub min_seen_share: f64,
-    /// Speed that a movement must reach, mm/s. It lasts while the speed stays above [`MOVEMENT_END_RATIO`] of it.
-    /// More ignores more of the tracker's noise and of slow work. Expert and novice means are 9 to 23 mm/s in boxes.
+    /// Speed that a movement must reach, mm/s. The movement lasts while the speed stays above [`MOVEMENT_END_RATIO`] of
+    /// it. A higher value ignores more of the tracker's noise and of slow work. Mean speeds of experts and novices in
+    /// boxes are 9 to 23 mm/s.
     pub movement_speed_mm_s: f64,
-    /// Shortest movement, s (PerkTutor: 0.2).
+    /// Minimum duration of a movement, s (PerkTutor: 0.2).
     pub movement_min_s: f64,
-    /// Speed below which a hand is thinking, mm/s (T 4.36; EndoViS: 5).
+    /// Speed below this counts as thinking, mm/s (T 4.36; EndoViS: 5).
     pub thinking_speed_mm_s: f64,
-    /// Shortest rest between movements that counts as idle, s. Shorter ones are turning points, not pauses.
+    /// Minimum rest between movements that counts as idle, s. Shorter rests are turning points, not pauses.
     pub pause_min_s: f64,
-    /// Shortest rest that is time lost rather than a look, s (AIMotion's tiers: 1 and 3).
+    /// Minimum rest that counts as lost time rather than a look, s (AIMotion's tiers: 1 and 3).
     pub long_pause_s: f64,
-    /// Spacing of the points along the path from which T 4.38's smoothness is taken, mm. The value depends on it
-    /// strongly, so it is fixed: a smaller step sees more of the noise.
+    /// Spacing of the points along the path for the smoothness of T 4.38, mm. It is fixed because the value depends on
+    /// it strongly: a smaller step picks up more noise.
     pub smoothness_step_mm: f64,
-    /// Longest movement whose jerk and spectrum mean anything, s: both are defined for discrete movements.
+    /// Maximum duration of a movement for jerk and spectrum, s: both are defined for discrete movements.
     pub longest_movement_s: f64,
-    /// Least share of the moving time that must lie in movements no longer than that, before their median speaks for
-    /// the whole.
+    /// Minimum share of the moving time in movements no longer than that, for their median to represent the whole.
     pub min_short_share: f64,
 }
 
@@ -62,7 +62,7 @@ impl Default for FeatureSettings {
 }
 
 impl FeatureSettings {
-    /// The first setting that nothing can be measured with, by name.
+    /// The name of the first setting with an unusable value.
     pub fn unusable(&self) -> Option<&'static str> {
         let positive = [
             ("fit_half_window_s", self.fit_half_window_s),

@@ -1,7 +1,7 @@
-//! T 4.38's smoothness: how sharply the path turns per millimetre.
+//! The smoothness of T 4.38: how sharply the path turns per millimetre.
 //!
-//! Taken over the movements alone. The thesis leaves out steps of no length, and with them the turn at a corner where the
-//! hand stops; on a real path a stop is never exact, so what is slower than a movement is left out instead.
+//! Measured over the movements only. The thesis leaves out steps of length 0, and with them the turn at a corner where
+//! the hand stops. On a real path a stop is never exact, so everything slower than a movement is left out instead.
 
 use nalgebra::Point3;
 
@@ -9,7 +9,7 @@ use super::motion::{Motion, Span};
 use super::movement::movements;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
 
-/// How crooked.
+/// How sharply the path turns.
 pub const SMOOTHNESS: Feature = Feature {
     name: "smoothness",
     title: "Smoothness",
@@ -26,8 +26,8 @@ pub const SMOOTHNESS: Feature = Feature {
     measures: &[Measure::Tool(smoothness)],
 };
 
-/// How far from the path's start the first point may lie, in parts of a step: a corner is cut more or less depending on
-/// where the points fall, so the value is the mean over evenly spread starts.
+/// Number of starting points, evenly spread over one step from the path's start. How much a corner is cut depends on
+/// where the points fall, so the value is the mean over these starts.
 const STARTS: u32 = 8;
 
 fn smoothness(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -43,7 +43,7 @@ fn smoothness(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEno
     Ok(turns.iter().map(|turn| turn * turn).sum::<f64>() / f64::from(STARTS))
 }
 
-/// What a stretch of path adds to the sum, 1/mm².
+/// The contribution of a stretch of path to the sum, 1/mm².
 pub(in crate::pipeline) fn turned(span: &Span, step_mm: f64) -> f64 {
     let start = |k: u32| step_mm * f64::from(k) / f64::from(STARTS);
     let turns = (0..STARTS).flat_map(|k| turns(span, start(k), step_mm));
@@ -54,11 +54,11 @@ fn turns(span: &Span, start_mm: f64, step_mm: f64) -> Vec<f64> {
     divided(span, start_mm, step_mm).windows(3).map(|p| turn_per_mm(&p[0], &p[1], &p[2])).collect()
 }
 
-/// Points on a span's path, each a step from the one before as the crow flies, like a pair of dividers walked along it;
-/// the first is `start_mm` from the first node.
+/// Points on a span's path, each one step from the point before in a straight line, like a pair of dividers walked
+/// along it. The first is `start_mm` from the first node.
 ///
-/// Equal steps *along* the path were tried and rejected: where a hand is slow, the noise walks a millimetre within a tenth
-/// of one, the chords shrink, and one such place outweighs the whole session.
+/// Equal steps *along* the path were tried and rejected: where a hand is slow, noise adds a millimetre of path within a
+/// tenth of a millimetre, the chords shrink, and one such place outweighs the whole session.
 fn divided(span: &Span, start_mm: f64, step_mm: f64) -> Vec<Point3<f64>> {
     let Some(first) = span.nodes.first().map(|node| node.position) else { return Vec::new() };
     let (mut last, mut points) = (first, if start_mm > 0.0 { Vec::new() } else { vec![first] });
@@ -75,14 +75,14 @@ fn divided(span: &Span, start_mm: f64, step_mm: f64) -> Vec<Point3<f64>> {
     points
 }
 
-/// Where a leg that ends outside a sphere leaves it for good.
+/// The point where a leg that ends outside a sphere leaves it for the last time.
 fn exit(from: Point3<f64>, to: Point3<f64>, centre: Point3<f64>, radius: f64) -> Point3<f64> {
     let (leg, offset) = (to - from, from - centre);
     let (a, b, c) = (leg.norm_squared(), offset.dot(&leg), offset.norm_squared() - radius * radius);
     from + leg * ((-b + (b * b - a * c).max(0.0).sqrt()) / a).clamp(0.0, 1.0)
 }
 
-/// One term of T 4.38 before it is squared; 0 where a step has no length.
+/// One term of T 4.38 before it is squared; 0 if a step has no length.
 fn turn_per_mm(before: &Point3<f64>, here: &Point3<f64>, after: &Point3<f64>) -> f64 {
     let (a, b, c) = ((here - before).norm(), (after - here).norm(), (after - before).norm());
     if a == 0.0 || b == 0.0 {

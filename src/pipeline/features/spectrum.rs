@@ -1,9 +1,9 @@
-//! Features of the velocity's spectrum: how much of the motion is tremor, and how fast the hand corrects itself.
+//! Features of the velocity's spectrum: the share of tremor in the motion, and the frequency of the hand's corrections.
 //!
-//! **Method** (Welch 1967): over stretches of 2.56 s that overlap by half, each faded in and out by a Hann window, the powers of the
-//! velocity's spectra are added, of both components together, so that no direction is preferred. The path has been smoothed by
-//! then: the local fit passes 90 % of 3 Hz, half of 6 Hz and next to nothing of 10 Hz, at every frame rate alike. In the
-//! picture only: in depth, what trembles is the tracker.
+//! **Method** (Welch 1967): the path is divided into stretches of 2.56 s that overlap by half, each faded in and out by
+//! a Hann window. The powers of their velocity spectra are added, over both components, so that no direction is
+//! preferred. The path is already smoothed: the local fit passes 90 % of 3 Hz, half of 6 Hz and almost nothing of 10
+//! Hz, at every frame rate. Measured in the picture only: tremor in depth comes from the tracker.
 
 use nalgebra::Complex;
 
@@ -11,14 +11,14 @@ use super::motion::{Motion, Node, Span};
 use super::movement::movements;
 use super::{Direction, Family, Feature, FeatureSettings, IMAGE, Measure, NotEnough};
 
-/// How much trembles.
+/// Share of tremor in the motion.
 pub const TREMOR_SHARE: Feature = Feature {
     name: "tremor_share",
     title: "Share of 3 to 6 Hz",
     family: Family::Smoothness,
     unit: "1",
     direction: Direction::Lower,
-    description: "The power of the velocity between 3 and 6 Hz as a share of all of it, as far as the path's fit passes it.",
+    description: "The share of the velocity's power that lies between 3 and 6 Hz, after the smoothing by the path's fit.",
     source: "band power of 3–6 Hz, the strongest feature after jerk in a study of the JIGSAWS recordings; Welch's estimate",
     range: (0.0, 1.0),
     spaces: IMAGE,
@@ -26,7 +26,7 @@ pub const TREMOR_SHARE: Feature = Feature {
     measures: &[Measure::Tool(tremor_share)],
 };
 
-/// How fast it corrects itself.
+/// Frequency of the hand's corrections.
 pub const MOTION_FREQUENCY: Feature = Feature {
     name: "motion_frequency",
     title: "Motion frequency (95 %)",
@@ -60,13 +60,13 @@ fn motion_frequency(motion: &Motion, settings: &FeatureSettings) -> Result<f64, 
         left <= 0.0
     });
     let bin = reached.unwrap_or(powers.len() - 1);
-    let part = 1.0 + left.min(0.0) / powers[bin].max(f64::MIN_POSITIVE); // of the bin that is needed
+    let part = 1.0 + left.min(0.0) / powers[bin].max(f64::MIN_POSITIVE); // the needed part of the last bin
     Ok(((bin as f64 - 0.5 + part) * bin_hz).max(0.0))
 }
 
-/// The velocity's power by frequency, in any unit.
+/// The velocity's power by frequency, in an arbitrary unit.
 struct Spectrum {
-    /// Of each bin, from 0 Hz on.
+    /// Power of each bin, starting at 0 Hz.
     powers: Vec<f64>,
     /// Distance of two bins, Hz.
     bin_hz: f64,
@@ -76,7 +76,7 @@ impl Spectrum {
     fn of(motion: &Motion, settings: &FeatureSettings) -> Result<Self, NotEnough> {
         motion.check_enough(settings)?;
         if movements(motion, settings).is_empty() {
-            return Err(NotEnough::NoMovement); // the spectrum of noise
+            return Err(NotEnough::NoMovement); // the spectrum would be that of noise
         }
         let length = length(motion.step_s);
         let long_enough = || motion.spans.iter().filter(move |span| span.nodes.len() >= length);
@@ -99,20 +99,20 @@ fn stretches(span: &Span, length: usize) -> impl Iterator<Item = &[Node]> {
     span.nodes[left_over / 2..].windows(length).step_by(length / 2)
 }
 
-/// How fast a tip moves within bands of frequencies, stretch by stretch.
+/// Measures how fast a tip moves within frequency bands, stretch by stretch.
 pub(in crate::pipeline) struct Bands {
     transform: Transform,
     bin_hz: f64,
 }
 
 impl Bands {
-    /// For motions on a grid of this step.
+    /// Prepares for motions on a grid of this step.
     pub(in crate::pipeline) fn new(step_s: f64) -> Self {
         let length = length(step_s);
         Self { transform: Transform::new(length), bin_hz: 1.0 / (length as f64 * step_s) }
     }
 
-    /// Nodes of a stretch.
+    /// Number of nodes of a stretch.
     pub(in crate::pipeline) fn length(&self) -> usize {
         self.transform.window.len()
     }
@@ -126,12 +126,12 @@ impl Bands {
     }
 }
 
-/// Nodes of a stretch on a grid of this step.
+/// Number of nodes of a stretch on a grid of this step.
 fn length(step_s: f64) -> usize {
     ((STRETCH_S / step_s).round() as usize).next_power_of_two()
 }
 
-/// The power within a band; a bin at its edge counts in proportion.
+/// The power within a band; a bin at its border counts in proportion.
 fn power_within(powers: &[f64], bin_hz: f64, (low_hz, high_hz): (f64, f64)) -> f64 {
     let share_of_bin = |bin: usize| {
         let (low, high) = ((bin as f64 - 0.5) * bin_hz, (bin as f64 + 0.5) * bin_hz);
@@ -156,8 +156,8 @@ impl Transform {
         }
     }
 
-    /// Adds the power of a stretch's velocity to each bin. With the components as the two parts of a complex number, their
-    /// power at a frequency is half of that at it and at its negative together.
+    /// Adds the power of a stretch's velocity to each bin. The two components are the two parts of a complex number;
+    /// their power at a frequency is half of the sum of the powers at that frequency and at its negative.
     fn add_powers(&self, stretch: &[Node], powers: &mut [f64]) {
         let faded = stretch.iter().zip(&self.window);
         let faded = faded.map(|(node, weight)| Complex::new(node.velocity.x, node.velocity.y) * *weight);

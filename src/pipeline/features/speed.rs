@@ -4,7 +4,7 @@ use super::motion::{Motion, Node};
 use super::quantile::quantile;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
 
-/// How fast on average.
+/// Mean speed.
 pub const MEAN_VELOCITY: Feature = Feature {
     name: "mean_velocity",
     title: "Mean velocity",
@@ -20,7 +20,7 @@ pub const MEAN_VELOCITY: Feature = Feature {
     measures: &[Measure::Tool(mean_velocity)],
 };
 
-/// How fast usually.
+/// Usual speed: the median.
 pub const MEDIAN_VELOCITY: Feature = Feature {
     name: "median_velocity",
     title: "Median velocity",
@@ -28,14 +28,14 @@ pub const MEDIAN_VELOCITY: Feature = Feature {
     unit: "mm/s",
     direction: Direction::Neither,
     description: "The speed that is exceeded in half of the seen time of the task.",
-    source: "quantiles of the speed beside its mean, which few fast reaches raise",
+    source: "quantile of the speed; a few fast reaches raise the mean but not the median",
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: false,
     measures: &[Measure::Tool(|motion, settings| velocity_quantile(motion, settings, 0.5))],
 };
 
-/// How fast at most, without the outliers.
+/// Highest speed without outliers: the 95 % quantile.
 pub const PEAK_VELOCITY: Feature = Feature {
     name: "peak_velocity",
     title: "Peak velocity (95 %)",
@@ -43,14 +43,14 @@ pub const PEAK_VELOCITY: Feature = Feature {
     unit: "mm/s",
     direction: Direction::Neither,
     description: "The speed that is exceeded in 5 % of the seen time of the task.",
-    source: "the 95 % quantile because a maximum is made of noise",
+    source: "the 95 % quantile, because a maximum is mostly noise",
     range: (0.0, 5_000.0),
     spaces: BOTH,
     windowed: true,
     measures: &[Measure::Tool(|motion, settings| velocity_quantile(motion, settings, 0.95))],
 };
 
-/// How unsteady.
+/// How unsteady the motion is.
 pub const JITTER: Feature = Feature {
     name: "jitter",
     title: "Jitter",
@@ -58,7 +58,7 @@ pub const JITTER: Feature = Feature {
     unit: "mm/s²",
     direction: Direction::Lower,
     description: "Mean over the seen time of the task of the acceleration's magnitude. It grows with speed: compare \
-                  people of like speed, or take the relative jitter.",
+                  people of similar speed, or use the relative jitter.",
     source: "thesis eq. 4.35",
     range: (0.0, 1e6),
     spaces: BOTH,
@@ -66,14 +66,14 @@ pub const JITTER: Feature = Feature {
     measures: &[Measure::Tool(jitter)],
 };
 
-/// How unsteady for its speed.
+/// How unsteady the motion is relative to its speed.
 pub const RELATIVE_JITTER: Feature = Feature {
     name: "relative_jitter",
     title: "Relative jitter",
     family: Family::Speed,
     unit: "1/s",
     direction: Direction::Lower,
-    description: "Jitter divided by the mean velocity, so that fast hands are not taken for unsteady ones.",
+    description: "Jitter divided by the mean velocity, so that fast hands do not count as unsteady.",
     source: "mean |a| · T / path length",
     range: (0.0, 1e4),
     spaces: BOTH,
@@ -81,7 +81,7 @@ pub const RELATIVE_JITTER: Feature = Feature {
     measures: &[Measure::Tool(relative_jitter)],
 };
 
-/// Means slower than this are a tool at rest, whose ratio to anything is noise; mm/s.
+/// A tool with a mean speed below this is at rest, and a ratio to its speed is noise; mm/s.
 const REST_MM_S: f64 = 1.0;
 
 pub(super) fn mean_velocity(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {

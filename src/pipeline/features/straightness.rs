@@ -1,9 +1,10 @@
-//! How direct each movement's way is: against the straight line, and against what a trocar lets a hand do.
+//! How direct each movement is, compared with the straight line and with the shortest way about the trocar.
 //!
-//! A straight line is no fair measure of a tool that pivots in the wall (Chmarra 2008): a hand retracts, turns and inserts.
-//! Of two places at distances `r ≤ R` from the trocar, seen from there at an angle `θ` to each other, the shortest way of
-//! that kind is `(R − ρ) + (r − ρ) + ρ·θ`, least at `ρ = r`, where it is `R − r + r·θ`, as long as `θ ≤ 2`; beyond
-//! that, which no box allows, at `ρ = 0`: `R + r`. A hand that does both at once is shorter than that, by √2 at most.
+//! A straight line is no fair reference for a tool that pivots in the wall (Chmarra 2008): a hand retracts, turns and
+//! inserts. Take two points at distances `r ≤ R` from the trocar, seen from there at an angle `θ` to each other. A way
+//! that retracts to a distance `ρ`, turns and inserts has the length `(R − ρ) + (r − ρ) + ρ·θ`. As long as `θ ≤ 2`, the
+//! shortest way has `ρ = r` and the length `R − r + r·θ`. For larger angles, which no box allows, it has `ρ = 0` and
+//! the length `R + r`. A hand that does all of this at once can be shorter, by a factor of at most √2.
 
 use nalgebra::Point3;
 
@@ -12,7 +13,7 @@ use super::per_movement::median_over_movements;
 use super::turning::angle;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
-/// Against the straight line.
+/// Length compared with the straight line.
 pub const PATH_RATIO: Feature = Feature {
     name: "path_ratio",
     title: "Path ratio",
@@ -21,14 +22,14 @@ pub const PATH_RATIO: Feature = Feature {
     direction: Direction::Lower,
     description: "A movement's path length divided by the straight distance from its start to its end; median over the \
                   movements of at most 10 s, weighted by their duration. 1 is a straight line.",
-    source: "PerkTutor (path inefficiency), per movement, since a task's ends are one place",
+    source: "PerkTutor (path inefficiency), per movement, because a task ends where it began",
     range: (1.0, MOST),
     spaces: BOTH,
     windowed: false,
     measures: &[Measure::Tool(path_ratio)],
 };
 
-/// Against the way about the trocar.
+/// Length compared with the shortest way about the trocar.
 pub const FULCRUM_PATH_RATIO: Feature = Feature {
     name: "fulcrum_path_ratio",
     title: "Path ratio about the trocar",
@@ -45,7 +46,7 @@ pub const FULCRUM_PATH_RATIO: Feature = Feature {
     measures: &[Measure::Tool(fulcrum_path_ratio)],
 };
 
-/// A movement that is longer than its way so many times ends where it began.
+/// Maximum ratio; a movement with a larger one ends where it began.
 const MOST: f64 = 100.0;
 
 fn path_ratio(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
@@ -72,7 +73,7 @@ fn median_ratio(
     if median.is_finite() { Ok(median) } else { Err(NotEnough::ReturnsToStart) }
 }
 
-/// The shortest way that retracts, turns and inserts, mm.
+/// The length of the shortest way that retracts, turns and inserts, mm.
 pub(in crate::pipeline) fn way_about(fulcrum: Point3<f64>, from: Point3<f64>, to: Point3<f64>) -> f64 {
     let (a, b) = (from - fulcrum, to - fulcrum);
     let (near, far) = (a.norm().min(b.norm()), a.norm().max(b.norm()));

@@ -1,9 +1,9 @@
-//! Submovements: the pushes of which movements are made.
+//! Submovements: the single pushes that a movement consists of.
 
 use super::motion::{Motion, Span};
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough};
 
-/// How many pushes.
+/// Number of pushes.
 pub const SUBMOVEMENTS: Feature = Feature {
     name: "submovements",
     title: "Number of submovements",
@@ -12,7 +12,7 @@ pub const SUBMOVEMENTS: Feature = Feature {
     direction: Direction::Lower,
     description: "How often the speed has a maximum that stands out by at least 10 mm/s from the dips on both its sides. A \
                   hand that knows its way needs one or two a movement.",
-    source: "speed peaks by their prominence (Rohrer 2004); the threshold is that of a movement, well above the noise",
+    source: "speed peaks by their prominence (Rohrer 2004); the threshold is the movement speed, well above the noise",
     range: (0.0, 1e6),
     spaces: BOTH,
     windowed: false,
@@ -25,19 +25,19 @@ fn submovements(motion: &Motion, settings: &FeatureSettings) -> Result<f64, NotE
     Ok(motion.spans.iter().map(|span| of_span(span).len()).sum::<usize>() as f64)
 }
 
-/// Maxima that stand out so far from the dips on both sides; before and after the values there is rest.
-/// Their places among the values.
+/// The indices of the maxima that stand out from the dips on both sides by at least `prominence`. Before and after the
+/// values the tool counts as at rest.
 pub(in crate::pipeline) fn peaks(values: impl Iterator<Item = f64>, prominence: f64) -> Vec<usize> {
     let (mut peaks, mut lowest, mut highest) = (Vec::new(), 0.0_f64, None::<(usize, f64)>);
-    for (place, value) in values.chain([0.0]).enumerate() {
+    for (index, value) in values.chain([0.0]).enumerate() {
         match highest {
             Some((at, peak)) if value <= peak - prominence => {
                 peaks.push(at);
                 (lowest, highest) = (value, None);
             }
-            Some((_, peak)) if value > peak => highest = Some((place, value)),
+            Some((_, peak)) if value > peak => highest = Some((index, value)),
             Some(_) => {}
-            None if value >= lowest + prominence => highest = Some((place, value)),
+            None if value >= lowest + prominence => highest = Some((index, value)),
             None => lowest = lowest.min(value),
         }
     }

@@ -1,4 +1,5 @@
-//! Whole features against closed forms and laws, through [`assess`] as everyone calls it; and the paths that they share.
+//! Whole features against closed forms and laws, through [`assess`] as all callers use it; and the paths that the tests
+//! share.
 
 mod about_trocar;
 mod closed_forms;
@@ -72,8 +73,8 @@ fn stroke(u: f64) -> f64 {
     u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 }
 
-/// A square of 60 mm: each side a minimum-jerk stroke of 3 s after a rest of 1.5 s at its corner; `laps` times round.
-/// A tremor in the picture, of the given amplitude in mm, fades in and out with each stroke.
+/// A square of 60 mm: each side is a minimum-jerk stroke of 3 s after a rest of 1.5 s at its corner; `laps` times
+/// round.
 fn square(tremor_mm: f64) -> impl Fn(f64) -> Point3<f64> {
     let corners = [(0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0)];
     move |t| {

@@ -1,10 +1,10 @@
-//! Features of time: how long, and how much of it at rest.
+//! Features of time: the duration, and how much of it was rest.
 
 use super::motion::{Interval, Motion};
 use super::movement::{extent, rests};
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
-/// From first to last movement.
+/// Time from the first to the last movement.
 pub const DURATION: Feature = Feature {
     name: "duration",
     title: "Duration",
@@ -21,7 +21,7 @@ pub const DURATION: Feature = Feature {
     measures: &[Measure::Session(task_duration), Measure::Tool(tool_duration)],
 };
 
-/// Slower than the threshold.
+/// Time below the thinking speed.
 pub const THINKING_TIME: Feature = Feature {
     name: "thinking_time",
     title: "Thinking time",
@@ -36,7 +36,7 @@ pub const THINKING_TIME: Feature = Feature {
     measures: &[Measure::Tool(thinking_time)],
 };
 
-/// Resting between movements.
+/// Share of the time in rests between movements.
 pub const IDLE_SHARE: Feature = Feature {
     name: "idle_share",
     title: "Idle share",
@@ -71,7 +71,7 @@ fn thinking_time(motion: &Motion, settings: &FeatureSettings) -> Result<f64, Not
     Ok(shares.sum::<f64>() * motion.step_s)
 }
 
-/// The share of a step, over which the speed runs straight from `a` to `b`, that lies below a threshold.
+/// The share of a step that lies below a threshold, if the speed changes linearly from `a` to `b`.
 pub(in crate::pipeline) fn share_below(a: f64, b: f64, threshold: f64) -> f64 {
     let (low, high) = (a.min(b), a.max(b));
     if high <= threshold {

@@ -1,11 +1,11 @@
-//! Features of how far apart the two tips are.
+//! Features of the distance between the two tips.
 
 use super::motion::Motion;
 use super::quantile::quantile;
 use super::two_hands::common;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
-/// How far apart.
+/// Mean distance.
 pub const TIP_DISTANCE: Feature = Feature {
     name: "tip_distance",
     title: "Distance between the tips",
@@ -20,7 +20,7 @@ pub const TIP_DISTANCE: Feature = Feature {
     measures: &[Measure::Pair(tip_distance)],
 };
 
-/// How much that changes.
+/// How much the distance varies.
 pub const TIP_DISTANCE_SPREAD: Feature = Feature {
     name: "tip_distance_spread",
     title: "Spread of the tips' distance",
@@ -31,22 +31,22 @@ pub const TIP_DISTANCE_SPREAD: Feature = Feature {
     ..TIP_DISTANCE
 };
 
-/// How near.
+/// The shortest distance without outliers: the 5 % quantile.
 pub const TIP_DISTANCE_LOW: Feature = Feature {
     name: "tip_distance_low",
     title: "Distance between the tips (5 %)",
-    description: "The distance between the two tips below which they are in 5 % of the time in which both are seen.",
+    description: "The tips are closer than this in 5 % of the time in which both are seen.",
     spaces: THREE_D,
     windowed: false,
     measures: &[Measure::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.05))],
     ..TIP_DISTANCE
 };
 
-/// How far.
+/// The largest distance without outliers: the 95 % quantile.
 pub const TIP_DISTANCE_HIGH: Feature = Feature {
     name: "tip_distance_high",
     title: "Distance between the tips (95 %)",
-    description: "The distance between the two tips above which they are in 5 % of the time in which both are seen.",
+    description: "The tips are farther apart than this in 5 % of the time in which both are seen.",
     spaces: THREE_D,
     windowed: false,
     measures: &[Measure::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.95))],

@@ -1,8 +1,8 @@
-//! Features of a tool's motion about its trocar: how far it turns, and how far it goes in and out.
+//! Features of a tool's motion about its trocar: how far it turns, and how far it moves in and out.
 //!
-//! A tool pivots in the wall, so that a hand turns it and pushes it rather than carrying its tip. Both are told from the
-//! tip and the trocar ([`super::fulcrum`]), not from the shaft's own axis: a tip is known to tenths of a
-//! millimetre over a lever of decimetres.
+//! A tool pivots in the wall, so a hand turns and pushes the tool rather than moving its tip freely. Both features are
+//! computed from the tip and the trocar ([`super::fulcrum`]), not from the shaft's own axis: the tip is known to tenths
+//! of a millimetre, over a lever of decimetres.
 
 use nalgebra::{Point3, Vector3};
 
@@ -10,15 +10,15 @@ use super::motion::Motion;
 use super::path::LONGEST_MM;
 use super::{Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
-/// How far it turns.
+/// Total angle that the tool turns.
 pub const ANGULAR_PATH: Feature = Feature {
     name: "angular_path",
     title: "Angular path",
     family: Family::Path,
     unit: "rad",
     direction: Direction::Lower,
-    description: "Sum of the angles through which the line from the trocar to the tip turns during the task, as far as \
-                  it was seen.",
+    description: "Sum of the angles through which the line from the trocar to the tip turns during the seen time of the \
+                  task.",
     source: "Simball Box (angular distance), without the shaft's own roll",
     range: (0.0, 1e5),
     spaces: THREE_D,
@@ -26,7 +26,7 @@ pub const ANGULAR_PATH: Feature = Feature {
     measures: &[Measure::Tool(angular_path)],
 };
 
-/// How fast it turns.
+/// Mean speed of turning.
 pub const ANGULAR_VELOCITY: Feature = Feature {
     name: "angular_velocity",
     title: "Mean angular velocity",
@@ -41,14 +41,14 @@ pub const ANGULAR_VELOCITY: Feature = Feature {
     measures: &[Measure::Tool(angular_velocity)],
 };
 
-/// How far in and out.
+/// Distance moved in and out.
 pub const INSERTION_TRAVELLED: Feature = Feature {
     name: "insertion_travelled",
     title: "Insertion travelled",
     family: Family::Path,
     unit: "mm",
     direction: Direction::Lower,
-    description: "Sum of the changes of the tip's distance from the trocar, both ways: what the hand pushes and pulls.",
+    description: "Sum of the changes of the tip's distance from the trocar, both ways: how far the hand pushes and pulls.",
     source: "EndoViS and PerkTutor (depth perception along the trocar's axis)",
     range: (0.0, LONGEST_MM),
     spaces: THREE_D,
@@ -73,7 +73,7 @@ fn insertion_travelled(motion: &Motion, settings: &FeatureSettings) -> Result<f6
     Ok(motion.steps().map(|(a, b)| (depth(b.position) - depth(a.position)).abs()).sum())
 }
 
-/// The angle between two directions, also where it is small.
+/// The angle between two directions; accurate also for small angles.
 pub(in crate::pipeline) fn angle(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b))
 }

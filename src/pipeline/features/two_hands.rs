@@ -1,4 +1,4 @@
-//! Features of two hands together, on the instants at which both are seen.
+//! Features of two hands together, measured at the instants at which both tools are seen.
 
 use std::ops::RangeInclusive;
 
@@ -7,7 +7,7 @@ use super::movement::movements;
 use super::path::path_length;
 use super::{BOTH, Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
 
-/// Do they speed up and slow down together?
+/// Whether the hands speed up and slow down together.
 pub const SYNCHRONY: Feature = Feature {
     name: "synchrony",
     title: "Synchrony of the hands",
@@ -22,7 +22,7 @@ pub const SYNCHRONY: Feature = Feature {
     measures: &[Measure::Pair(synchrony)],
 };
 
-/// Do they work at the same time?
+/// Whether both hands move at the same time.
 pub const TOGETHER_SHARE: Feature = Feature {
     name: "together_share",
     title: "Share of moving together",
@@ -37,7 +37,7 @@ pub const TOGETHER_SHARE: Feature = Feature {
     measures: &[Measure::Pair(together_share)],
 };
 
-/// Does one work alone?
+/// How much one hand moves while the other does not.
 pub const ONE_HAND_SHARE: Feature = Feature {
     name: "one_hand_share",
     title: "Share of one hand alone",
@@ -47,7 +47,7 @@ pub const ONE_HAND_SHARE: Feature = Feature {
     ..TOGETHER_SHARE
 };
 
-/// Do both rest?
+/// How much both hands rest.
 pub const NEITHER_SHARE: Feature = Feature {
     name: "neither_share",
     title: "Share of both at rest",
@@ -58,7 +58,7 @@ pub const NEITHER_SHARE: Feature = Feature {
     ..TOGETHER_SHARE
 };
 
-/// How alike are they in speed?
+/// How similar the speeds of the hands are.
 pub const SPEED_BALANCE: Feature = Feature {
     name: "speed_balance",
     title: "Balance of the speeds",
@@ -74,7 +74,7 @@ pub const SPEED_BALANCE: Feature = Feature {
     measures: &[Measure::Pair(speed_balance)],
 };
 
-/// Which of them does the work?
+/// How the path length is divided between the hands.
 pub const HANDEDNESS: Feature = Feature {
     name: "handedness",
     title: "Share of the work",
@@ -90,7 +90,7 @@ pub const HANDEDNESS: Feature = Feature {
     measures: &[Measure::EachOfPair(handedness)],
 };
 
-/// Which of them is at work for longer?
+/// How the moving time is divided between the hands.
 pub const HANDEDNESS_IN_TIME: Feature = Feature {
     name: "handedness_in_time",
     title: "Share of the moving time",
@@ -103,7 +103,7 @@ pub const HANDEDNESS_IN_TIME: Feature = Feature {
 fn synchrony(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<f64, NotEnough> {
     let both = common(a, b, settings)?;
     if movements(a, settings).is_empty() || movements(b, settings).is_empty() {
-        return Err(NotEnough::NoMovement); // the correlation with a resting tool is one with its noise
+        return Err(NotEnough::NoMovement); // the speed of a resting tool is noise
     }
     let speeds: Vec<(f64, f64)> = both.iter().map(|(a, b)| (a.velocity.norm(), b.velocity.norm())).collect();
     correlation(&speeds).ok_or(NotEnough::NoMovement)
@@ -124,7 +124,7 @@ fn together_share(a: &Motion, b: &Motion, settings: &FeatureSettings) -> Result<
     if both + one == 0 { Err(NotEnough::NoMovement) } else { Ok(both as f64 / (both + one) as f64) }
 }
 
-/// At how many instants both hands, one or neither is in a movement, of those at which both are seen.
+/// Of the instants at which both tools are seen: how many have both, one or neither hand in a movement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Together {
     both: usize,
@@ -150,7 +150,7 @@ impl Together {
     }
 }
 
-/// What two rows of intervals, each in time order, have in common.
+/// The intersections of two lists of intervals, each in time order.
 fn shared(a: &[Interval], b: &[Interval]) -> Vec<Interval> {
     let (mut a, mut b, mut shared) = (a.iter().peekable(), b.iter().peekable(), Vec::new());
     while let (Some(one), Some(other)) = (a.peek(), b.peek()) {
@@ -167,7 +167,7 @@ fn shared(a: &[Interval], b: &[Interval]) -> Vec<Interval> {
     shared
 }
 
-/// How many instants intervals hold, both ends included.
+/// Number of instants in the intervals, both ends included.
 fn instants(intervals: &[Interval]) -> usize {
     intervals.iter().map(|interval| interval.steps() as usize + 1).sum()
 }
@@ -208,7 +208,7 @@ fn handedness_in_time(own: &Motion, other: &Motion, settings: &FeatureSettings) 
     if sum == 0 { Err(NotEnough::NoMovement) } else { Ok(own as f64 / sum as f64) }
 }
 
-/// The nodes of both tools at the instants at which both are seen, if these are enough.
+/// The nodes of both tools at the instants at which both are seen, if there are enough.
 pub(super) fn common<'a>(
     a: &'a Motion,
     b: &'a Motion,
@@ -226,7 +226,7 @@ pub(super) fn common<'a>(
     }
 }
 
-/// Pairs of spans that share instants, in time order.
+/// Pairs of spans that overlap, in time order, with the instants they share.
 fn overlaps<'a>(a: &'a Motion, b: &'a Motion) -> impl Iterator<Item = (&'a Span, &'a Span, RangeInclusive<i64>)> {
     a.spans.iter().flat_map(move |of_a| {
         let from = b.spans.partition_point(|of_b| of_b.last() < of_a.first);
@@ -236,7 +236,7 @@ fn overlaps<'a>(a: &'a Motion, b: &'a Motion) -> impl Iterator<Item = (&'a Span,
     })
 }
 
-/// The node of an instant that lies in the span.
+/// The node at an instant inside the span.
 fn at(span: &Span, instant: i64) -> &Node {
     &span.nodes[(instant - span.first) as usize]
 }

@@ -1,8 +1,8 @@
-//! Features of what was not seen: how much, how often, and by whose doing.
+//! Features of absences: how much and how often a tool was not seen, and why.
 //!
-//! A tool is not seen where it was neither observed nor in a short gap between two observations. Whose doing that is says the
-//! tracker, frame by frame ([`why_absent`]): the hand took it out of the view, the other tool came before it, or
-//! it was lost in plain sight. Of a path that comes without the tracker's reasons only how much is told.
+//! A tool counts as not seen where it was neither observed nor in a short gap between two observations. The tracker
+//! gives the cause frame by frame ([`explain_absences`]): the hand took it out of the view, the other tool covered it,
+//! or it was lost in plain view. For a path that comes without the tracker's reasons only the amount is measured.
 
 use super::motion::{Interval, Motion};
 use super::{Direction, Family, Feature, FeatureSettings, Measure, NotEnough, THREE_D};
@@ -11,7 +11,7 @@ mod reasons;
 
 pub use reasons::{Absent, Cause, why_absent};
 
-/// Neither observed nor bridged.
+/// Share of the time when the tool was neither observed nor in a bridged gap.
 pub const NOT_SEEN_SHARE: Feature = Feature {
     name: "not_seen_share",
     title: "Share not seen",
@@ -27,7 +27,7 @@ pub const NOT_SEEN_SHARE: Feature = Feature {
     measures: &[Measure::Tool(not_seen_share)],
 };
 
-/// The hand's doing.
+/// Absence caused by the hand.
 pub const LEFT_VIEW_SHARE: Feature = Feature {
     name: "left_view_share",
     title: "Share out of view",
@@ -38,7 +38,7 @@ pub const LEFT_VIEW_SHARE: Feature = Feature {
     ..NOT_SEEN_SHARE
 };
 
-/// The other tool's doing.
+/// Absence caused by the other tool.
 pub const HIDDEN_SHARE: Feature = Feature {
     name: "hidden_share",
     title: "Share behind the other tool",
@@ -50,23 +50,23 @@ pub const HIDDEN_SHARE: Feature = Feature {
     ..NOT_SEEN_SHARE
 };
 
-/// The tracker's doing.
+/// Absence caused by the tracker.
 pub const LOST_SHARE: Feature = Feature {
     name: "lost_share",
     title: "Share lost by the tracker",
     direction: Direction::Neither,
     description: "Share of the task in which the tool was in view but could not be followed.",
-    source: "ours: says nothing about the hand, and how far to trust the rest",
+    source: "ours: says nothing about the hand, but how far to trust the other features",
     windowed: false,
     measures: &[Measure::Tool(|motion, settings| share_of(motion, settings, Cause::Lost))],
     ..NOT_SEEN_SHARE
 };
 
-/// How often.
+/// Number of absences.
 pub const ABSENCES: Feature = Feature {
     name: "absences",
     title: "Times not seen",
-    description: "How often during the task the tool was not seen for longer than 0.25 s, whatever the reason.",
+    description: "How often during the task the tool was not seen for longer than 0.25 s, for any reason.",
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 1e6),
     windowed: false,
@@ -74,12 +74,12 @@ pub const ABSENCES: Feature = Feature {
     ..NOT_SEEN_SHARE
 };
 
-/// How long at most.
+/// The longest absence.
 pub const LONGEST_ABSENCE: Feature = Feature {
     name: "longest_absence",
     title: "Longest time not seen",
     unit: "s",
-    description: "The longest time during the task, of more than 0.25 s, in which the tool was not seen, whatever the reason.",
+    description: "The longest time during the task, of more than 0.25 s, in which the tool was not seen, for any reason.",
     source: "SurgTrac's time off-screen, in episodes",
     range: (0.0, 86_400.0),
     windowed: false,
@@ -94,7 +94,7 @@ fn not_seen_share(motion: &Motion, settings: &FeatureSettings) -> Result<f64, No
 
 fn share_of(motion: &Motion, settings: &FeatureSettings, cause: Cause) -> Result<f64, NotEnough> {
     if not_seen_share(motion, settings)? <= 0.0 {
-        return Ok(0.0); // where nothing was missed, nobody has to know why
+        return Ok(0.0); // without an absence no cause is needed
     }
     let absent = motion.known.absent.as_ref().ok_or(NotEnough::NoReasons)?;
     let of_cause = absent.iter().filter(|absent| absent.cause == cause);
@@ -106,7 +106,7 @@ fn longest_absence(motion: &Motion, settings: &FeatureSettings) -> Result<f64, N
     Ok(absences(motion, settings)?.map(Interval::steps).max().unwrap_or(0) as f64 * motion.step_s)
 }
 
-/// Where the tool was not seen within the interval, for longer than a gap that is bridged.
+/// The intervals when the tool was not seen for longer than a bridged gap.
 pub(in crate::pipeline) fn absences(
     motion: &Motion,
     settings: &FeatureSettings,

@@ -1,62 +1,62 @@
-//! What can be wrong with a session: a closed set, so that each has its sentence and says what to do.
+//! What can be wrong with a session: a closed set, so that every cause has a sentence and advice.
 
-/// What can be wrong with a session.
+/// A reason to refuse a session or to use it with care.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Cause {
     /// No tool was ever measured.
     NothingSeen,
     /// A tool was never in the picture.
     NeverInPicture,
-    /// A tool's colour is hardly apart from what is no tool.
+    /// A tool's colour is too close to something that is not a tool.
     ColourBackground,
-    /// A tool's colour is hardly apart from another tool's.
+    /// A tool's colour is too close to another tool's.
     ColourPair,
     /// A tool was measured on too few frames.
     Coverage,
     /// A tool was out of view for too long.
     LeftView,
-    /// A tool was in view, and not followed, for too long.
+    /// A tool was in view but not followed for too long.
     Lost,
     /// Too many of a tool's positions are bridged.
     Predicted,
-    /// A tool was not measured for too long at a stretch.
+    /// A tool was not measured for too long without interruption.
     LongGap,
     /// Too many measurements contradict a tool's motion.
     Rejected,
-    /// A band's borders are not where its tube would have them.
+    /// A band's borders do not fit a straight tube.
     BorderResidual,
-    /// A resting tool would seem to move.
+    /// A resting tool would appear to move.
     NoiseFloor,
-    /// Positions are too unsure.
+    /// Positions are too uncertain.
     ErrorBar,
     /// The camera's calibration does not fit its own photos.
     Calibration,
-    /// The file ends before the recording does.
+    /// The file ends before the recording.
     CutFile,
-    /// Frames that hold two moments, line by line.
+    /// Frames that show two moments in alternating lines.
     Interlaced,
     /// Too few frames a second.
     FrameRate,
     /// Too many frames were dropped.
     DroppedFrames,
-    /// The recording breaks off and goes on later, or its clock jumps.
+    /// The recording is interrupted, or its clock jumps.
     Break,
-    /// The recording begins after the task did.
+    /// The recording begins after the start of the task.
     BeginsInMotion,
-    /// The recording ends before the task does.
+    /// The recording ends before the end of the task.
     EndsInMotion,
     /// The picture's brightness changes.
     Exposure,
-    /// The picture's white changes.
+    /// The picture's white balance changes.
     WhiteBalance,
-    /// All trocars lie elsewhere, as if the camera had moved since earlier sessions.
+    /// All trocars are displaced, as if the camera had moved since earlier sessions.
     CameraMoved,
-    /// One trocar lies elsewhere than in earlier sessions.
+    /// One trocar is displaced from its position in earlier sessions.
     PortMoved,
 }
 
 impl Cause {
-    /// Every cause, in the order in which people should mend them.
+    /// Every cause, in the order to fix them.
     pub const ALL: [Cause; 25] = [
         Cause::NothingSeen,
         Cause::NeverInPicture,
@@ -116,7 +116,7 @@ impl Cause {
         }
     }
 
-    /// Unit of its figure; `1` for shares and counts.
+    /// Unit of the cause's figure; `1` for shares and counts.
     pub fn unit(self) -> &'static str {
         match self {
             Cause::LongGap | Cause::Break => "s",
@@ -130,7 +130,7 @@ impl Cause {
         }
     }
 
-    /// What was found, with the limit that it broke; after the tool's name, where it is about one.
+    /// What was found, with the limit that it broke. The sentence follows the tool's name if it is about one.
     pub fn finding(self, figure: f64, limit: f64) -> String {
         let (percent, percents) = (100.0 * figure, 100.0 * limit);
         let [whole, tenth, hundredth] = [0, 1, 2].map(|digits| digits_apart(figure, limit, digits));
@@ -141,84 +141,82 @@ impl Cause {
             Cause::ColourBackground => {
                 let steps = figure.max(0.0);
                 format!(
-                    "its colour is told from the rest of the box by {steps:.tenth$} of 255 steps only; needs {limit:.tenth$}"
+                    "its colour differs from the rest of the box by only {steps:.tenth$} of 255 steps; needs {limit:.tenth$}"
                 )
             }
             Cause::ColourPair => {
                 let steps = figure.max(0.0);
                 format!(
-                    "its colour is told from another tool's by {steps:.tenth$} of 255 steps only; needs {limit:.tenth$}"
+                    "its colour differs from another tool's by only {steps:.tenth$} of 255 steps; needs {limit:.tenth$}"
                 )
             }
             Cause::Coverage => {
                 format!("measured on {percent:.percent_whole$} % of the frames; needs {percents:.percent_whole$} %")
             }
             Cause::LeftView => format!(
-                "out of view for {percent:.percent_whole$} % of the session; at most {percents:.percent_whole$} %"
+                "out of view for {percent:.percent_whole$} % of the session (limit {percents:.percent_whole$} %)"
             ),
             Cause::Lost => format!(
-                "in view but not followed on {percent:.percent_whole$} % of the frames; at most {percents:.percent_whole$} %"
+                "in view but not followed on {percent:.percent_whole$} % of the frames (limit {percents:.percent_whole$} %)"
             ),
             Cause::Predicted => {
                 format!(
-                    "{percent:.percent_whole$} % of the positions are bridged, not measured; at most {percents:.percent_whole$} %"
+                    "{percent:.percent_whole$} % of the positions are bridged, not measured (limit {percents:.percent_whole$} %)"
                 )
             }
-            Cause::LongGap => format!("not measured for {figure:.tenth$} s at a stretch; at most {limit:.tenth$} s"),
+            Cause::LongGap => format!("not measured for {figure:.tenth$} s without a break (limit {limit:.tenth$} s)"),
             Cause::Rejected => {
                 format!(
-                    "{percent:.percent_tenth$} % of the measurements contradict the motion; at most {percents:.percent_tenth$} %"
+                    "{percent:.percent_tenth$} % of the measurements contradict the motion (limit {percents:.percent_tenth$} %)"
                 )
             }
             Cause::BorderResidual => {
                 format!(
-                    "its borders lie {figure:.hundredth$} px off those of a straight tube; at most {limit:.hundredth$} px"
+                    "its borders are {figure:.hundredth$} px off those of a straight tube (limit {limit:.hundredth$} px)"
                 )
             }
             Cause::NoiseFloor => {
-                format!("at rest it would seem to move at {figure:.tenth$} mm/s; at most {limit:.tenth$} mm/s")
+                format!("at rest it would appear to move at {figure:.tenth$} mm/s (limit {limit:.tenth$} mm/s)")
             }
             Cause::ErrorBar => {
-                format!("half of its positions are less sure than {figure:.tenth$} mm; at most {limit:.tenth$} mm")
+                format!("half of its positions may be off by {figure:.tenth$} mm or more (limit {limit:.tenth$} mm)")
             }
             Cause::Calibration => {
                 format!(
-                    "the calibration misses its own photos by {figure:.hundredth$} px; at most {limit:.hundredth$} px"
+                    "the calibration does not fit its own photos: {figure:.hundredth$} px off (limit {limit:.hundredth$} px)"
                 )
             }
             Cause::CutFile => {
                 format!(
-                    "{percent:.percent_whole$} % of the recording's frames are not in the file; at most {percents:.percent_whole$} %"
+                    "{percent:.percent_whole$} % of the recording's frames are missing from the file (limit {percents:.percent_whole$} %)"
                 )
             }
             Cause::Interlaced => {
-                format!(
-                    "{percent:.percent_whole$} % of the frames are interlaced: only every second of their lines was used"
-                )
+                format!("{percent:.percent_whole$} % of the frames are interlaced: only every second line was used")
             }
             Cause::FrameRate => format!("{figure:.tenth$} frames a second; needs {limit:.whole$}"),
             Cause::DroppedFrames => {
-                format!("{percent:.percent_whole$} % of the frames were dropped; at most {percents:.percent_whole$} %")
+                format!("{percent:.percent_whole$} % of the frames were dropped (limit {percents:.percent_whole$} %)")
             }
-            Cause::Break => format!("no frame for {figure:.tenth$} s; at most {limit:.tenth$} s"),
+            Cause::Break => format!("no frame for {figure:.tenth$} s (limit {limit:.tenth$} s)"),
             Cause::BeginsInMotion => {
-                format!("a tool moves at {figure:.whole$} mm/s as the recording begins; at most {limit:.whole$} mm/s")
+                format!("a tool moves at {figure:.whole$} mm/s as the recording begins (limit {limit:.whole$} mm/s)")
             }
             Cause::EndsInMotion => {
-                format!("a tool moves at {figure:.whole$} mm/s as the recording ends; at most {limit:.whole$} mm/s")
+                format!("a tool moves at {figure:.whole$} mm/s as the recording ends (limit {limit:.whole$} mm/s)")
             }
             Cause::Exposure => format!(
-                "the picture's brightness changes by {percent:.percent_whole$} %; at most {percents:.percent_whole$} %"
+                "the picture's brightness changes by {percent:.percent_whole$} % (limit {percents:.percent_whole$} %)"
             ),
             Cause::WhiteBalance => {
-                format!("the picture's white changes by {figure:.tenth$} codes; at most {limit:.tenth$}")
+                format!("the picture's white balance changes by {figure:.tenth$} codes (limit {limit:.tenth$})")
             }
             Cause::CameraMoved => format!(
-                "the camera has moved since earlier recordings with this calibration: all trocars lie {figure:.tenth$} mm \
-                 from where they were; at most {limit:.tenth$} mm"
+                "the camera has moved since earlier recordings with this calibration: all trocars are \
+                 {figure:.tenth$} mm from where they were (limit {limit:.tenth$} mm)"
             ),
             Cause::PortMoved => format!(
-                "its trocar lies {figure:.tenth$} mm from where one was in earlier recordings; at most {limit:.tenth$} mm"
+                "its trocar is {figure:.tenth$} mm from its position in earlier recordings (limit {limit:.tenth$} mm)"
             ),
         }
     }
@@ -228,49 +226,53 @@ impl Cause {
         match self {
             Cause::NothingSeen => "mark the tape again on a frame of this recording, in this light",
             Cause::NeverInPicture => {
-                "if the task needs this tool, mark its tape again in this light; if not, nothing is lost"
+                "if the task needs this tool, mark its tape again in this light; if not, there is nothing to do"
             }
             Cause::ColourBackground => "wind a tape of a colour that nothing else in the box has, and mark it again",
             Cause::ColourPair => "wind a tape of another colour on one of the two tools, and mark both again",
-            Cause::Coverage => "keep the tape in sight of the camera; what hid it is listed with what was seen",
+            Cause::Coverage => "keep the tape in view of the camera; the quality report lists why it was not seen",
             Cause::LeftView => "keep the tip in the picture, or move the camera so that the whole task is in view",
             Cause::Lost => {
-                "look in the recording at what hides or dazzles the tape there; mark its colour in that light"
+                "watch these moments in the recording: does something cover the tape or does it glare? Mark its colour in that light"
             }
             Cause::Predicted | Cause::LongGap => {
-                "sums such as the path's length miss what happened there; look at the gaps"
+                "sums such as the path length leave out what happened there; watch the gaps in the recording"
             }
             Cause::Rejected => "look for something else of the tape's colour in the picture, and mark it as background",
-            Cause::BorderResidual => "focus the camera, avoid glare on the tape, and renew tape that is creased",
+            Cause::BorderResidual => "focus the camera, avoid glare on the tape, and replace creased tape",
             Cause::NoiseFloor => {
-                "use more light, a larger picture or a camera nearer to the tools, and give the tape's length"
+                "use more light, a larger picture or a camera closer to the tools, and enter the tape's length"
             }
-            Cause::ErrorBar => "bring the camera nearer, record a larger picture, and give the tape's length",
+            Cause::ErrorBar => "move the camera closer, record a larger picture, and enter the tape's length",
             Cause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
-            Cause::CutFile => "send the recording again, whole; it was cut or damaged on the way",
+            Cause::CutFile => "send the whole recording again; the file was cut off or damaged",
             Cause::Interlaced => {
-                "record progressively (25p, not 50i), or send it deinterlaced: ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4"
+                "record progressive video (25p, not 50i), or deinterlace it first: ffmpeg -i IN -vf bwdif=mode=send_field OUT.mp4"
             }
             Cause::FrameRate => "record at 25 frames a second or more",
-            Cause::DroppedFrames => "record to a faster disk or over a better line, or in a smaller picture",
-            Cause::Break => "record the task in one piece",
-            Cause::BeginsInMotion => "start the recording before the tools move; duration and sums miss the beginning",
-            Cause::EndsInMotion => "end the recording after the tools rest; duration and sums miss the end",
-            Cause::Exposure => "switch off the camera's automatic exposure, and keep the light as it is",
-            Cause::WhiteBalance => "switch off the camera's automatic white balance, and keep the light as it is",
+            Cause::DroppedFrames => "record to a faster disk, over a better connection, or with a smaller picture",
+            Cause::Break => "record the task without interruption",
+            Cause::BeginsInMotion => {
+                "start the recording before the tools move; duration and sums leave out the beginning"
+            }
+            Cause::EndsInMotion => {
+                "end the recording after the tools have come to rest; duration and sums leave out the end"
+            }
+            Cause::Exposure => "switch off the camera's automatic exposure, and keep the light constant",
+            Cause::WhiteBalance => "switch off the camera's automatic white balance, and keep the light constant",
             Cause::CameraMoved => {
-                "lengths and speeds stay right, but positions, depth and paths do not compare with earlier ones: put the \
-                 camera back, or send the box its calibration again, and the comparison begins anew"
+                "lengths and speeds are still right, but positions, depth and paths cannot be compared with earlier ones: put \
+                 the camera back, or upload the calibration of the box again to start a new comparison"
             }
             Cause::PortMoved => {
-                "put the trocar back, or, if it stays there or the camera was moved, send the box its calibration again: \
-                 positions and paths do not compare with earlier ones; lengths and speeds stay right"
+                "put the trocar back; if it stays there or the camera was moved, upload the calibration of the box again. \
+                 Positions and paths cannot be compared with earlier ones; lengths and speeds are still right"
             }
         }
     }
 }
 
-/// Digits behind the point, at least so many, with which a figure does not read as the limit that it broke.
+/// Number of decimals, at least `least`, so that a figure reads differently from the limit that it broke.
 fn digits_apart(figure: f64, limit: f64, least: usize) -> usize {
     const MOST_MORE: usize = 2;
     let differ = |digits: &usize| format!("{figure:.digits$}") != format!("{limit:.digits$}");

@@ -1,25 +1,25 @@
-//! The gate: every figure against its limits; the worst of them is the session's.
+//! The quality gate: compares every figure with its limits. The worst result is the session's verdict.
 
 use super::{Cause, Figures, ToolFigures};
 use crate::pipeline::segmentation::palette::Margin;
 
-/// May a session's numbers be believed?
+/// The quality verdict on a session: whether its measurements can be trusted.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// Yes.
+    /// They can be trusted.
     Valid,
-    /// Yes, by a reader who knows these.
+    /// They can be trusted if the reader knows these concerns.
     UsableWithCare(Vec<Concern>),
-    /// No: features are withheld. Those that refuse come first.
+    /// They cannot be trusted, and features are withheld. Refusing concerns come first.
     Refused(Vec<Concern>),
 }
 
-/// What a concern does to a session.
+/// The effect of a concern on a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// It is to be used with care.
+    /// The session is to be used with care.
     Care,
-    /// It is refused.
+    /// The session is refused.
     Refuse,
 }
 
@@ -38,24 +38,24 @@ impl Severity {
 pub struct Concern {
     /// What is wrong.
     pub cause: Cause,
-    /// With which tool; `None` for the session as a whole.
+    /// The tool concerned; `None` for the session as a whole.
     pub tool: Option<String>,
-    /// The marked label that it is about, where it is about one.
+    /// The marked colour label concerned, if the cause is about a colour.
     pub label: Option<String>,
     /// The figure, in the cause's unit.
     pub figure: f64,
     /// The limit that it broke.
     pub limit: f64,
-    /// What it does.
+    /// The effect on the session.
     pub severity: Severity,
 }
 
 impl Concern {
     /// What was found, in one sentence.
     pub fn finding(&self) -> String {
-        let whose = self.tool.as_ref().map(|tool| format!("{tool}: ")).unwrap_or_default();
+        let prefix = self.tool.as_ref().map(|tool| format!("{tool}: ")).unwrap_or_default();
         let nearest = self.label.as_ref().map(|label| format!(" (nearest: `{label}`)")).unwrap_or_default();
-        whose + &self.cause.finding(self.figure, self.limit) + &nearest
+        prefix + &self.cause.finding(self.figure, self.limit) + &nearest
     }
 
     /// What to do about it.
@@ -74,7 +74,7 @@ impl Verdict {
         }
     }
 
-    /// For people.
+    /// The verdict in words.
     pub fn title(&self) -> &'static str {
         match self {
             Verdict::Valid => "valid",
@@ -83,12 +83,12 @@ impl Verdict {
         }
     }
 
-    /// Are its features withheld?
+    /// True if the session's features are withheld.
     pub fn is_refused(&self) -> bool {
         matches!(self, Verdict::Refused(_))
     }
 
-    /// Why; the worst first.
+    /// The concerns, the worst first.
     pub fn concerns(&self) -> &[Concern] {
         match self {
             Verdict::Valid => &[],
@@ -97,7 +97,7 @@ impl Verdict {
     }
 }
 
-/// Holds every figure against its limits. A figure that is not known breaks none.
+/// Compares every figure with its limits. An unknown figure breaks none.
 pub fn judge(figures: &Figures) -> Verdict {
     let of_tools = figures.tools.iter().flat_map(|tool| Cause::ALL.map(|cause| (cause, Some(tool))));
     let of_session = Cause::ALL.map(|cause| (cause, None));
@@ -135,7 +135,7 @@ fn of_the_session(figures: &Figures, cause: Cause) -> Option<f64> {
     }
 }
 
-/// A tool that was never in the picture is nothing but that.
+/// A tool that was never in the picture has only that cause.
 fn of_a_tool(tool: &ToolFigures, cause: Cause) -> Option<f64> {
     if tool.never_in_picture {
         return (cause == Cause::NeverInPicture).then_some(0.0);
@@ -156,7 +156,7 @@ fn of_a_tool(tool: &ToolFigures, cause: Cause) -> Option<f64> {
     }
 }
 
-/// From what a tool's colour is told apart, if the cause is about that.
+/// The colour margin that the cause is about; `None` for causes that are not about colour.
 fn nearest(tool: &ToolFigures, cause: Cause) -> Option<&Margin> {
     match cause {
         Cause::ColourBackground => tool.colour.from_background.as_ref(),

@@ -1,44 +1,45 @@
-//! From which figure on a session is to be used with care, or refused, and why from there.
+//! The limits of every figure: where a session is to be used with care, where it is refused, and why there.
 //!
-//! A figure is refused where the features would describe something else than the hand, however plausible they look. It
-//! asks for care where they are still the hand's, but a reader who does not know of it would read too much into them.
+//! A figure refuses the session where the features would no longer describe the hand, even if they look plausible. It
+//! asks for care where they still describe the hand, but a reader who does not know the figure would read too much into
+//! them.
 
 use super::{Cause, Severity};
 use crate::pipeline::features::{FeatureSettings, MOVEMENT_END_RATIO};
 use crate::pipeline::segmentation::palette::verdict::MARGIN_STEPS;
 
-/// Which way a figure is better.
+/// The better direction of a figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Better {
-    /// The larger the better.
+    /// Larger is better.
     More,
-    /// The smaller the better.
+    /// Smaller is better.
     Less,
 }
 
-/// The limits of one figure; a figure that equals its limit keeps it.
+/// The limits of one figure. A figure equal to its limit does not break it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Which way it is better.
+    /// Its better direction.
     pub better: Better,
-    /// Beyond it: with care.
+    /// Beyond it, the session is to be used with care.
     pub care: Option<f64>,
-    /// Beyond it: refused.
+    /// Beyond it, the session is refused.
     pub refuse: Option<f64>,
 }
 
-/// By how much a trocar may lie elsewhere than in earlier sessions of its box, mm. Half of a peg's size (10 mm), and of what
-/// separates the targets of a task: paths that are off by more are of another place. A tube plays by a tenth of that
-/// in its trocar. A camera 250 mm away has turned by 1.1° then.
+/// Maximum distance of a trocar from its position in earlier sessions of the box, mm. It is half the size of a peg (10
+/// mm) and half the distance between the targets of a task: with a larger error a path belongs to another target. A
+/// tube moves in its trocar by a tenth of that. A camera 250 mm away has turned by 1.1° at this limit.
 pub const MOVED_MM: f64 = 5.0;
 
-/// With care beyond the first, refused beyond the second.
+/// Care above the first value, refused above the second.
 pub const fn at_most(care: f64, refuse: f64) -> Limits {
     Limits { better: Better::Less, care: Some(care), refuse: Some(refuse) }
 }
 
 impl Limits {
-    /// What a figure does, and the limit that it breaks; one that is no number keeps none.
+    /// The effect of a figure and the limit that it breaks. A figure that is not a number breaks every limit.
     pub fn breach(&self, figure: f64) -> Option<(Severity, f64)> {
         let keeps = |limit: f64| match self.better {
             Better::More => figure >= limit,
@@ -49,16 +50,17 @@ impl Limits {
     }
 }
 
+/// Care below the first value, refused below the second.
 const fn at_least(care: f64, refuse: f64) -> Limits {
     Limits { better: Better::More, care: Some(care), refuse: Some(refuse) }
 }
 
-/// Never refused.
+/// Care below the value, never refused.
 const fn care_at_least(care: f64) -> Limits {
     Limits { better: Better::More, care: Some(care), refuse: None }
 }
 
-/// Never refused.
+/// Care above the value, never refused.
 const fn care_at_most(care: f64) -> Limits {
     Limits { better: Better::Less, care: Some(care), refuse: None }
 }
@@ -68,55 +70,61 @@ impl Cause {
     pub fn limits(self) -> Limits {
         match self {
             Cause::NothingSeen => Limits { better: Better::More, care: None, refuse: Some(1.0) },
-            // A box's colours may name a tool that a task for one hand does not use: it has no features that could mislead.
+            // A box's colours may include a tool that a one-handed task does not use. It has no features that could
+            // mislead.
             Cause::NeverInPicture => care_at_least(1.0),
-            // What is taken for the tape is followed as smoothly as the tape, 148 mm beside it: no other figure shows it.
+            // An object mistaken for the tape is followed as smoothly as the tape, 148 mm beside it: no other figure
+            // shows the error.
             Cause::ColourBackground => at_least(MARGIN_STEPS[0], MARGIN_STEPS[1]),
-            // Two tools of one colour are told apart by where they come from and how they move.
+            // Two tools of one colour are distinguished by their origin and their motion.
             Cause::ColourPair => care_at_least(MARGIN_STEPS[0]),
-            // Below one half, sums describe what the camera saw more than what the hand did (as `min_seen_share`); a tenth
-            // that is missing takes about a tenth from every sum, as much as practice gains in a few repetitions.
+            // Below one half, sums describe the camera's view more than the hand's motion (as `min_seen_share`). A
+            // missing tenth takes about a tenth off every sum, as much as practice gains in a few repetitions.
             Cause::Coverage => at_least(0.9, 0.5),
             Cause::LeftView => at_most(0.1, 0.5),
-            // A tracker loses tools when they are quick, far or hidden, not by chance: what is left is biased, so that half
-            // as much of it does the same harm.
+            // A tracker does not lose tools by chance but when they are quick, far or hidden. The rest is biased, so
+            // half as much of it does the same harm.
             Cause::Lost => at_most(0.05, 0.25),
-            // Bridged positions are as smooth as the motion model: they flatter.
+            // Bridged positions are as smooth as the motion model, so they flatter the hand.
             Cause::Predicted => at_most(0.1, 0.4),
-            // A movement lasts one to two seconds; what a longer gap hides, no bridge can guess.
+            // A movement lasts one to two seconds; no bridge can guess what a longer gap hides.
             Cause::LongGap => care_at_most(2.0),
-            // The gate passes 99.9 % of good measurements: twenty times as many refused, and the stated errors are wrong or a
-            // second thing of the tape's colour is in the picture. At a fifth it is anyone's guess which of them is the tool.
+            // The gate passes 99.9 % of good measurements. If it rejects twenty times as many as that, the stated
+            // errors are wrong or a second object of the tape's colour is in the picture. At a fifth, it is uncertain
+            // which of the two is the tool.
             Cause::Rejected => at_most(0.02, 0.2),
-            // Whole-pixel masks err by 0.5 to 1.2 px a side, and 1 px of width moves depth by 4.5 mm at 150 mm. Clean tape
-            // leaves 0.1 to 0.4; a residual of 1 means that edges were not found to better than their pixel, of 2 that they
-            // are not the tube's.
+            // Whole-pixel masks are off by 0.5 to 1.2 px a side, and 1 px of width moves depth by 4.5 mm at 150 mm.
+            // Clean tape leaves a residual of 0.1 to 0.4. A residual of 1 means that edges were found no better than to
+            // a pixel; of 2, that they are not the tube's edges.
             Cause::BorderResidual => at_most(1.0, 2.0),
-            // Tools move at 10 to 30 mm/s, and count as thinking below 5. Noise adds in squares: 2.5 makes 3 % of 10 mm/s,
-            // and a rest stays below 5 for 95 % of its time. At 7, where movements end, no movement ends any more.
+            // Tools move at 10 to 30 mm/s and count as thinking below 5. Noise adds in squares: 2.5 adds 3 % to 10
+            // mm/s, and a resting tool stays below 5 for 95 % of the time. At 7, the speed at which movements end, no
+            // movement would end any more.
             Cause::NoiseFloor => at_most(2.5, movement_end_mm_s()),
-            // 5 mm is the best published figure of a single camera, 12 the thesis's repeatability from the side: a path that
-            // is not surer than that shows no detour of a peg's size (10 mm).
+            // 5 mm is the best published figure of a single camera, and 12 mm the thesis's repeatability from the side.
+            // A path with a larger error shows no detour of a peg's size (10 mm).
             Cause::ErrorBar => at_most(5.0, 12.0),
             // The thesis's photos gave 2.63 px with three bent boards and 0.92 without.
             Cause::Calibration => at_most(1.0, 2.5),
-            // As coverage: what is not in the file was not seen.
+            // As for coverage: frames missing from the file were not seen.
             Cause::CutFile => at_most(0.05, 0.5),
-            // Half of the lines are made up: borders that lie across the picture are known half as well. Single frames do no
-            // harm.
+            // Half of the lines are interpolated, so borders across the picture are known half as well. Single frames
+            // do no harm.
             Cause::Interlaced => care_at_most(0.05),
-            // Hands move below 5 Hz: 10 frames a second are the least that show it, and filters need more. A little less than
-            // 15 and 10, because cameras do not keep their rates to the digit.
+            // Hands move below 5 Hz: 10 frames a second are the minimum to show that, and filters need more. The limits
+            // are slightly below 15 and 10, because cameras do not keep their rates exactly.
             Cause::FrameRate => at_least(14.0, 9.0),
-            // Times are the frames' own, so single drops cost little; every third one makes 25 frames a second 17 uneven ones.
+            // Times are the frames' own, so single drops cost little. If every third frame drops, 25 frames a second
+            // become 17 uneven ones.
             Cause::DroppedFrames => at_most(0.05, 0.33),
-            // Longer than any bridge; beyond ten seconds the duration is the interruption's.
+            // 1 s is longer than any bridge; beyond 10 s the duration is mostly that of the interruption.
             Cause::Break => at_most(1.0, 10.0),
-            // Faster than what counts as movement: the task was not over, or had begun.
+            // Faster than the movement speed: the task had already begun, or was not over.
             Cause::BeginsInMotion | Cause::EndsInMotion => care_at_most(FeatureSettings::default().movement_speed_mm_s),
-            // Colours are known under 0.6 to 1.6 times their light; edges shift with it long before they are lost.
+            // Colours are known from 0.6 to 1.6 times their light; edges shift with the light long before colours are
+            // lost.
             Cause::Exposure => care_at_most(0.15),
-            // A colour is nobody's from 8 codes beyond its samples on: half of that.
+            // A colour 8 codes beyond its samples belongs to no label; the limit is half of that.
             Cause::WhiteBalance => care_at_most(4.0),
             Cause::CameraMoved | Cause::PortMoved => care_at_most(MOVED_MM),
         }

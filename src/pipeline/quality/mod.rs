@@ -1,20 +1,20 @@
-//! May a session's numbers be believed? Figures of how it was seen, and a gate that says *valid*, *usable with care* or
-//! *refused*, because ….
+//! Judges whether a session's measurements can be trusted: figures that describe how it was seen, and a gate that
+//! returns *valid*, *usable with care* or *refused*, with reasons.
 //!
-//! **In:** [`Evidence`]: the paths and what is known of how they came about; what is not known is not judged, so that the
-//! path of any other tracker can be judged too. **Out:** [`Figures`], with units, and of them a [`Verdict`]. **Method:**
-//! counts and percentiles, but for the noise floor ([`noise_floor`]); limits and their grounds stand in one place,
-//! [`limits`]. A wrong number that looks right is worse than none: a refused session's features are withheld
+//! **In:** [`QualityInput`]: the paths and what is known of their origin. Unknown figures are not judged, so that the
+//! path of any other tracker can be judged too. **Out:** [`Figures`], with units, and the [`QualityVerdict`] on them.
+//! **Method:** counts and percentiles, except for the noise floor ([`noise_floor`]). All limits and their grounds are
+//! in [`limits`]. A wrong number that looks right is worse than none: the features of a refused session are withheld
 //! ([`super::assessment::Assessment::withheld`]).
 //!
 //! | file | what |
 //! |---|---|
-//! | [`noise_floor`] | speed that a resting tool would be given |
+//! | [`noise_floor`] | speed at which a resting tool would appear to move |
 //! | [`tool`] | how one tool was seen |
 //! | [`ports`] | whether camera or trocars have moved since earlier sessions |
-//! | [`session`] | the recording as such: its frames' times, its light, its ends |
-//! | [`cause`] | what can be wrong: a closed set, each with a sentence and what to do about it |
-//! | [`limits`] | from which figure on, and why from there |
+//! | [`session`] | the recording itself: frame times, light, beginning and end |
+//! | [`cause`] | what can be wrong: a closed set, each with a sentence and advice |
+//! | [`limits`] | the limit of each figure, and its ground |
 //! | [`gate`] | the verdict |
 
 pub mod cause;
@@ -35,29 +35,29 @@ pub use tool::ToolFigures;
 use super::tracker::{MotionSettings, Quality, Tracking};
 use super::trajectory::{Paths, SampleState, Trajectory};
 
-/// All that is known of a session when it is judged.
+/// Everything that is known of a session when it is judged.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence<'a> {
     /// The path that is scored.
     pub smoothed: &'a Trajectory,
     /// The causal path, and each frame's own measurement.
     pub others: Option<&'a dyn Paths>,
-    /// How the tracker fared.
+    /// The tracker's quality record.
     pub tracker: Option<&'a Quality>,
     /// The filter's motion model.
     pub motion: MotionSettings,
     /// RMS reprojection error of the camera's calibration, pixels.
     pub calibration_rms_px: Option<f64>,
-    /// Frames that the recording's container announces.
+    /// Number of frames that the recording's container states.
     pub frames_expected: Option<u64>,
-    /// Frames that were recorded interlaced.
+    /// Number of frames that were recorded interlaced.
     pub frames_interlaced: Option<u64>,
-    /// Where trocars were in earlier sessions of the box, with this calibration.
+    /// Positions of the trocars in earlier sessions of the box with this calibration.
     pub ports: Option<&'a Ports>,
 }
 
 impl<'a> Evidence<'a> {
-    /// Of a recording that was tracked here, and its smoothed path.
+    /// For a recording that was tracked here, with its smoothed path.
     pub fn of_tracking(tracking: &'a Tracking, smoothed: &'a Trajectory, motion: MotionSettings) -> Self {
         Self {
             smoothed,
@@ -71,7 +71,7 @@ impl<'a> Evidence<'a> {
         }
     }
 
-    /// Of a path alone.
+    /// For a path without any other record.
     pub fn of_path(path: &'a Trajectory) -> Self {
         Self {
             smoothed: path,
@@ -86,16 +86,16 @@ impl<'a> Evidence<'a> {
     }
 }
 
-/// How a session was seen.
+/// The figures that describe how a session was seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figures {
-    /// The recording as such.
+    /// The recording itself.
     pub session: SessionFigures,
     /// One entry per tool, in the trajectory's order.
     pub tools: Vec<ToolFigures>,
 }
 
-/// Works out every figure that the evidence supports.
+/// Computes every figure that the input supports.
 pub fn measure(evidence: &Evidence<'_>) -> Figures {
     let shown = Shown::of(evidence.smoothed);
     let placement = placement(evidence).unwrap_or_default();
@@ -111,7 +111,8 @@ fn placement(evidence: &Evidence<'_>) -> Option<Placement> {
     Some(evidence.ports?.place(&fulcrums))
 }
 
-/// The frames between the first and the last on which any tool was measured: the session without its lead-in and end.
+/// The frames between the first and the last one with a measurement of any tool: the session without its lead-in and
+/// end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shown {
     first: u64,
@@ -133,10 +134,10 @@ impl Shown {
     }
 }
 
-/// The value below which a share of the values lies, 0 to 1; `None` of nothing.
+/// The value below which a share of the values lies, 0 to 1; `None` if there are no values.
 pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
-    let place = (values.len().checked_sub(1)? as f64 * share).round() as usize;
-    Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
+    let index = (values.len().checked_sub(1)? as f64 * share).round() as usize;
+    Some(*values.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
 #[cfg(test)]

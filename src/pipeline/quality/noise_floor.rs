@@ -1,20 +1,23 @@
-//! The noise floor: the speed, mm/s, that the smoothed and the causal path would give a tool that rests.
+//! The noise floor: the speed, mm/s, at which a resting tool would appear to move in the smoothed and in the causal
+//! path.
 //!
-//! Depth noise dominates every feature of motion: σ_z = 2 mm at 25 frames a second makes a resting tool "move" at 60 mm/s
-//! raw, 21 behind a forward filter, 4 behind a smoother, while real tools move at 10 to 30 mm/s.
+//! Depth noise dominates every feature of motion. At 25 frames a second, σ_z = 2 mm makes a resting tool "move" at 60
+//! mm/s in the raw path, at 21 after a forward filter and at 4 after a smoother, while real tools move at 10 to 30
+//! mm/s.
 //!
-//! **At rest.** Where the tip stays within a pixel for [`REST_S`], it rests, and the path's own speed there is the answer.
-//! Tremor counts as noise: the figure errs to the high side.
+//! **At rest.** A tip that stays within a pixel for [`MIN_REST_S`] is at rest, and the path's own speed there is the
+//! noise floor. Tremor counts as noise, so this figure errs on the high side.
 //!
-//! **Without a rest.** The stated covariances would not do: most of what they hold lasts from frame to frame, and makes
-//! no speed. The part that changes is found in the measurements themselves: their third differences, in which a hand's
-//! motion hardly shows (a jerk of 4000 mm/s³ makes 0.26 mm at 25 frames a second), over the slowest quarter of the
-//! session. One such error is then sent through the very filter and smoother, with the gains that believed covariances
-//! give: the squares of the velocities that it makes, summed, are the variance that all of them make together. Errors of
-//! neighbouring frames are alike ([`ALIKE`]), which differences hide and no filter averages away: the figure makes up for
-//! both. How alike depends on the codec and on the motion, and so the figure holds within a factor of 2.5: true errors of
-//! the smoothed velocity over the slowest quarter were 0.6 to 2.5 times it on 24 paths through simulated, ray-traced and
-//! drawn scenes, and 11 times on one of a tool that was mostly out of view. Tremor does not count ([`without_tremor`]).
+//! **Without a rest.** The stated covariances are unsuitable: most of the error that they describe lasts from frame to
+//! frame and makes no speed. The changing part is found in the measurements: in their third differences over the
+//! slowest quarter of the session, which contain almost nothing of a hand's motion (a jerk of 4000 mm/s³ makes 0.26 mm
+//! at 25 frames a second). One error of that size is then sent through the same filter and smoother, with the gains
+//! that the believed covariances give. The sum of the squared velocities that it causes is the variance that all errors
+//! cause together. Errors of adjacent frames are correlated ([`ERROR_CORRELATION`]); differences hide this and no
+//! filter averages it away, so the figure is corrected for both. The correlation depends on the codec and on the
+//! motion, so the figure holds within a factor of 2.5: true errors of the smoothed velocity over the slowest quarter
+//! were 0.6 to 2.5 times the figure on 24 paths through simulated, ray-traced and drawn scenes, and 11 times on one
+//! path of a tool that was mostly out of view. Tremor does not count ([`without_tremor`]).
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -24,42 +27,42 @@ use crate::pipeline::filter::smoother::Run;
 use crate::pipeline::tracker::STATED_SHARE;
 use crate::pipeline::trajectory::{Kind, Sample, SampleState};
 
-/// How long a tip must stay in its place to be at rest, s: half a second at both ends does not count, where the smoother
-/// still remembers the motion.
+/// Minimum time for which a tip must stay in place to be at rest, s. Half a second at both ends does not count, because
+/// the smoother still remembers the motion there.
 pub const REST_S: f64 = 2.0;
 
-/// At either end of a rest, s.
+/// Time left out at either end of a rest, s.
 const MEMORY_S: f64 = 0.5;
 
-/// How far a resting tip may wander in the picture, pixels: 0.15 mm at 150 mm, less than a hand's tremor.
+/// Maximum movement of a resting tip in the picture, pixels: 0.15 mm at 150 mm, less than a hand's tremor.
 const REST_PX: f64 = 1.0;
 
-/// Longest step between two measurements of one rest, s.
+/// Maximum time between two measurements of one rest, s.
 const UNBROKEN_S: f64 = 0.25;
 
-/// Correlation of the errors of neighbouring frames: none on uncompressed pictures, one half on some of those paths.
+/// Correlation of the errors of adjacent frames: 0 on uncompressed pictures, one half on some of those paths.
 const ALIKE: f64 = 0.2;
 
-/// Third differences that a median needs.
+/// Minimum number of third differences for a median.
 const FEWEST: usize = 30;
 
-/// The speed that a resting tool would be given, RMS, mm/s.
+/// The RMS speed at which a resting tool would appear to move, mm/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseFloor {
     /// In the smoothed path.
     pub smoothed_mm_s: f64,
-    /// In the causal path, as live; `None` where only the smoothed one is known.
+    /// In the causal path, as in a live feed; `None` if only the smoothed path is known.
     pub causal_mm_s: Option<f64>,
-    /// What it was worked out from.
+    /// What it was computed from.
     pub basis: Basis,
 }
 
-/// What a noise floor was worked out from.
+/// What a noise floor was computed from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Basis {
-    /// Measured while the tool rested for so many seconds.
+    /// Measured while the tool rested, for this many seconds.
     Rest(f64),
-    /// From how much measurements differ from frame to frame: the tool never rested.
+    /// Derived from the differences of measurements between frames, because the tool never rested.
     Measurements,
 }
 
@@ -77,7 +80,7 @@ pub(super) fn estimate(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloo
     at_rest(evidence, tool).or_else(|| from_measurements(evidence, tool))
 }
 
-/// From the stretches in which the tool rests.
+/// The noise floor from the stretches where the tool rests.
 pub(super) fn at_rest(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor> {
     let path: Vec<&Sample> = evidence.smoothed.of_tool(tool).collect();
     let rests = rests(&path);
@@ -91,7 +94,7 @@ pub(super) fn at_rest(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor
     Some(NoiseFloor { smoothed_mm_s, causal_mm_s, basis: Basis::Rest(rest_s) })
 }
 
-/// Beginnings and ends of rests, s, without the parts that remember motion.
+/// Start and end of each rest, s, without the ends where the smoother remembers motion.
 fn rests(path: &[&Sample]) -> Vec<(f64, f64)> {
     let seen: Vec<(f64, [f64; 2])> = path
         .iter()
@@ -111,7 +114,7 @@ fn rests(path: &[&Sample]) -> Vec<(f64, f64)> {
     rests
 }
 
-/// The last place up to which the tip stays where it is at `first`.
+/// Index of the last sample before the tip leaves its position at `first`.
 fn last_in_place(seen: &[(f64, [f64; 2])], first: usize) -> usize {
     let (mut low, mut high) = (seen[first].1, seen[first].1);
     for next in first + 1..seen.len() {
@@ -127,7 +130,7 @@ fn last_in_place(seen: &[(f64, [f64; 2])], first: usize) -> usize {
     seen.len() - 1
 }
 
-/// From how much measurements differ from frame to frame.
+/// The noise floor from the differences of measurements between frames.
 pub(super) fn from_measurements(evidence: &Evidence<'_>, tool: usize) -> Option<NoiseFloor> {
     let raw = evidence.others?.path(Kind::Raw, tool);
     let steps = raw.windows(2).filter(|pair| pair[1].frame == pair[0].frame + 1);
@@ -137,19 +140,19 @@ pub(super) fn from_measurements(evidence: &Evidence<'_>, tool: usize) -> Option<
     let believed = Vector3::new(lateral, lateral, depth) / STATED_SHARE;
     let passing_depth_mm = evidence.tracker.and_then(|tracker| tracker.tools.get(tool)?.passing_depth_mm);
     let noise = without_tremor(changes(&raw, step_s)?, passing_depth_mm, lateral / depth);
-    /// What slow filters leave of alike errors, against independent ones.
+    /// Variance that slow filters leave of correlated errors, relative to independent ones.
     const LEFT: f64 = (1.0 + ALIKE) / (1.0 - ALIKE);
     let speeds = speeds(noise, believed, step_s, evidence.motion.noise_density());
     let (smoothed_mm_s, causal_mm_s) = (speeds.0 * LEFT.sqrt(), speeds.1 * LEFT.sqrt());
     Some(NoiseFloor { smoothed_mm_s, causal_mm_s: Some(causal_mm_s), basis: Basis::Measurements })
 }
 
-/// Standard deviation of what changes in the measurements, mm, per axis: a robust one, of third differences from frame to
-/// frame, over the slowest quarter of the session.
+/// Standard deviation of the changing part of the errors, mm, per axis: a robust estimate from third differences
+/// between frames, over the slowest quarter of the session.
 fn changes(raw: &[Sample], step_s: f64) -> Option<Vector3<f64>> {
-    /// Variance of the differences `-1 3 -3 1` of errors of unit variance, of which the next is this much alike.
+    /// Variance of the differences `-1 3 -3 1` of errors of unit variance with this correlation.
     const GAIN: f64 = 20.0 - 30.0 * ALIKE + 12.0 * ALIKE * ALIKE - 2.0 * ALIKE * ALIKE * ALIKE;
-    /// Standard deviation over median magnitude, of a normal distribution.
+    /// Standard deviation divided by the median magnitude, for a normal distribution.
     const PER_MEDIAN: f64 = 1.482_6;
     let even = |w: &&[Sample]| {
         w.windows(2).all(|p| p[1].frame == p[0].frame + 1 && ((p[1].time_s - p[0].time_s) / step_s - 1.0).abs() < 0.2)
@@ -171,21 +174,21 @@ fn changes(raw: &[Sample], step_s: f64) -> Option<Vector3<f64>> {
     Some(Vector3::new(axis(0)?, axis(1)?, axis(2)?) * PER_MEDIAN / GAIN.sqrt())
 }
 
-/// What changes by more than measuring errs is the hand's tremor. Along the line of sight, no more of it is noise than the
-/// measurements state to pass: on 29 paths through simulated, ray-traced and drawn scenes that was 1.2 to 5 times the truth.
-/// Across it, no more than the noise of depth makes with the stated ratio of both.
+/// Changes beyond the measurement error are the hand's tremor and are removed. Along the line of sight, at most the
+/// passing error that the measurements state counts as noise: on 29 paths through simulated, ray-traced and drawn
+/// scenes that was 1.2 to 5 times the truth. Across it, at most the depth noise times the stated ratio of both.
 fn without_tremor(changes_mm: Vector3<f64>, passing_depth_mm: Option<f64>, lateral_to_depth: f64) -> Vector3<f64> {
-    /// What the ratio is at least, for caution.
+    /// Minimum ratio, for caution.
     const LEAST_RATIO: f64 = 0.2;
     let depth = passing_depth_mm.map_or(changes_mm.z, |passing| changes_mm.z.min(passing));
-    let most = depth * lateral_to_depth.max(LEAST_RATIO);
-    Vector3::new(changes_mm.x.min(most), changes_mm.y.min(most), depth)
+    let max_lateral = depth * lateral_to_depth.max(LEAST_RATIO);
+    Vector3::new(changes_mm.x.min(max_lateral), changes_mm.y.min(max_lateral), depth)
 }
 
-/// The RMS speeds that independent errors of standard deviation `noise_mm` make of a rest, in the smoothed and in the causal
-/// path, mm/s, where the filter believes in errors of `believed_mm`.
+/// The RMS speeds that independent errors of standard deviation `noise_mm` cause at rest, in the smoothed and in the
+/// causal path, mm/s, if the filter believes in errors of `believed_mm`.
 pub(super) fn speeds(noise_mm: Vector3<f64>, believed_mm: Vector3<f64>, step_s: f64, noise_density: f64) -> (f64, f64) {
-    /// Longer than any filter here remembers, to either side of the error.
+    /// Time on either side of the error, s: longer than any filter here remembers.
     const SIDE_S: f64 = 3.0;
     const MOST_STEPS: f64 = 500.0;
     let side = (SIDE_S / step_s).clamp(8.0, MOST_STEPS) as usize;

@@ -1,14 +1,15 @@
-//! Has the camera moved since it was calibrated? The trocars, which stay where they are, tell.
+//! Detects whether the camera or a trocar has moved since the calibration, from the positions of the trocars.
 //!
-//! **In:** the fulcrums of earlier sessions of one box and one calibration, and those of the session that is judged, all in
-//! the camera's frame. **Out:** [`Placement`]: how far each tool's fulcrum lies from the box's nearest port, with its error,
-//! and whether all lie elsewhere as one rigid motion would have it (the camera has moved) or one alone does (a port has).
-//! **Method:** [`Ports`] are medians over sessions ([`Ports::of_sessions`]), so that a session that was odd itself moves none
-//! of them. A tool belongs to the nearest port whatever its name: tools that change hands have moved nothing. **Gives up**
-//! (`None`) with fewer than [`FEWEST`] sessions at a port, and on fulcrums that are not known well.
+//! **In:** the fulcrums of earlier sessions of one box and one calibration, and those of the judged session, all in the
+//! camera's frame. **Out:** [`PortPlacement`]: the distance of each tool's fulcrum from the box's nearest port, with
+//! its error, and whether all fulcrums are displaced as in one rigid motion (the camera has moved) or only one is (a
+//! port has moved). **Method:** [`Ports`] are medians over sessions ([`Ports::of_sessions`]), so that one unusual
+//! session does not shift them. A tool belongs to the nearest port, regardless of its name: tools that change hands are
+//! not a displacement. **Gives up** (`None`) with fewer than [`MIN_SESSIONS`] sessions at a port, and on fulcrums that
+//! are not well known.
 //!
-//! What a moved camera spoils is only where things are: its lens is still as calibrated, so that lengths, speeds and all
-//! features of one session are right. Paths of different days no longer lie in one frame.
+//! A moved camera only changes positions. Its lens is still as calibrated, so lengths, speeds and all features of one
+//! session stay right, but paths of different days are no longer in one frame.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -16,64 +17,66 @@ use super::limits::MOVED_MM;
 use super::quantile;
 use crate::pipeline::pose::fulcrum::Fulcrum;
 
-/// Sessions that a port must have been seen in: the median of three is none of two that disagree.
+/// Minimum number of sessions with a port: the median of three sessions outvotes one that differs.
 pub const FEWEST: usize = 3;
 
-/// Sessions that ports are made of, at most: the median of 20 is known more than three times as well as one session. They are
-/// the first ones after the calibration in which nothing had moved, so that slow sagging adds up against them, and what has moved
-/// is said until somebody mends it; the last ones would take over the new place and fall silent.
+/// Maximum number of sessions used for the ports: the median of 20 is known more than three times as well as one
+/// session. The first sessions after the calibration without a displacement are used. So slow sagging adds up against
+/// them, and a displacement is reported until it is corrected; with the last sessions the new position would soon count
+/// as normal.
 pub const MOST: usize = 20;
 
-/// Standard deviations beyond which a shift is none of chance: in space, as rare as three are on a line (0.27 %).
+/// A displacement beyond this many standard deviations is not chance: in space this is as rare as three standard
+/// deviations in one dimension (0.27 %).
 const SURE: f64 = 3.76;
 
-/// A fulcrum belongs to a port of earlier sessions that is so near, mm: trocars are put farther apart than this, and
-/// a session that lies farther off is none that a median should have to bear.
+/// A fulcrum within this distance of a port of earlier sessions belongs to it, mm: trocars are placed farther apart
+/// than this, and a session that lies farther off must not enter the median.
 const ONE_PORT_MM: f64 = 25.0;
 
-/// Beyond that a tool came through another port than any that is known, mm: no port moves so far, and a camera that does is
-/// told by all tools together.
+/// Beyond this distance a tool used a port that is not known yet, mm. No port moves so far, and a camera that moved so
+/// far shows in all tools together.
 const ANOTHER_PORT_MM: f64 = 2.0 * ONE_PORT_MM;
 
-/// A median's variance over a mean's.
+/// Variance of a median relative to that of a mean.
 const MEDIAN_COST: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Where a box's trocars are, as its earlier sessions have it.
+/// Positions of a box's trocars, from earlier sessions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ports(Vec<Fulcrum>);
 
-/// How far something lies from where it was.
+/// How far something has moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shift {
-    /// How far, mm.
+    /// Distance, mm.
     pub mm: f64,
-    /// Its standard deviation along itself, mm.
+    /// Standard deviation of the distance, along its direction, mm.
     pub sigma_mm: f64,
 }
 
-/// Where a session's tools came from, against the box's ports.
+/// Positions of a session's trocars relative to the box's ports.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Placement {
-    /// The camera has moved, by as much as the trocar that seems to have moved most.
+    /// Set if the camera has moved: the displacement of the trocar that seems to have moved most.
     pub camera: Option<Shift>,
-    /// Of each tool, its trocar's distance from the nearest port; `None` where either is not known.
+    /// For each tool: its trocar's distance from the nearest port; `None` if either is unknown.
     pub tools: Vec<Option<Shift>>,
 }
 
 impl Shift {
-    /// Is it larger than what its own error makes?
+    /// True if it is larger than its own error can explain.
     pub fn is_sure(&self) -> bool {
         self.mm > SURE * self.sigma_mm
     }
 
-    /// Is it sure, and larger than what matters?
+    /// True if it is significant and larger than [`MAX_DISPLACEMENT_MM`].
     pub fn is_moved(&self) -> bool {
         self.is_sure() && self.mm > MOVED_MM
     }
 }
 
 impl Placement {
-    /// By how much a tool's trocar alone lies elsewhere; `None` where it does not, or the camera has moved.
+    /// The displacement of a tool's trocar alone; `None` if it has not moved, or if the camera has.
     pub fn port(&self, tool: usize) -> Option<Shift> {
         let shift = self.tools.get(tool).copied().flatten();
         shift.filter(|shift| self.camera.is_none() && shift.is_moved())
@@ -81,7 +84,7 @@ impl Placement {
 }
 
 impl Ports {
-    /// Ports that are known already.
+    /// From known ports.
     pub fn new(ports: Vec<Fulcrum>) -> Self {
         Self(ports)
     }
@@ -91,7 +94,7 @@ impl Ports {
         &self.0
     }
 
-    /// The ports that the sessions share: each fulcrum joins the nearest one's, or begins another.
+    /// The ports that the sessions share: each fulcrum joins the nearest port or starts a new one.
     pub fn of_sessions(sessions: &[Vec<Fulcrum>]) -> Self {
         let mut seen: Vec<Vec<Fulcrum>> = Vec::new();
         for session in sessions.iter().take(MOST) {
@@ -108,7 +111,7 @@ impl Ports {
         Self(seen.iter().filter(|of_port| of_port.len() >= FEWEST).filter_map(|of_port| median(of_port)).collect())
     }
 
-    /// Where a session's tools came from.
+    /// Compares a session's trocars with the ports.
     pub fn place(&self, tools: &[Option<Fulcrum>]) -> Placement {
         let at: Vec<Option<Point3<f64>>> = tools.iter().map(|tool| tool.map(|fulcrum| fulcrum.at)).collect();
         let ports = nearest(&at, &self.0.iter().map(|port| port.at).collect::<Vec<_>>());
@@ -124,17 +127,17 @@ impl Ports {
     }
 }
 
-/// How far the camera has moved, if that is what every trocar says: all are elsewhere, and as far from each other as before.
+/// The displacement of the camera, if every trocar agrees: all have moved, and their mutual distances are unchanged.
 fn camera(pairs: &[(Fulcrum, Fulcrum)]) -> Option<Shift> {
     let shifts: Vec<Shift> = pairs.iter().map(|(port, now)| between(port, now)).collect::<Option<_>>()?;
-    let most = shifts.iter().copied().max_by(|a, b| a.mm.total_cmp(&b.mm)).filter(Shift::is_moved)?;
-    // Turned, a camera leaves one trocar nearer to its place than another, but none where it was.
+    let largest = shifts.iter().copied().max_by(|a, b| a.mm.total_cmp(&b.mm)).filter(Shift::is_moved)?;
+    // A camera that has turned leaves one trocar nearer to its old position than another, but none in place.
     let are_all = shifts.iter().all(|shift| shift.is_sure() && shift.mm > 0.5 * MOVED_MM);
     let mut two = pairs.iter().enumerate().flat_map(|(i, one)| pairs[i + 1..].iter().map(move |other| (one, other)));
-    (pairs.len() > 1 && are_all && two.all(|(one, other)| is_rigid(one, other))).then_some(most)
+    (pairs.len() > 1 && are_all && two.all(|(one, other)| is_rigid(one, other))).then_some(largest)
 }
 
-/// Are two trocars as far apart as before?
+/// True if two trocars are as far apart as before.
 fn is_rigid(one: &(Fulcrum, Fulcrum), other: &(Fulcrum, Fulcrum)) -> bool {
     let apart =
         |a: &Fulcrum, b: &Fulcrum| Fulcrum { at: Point3::from(a.at - b.at), covariance: a.covariance + b.covariance };
@@ -144,7 +147,7 @@ fn is_rigid(one: &(Fulcrum, Fulcrum), other: &(Fulcrum, Fulcrum)) -> bool {
     (is - was).abs() < (SURE * sigma(&before).hypot(sigma(&now))).max(0.5 * MOVED_MM)
 }
 
-/// `None` where a covariance is none.
+/// `None` if a covariance is not positive.
 fn between(port: &Fulcrum, now: &Fulcrum) -> Option<Shift> {
     let shift = now.at - port.at;
     let sigma_mm = sigma_along(&(port.covariance + now.covariance), &shift)?;
@@ -157,7 +160,7 @@ fn sigma_along(covariance: &Matrix3<f64>, direction: &Vector3<f64>) -> Option<f6
     (variance > 0.0).then(|| variance.sqrt())
 }
 
-/// The port of each tool: the nearest pairs first, no port twice.
+/// Assigns ports to tools: the nearest pairs first, no port twice.
 fn nearest(tools: &[Option<Point3<f64>>], ports: &[Point3<f64>]) -> Vec<Option<usize>> {
     let distance = |(tool, port): (usize, usize)| Some(((tools[tool]? - ports[port]).norm(), tool, port));
     let pairs = (0..tools.len()).flat_map(|tool| (0..ports.len()).map(move |port| (tool, port)));
@@ -172,7 +175,7 @@ fn nearest(tools: &[Option<Point3<f64>>], ports: &[Point3<f64>]) -> Vec<Option<u
     taken
 }
 
-/// The median place, with what is left of the sessions' own errors.
+/// The median position, with the remaining error of the sessions.
 fn median(fulcrums: &[Fulcrum]) -> Option<Fulcrum> {
     let axis = |axis: usize| quantile(fulcrums.iter().map(|fulcrum| fulcrum.at[axis]).collect(), 0.5);
     let count = fulcrums.len() as f64;

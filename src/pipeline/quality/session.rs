@@ -1,25 +1,25 @@
-//! The recording as such: when its frames were taken, whether it is whole, whether its light changed.
+//! Figures of the recording itself: its frame times, whether it is complete, whether its light changed.
 
 use super::ports::{Placement, Shift};
 use super::{Evidence, quantile};
 use crate::pipeline::tracker::LightSample;
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
-/// An interval between two frames that is longer than this is no dropped frame but a break, s.
+/// A longer interval between two frames is an interruption rather than dropped frames, s.
 const BREAK_S: f64 = 1.0;
 
-/// The first and the last seconds, in which a tool that moves was caught in its motion.
+/// Length of the beginning and of the end, s. A tool that moves there was recorded in mid-motion.
 const END_S: f64 = 0.5;
 
-/// A tool that is seen so near to the recording's end, s, was still there when it ended.
+/// A tool seen within this time of the recording's beginning or end was present there, s.
 const STILL_THERE_S: f64 = 0.2;
 
-/// The recording as such. `None` where the evidence does not tell.
+/// The recording itself. `None` if the input does not contain the figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SessionFigures {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Measurements, of all tools.
+    /// Number of measurements of all tools.
     pub observed: u64,
     /// Frames a second, from the median interval.
     pub frame_rate_hz: Option<f64>,
@@ -27,21 +27,21 @@ pub struct SessionFigures {
     pub dropped_share: Option<f64>,
     /// Longest interval between two frames, s.
     pub longest_interval_s: Option<f64>,
-    /// Share of the frames that the container announces but that could not be decoded.
+    /// Share of the frames that the container states but that could not be decoded.
     pub cut_share: Option<f64>,
     /// Share of the frames that were recorded interlaced.
     pub interlaced_share: Option<f64>,
-    /// Mean speed of the fastest tool as the recording begins, mm/s; `None` where none is there.
+    /// Mean speed of the fastest tool as the recording begins, mm/s; `None` if no tool is present.
     pub first_speed_mm_s: Option<f64>,
-    /// The same as it ends.
+    /// The same as the recording ends.
     pub last_speed_mm_s: Option<f64>,
-    /// Farthest that the picture's brightness was from its median over the session, as a share of it.
+    /// Largest deviation of the picture's brightness from its median over the session, as a share of the median.
     pub exposure_drift: Option<f64>,
-    /// Farthest that the picture's white was from its median over the session, in codes of 224.
+    /// Largest deviation of the picture's white from its median over the session, in codes of 224.
     pub white_drift_codes: Option<f64>,
     /// RMS reprojection error of the camera's calibration, pixels.
     pub calibration_rms_px: Option<f64>,
-    /// How far the camera has moved since earlier sessions; `None` where it has not, or nothing tells.
+    /// How far the camera has moved since earlier sessions; `None` if it has not moved or this is unknown.
     pub camera_shift: Option<Shift>,
 }
 
@@ -71,12 +71,12 @@ pub(super) fn measure(evidence: &Evidence<'_>, placement: &Placement) -> Session
     }
 }
 
-/// Frames from the first row to the last.
+/// Number of frames from the first row to the last.
 fn rows_frames(path: &Trajectory) -> u64 {
     path.samples.first().zip(path.samples.last()).map_or(0, |(first, last)| last.frame - first.frame + 1)
 }
 
-/// Intervals between neighbouring frames, s: of all frames where their times are known, else of those with rows.
+/// Intervals between adjacent frames, s: of all frames if their times are known, otherwise of those with rows.
 fn intervals(path: &Trajectory) -> Vec<f64> {
     if path.frame_times_s.is_empty() {
         let neighbours = path.samples.windows(2).filter(|pair| pair[1].frame == pair[0].frame + 1);
@@ -91,7 +91,8 @@ fn dropped_share(intervals: &[f64], median_s: f64) -> f64 {
     dropped / (dropped + intervals.len() as f64 + 1.0)
 }
 
-/// Mean speed of the fastest tool near one end of the recording: its time, s, and where inside lies.
+/// Mean speed of the fastest tool near one end of the recording, given the time of the end, s, and the direction
+/// inwards.
 fn edge_speed(path: &Trajectory, (edge_s, inwards): (f64, f64)) -> Option<f64> {
     let depth_s = |sample: &Sample| (sample.time_s - edge_s) * inwards;
     let speed = |tool: usize| {
@@ -103,7 +104,7 @@ fn edge_speed(path: &Trajectory, (edge_s, inwards): (f64, f64)) -> Option<f64> {
     (0..path.tools.len()).filter_map(speed).reduce(f64::max)
 }
 
-/// Farthest from the median, and the median.
+/// The largest deviation from the median, and the median.
 fn drift(values: impl Iterator<Item = f64> + Clone) -> Option<(f64, f64)> {
     let median = quantile(values.clone().collect(), 0.5)?;
     Some((values.map(|value| (value - median).abs()).fold(0.0, f64::max), median))

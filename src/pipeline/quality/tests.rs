@@ -131,10 +131,10 @@ fn a_tool_that_the_task_does_not_need_is_no_reason_to_refuse() {
 
 #[test]
 fn a_figure_does_not_read_as_the_limit_that_it_broke() {
-    let told = |cause: Cause, figure, limit| cause.finding(figure, limit);
-    assert!(told(Cause::NoiseFloor, 2.53, 2.5).contains("move at 2.53 mm/s; at most 2.50 mm/s"));
-    assert!(told(Cause::NoiseFloor, 3.12, 2.5).contains("move at 3.1 mm/s; at most 2.5 mm/s"));
-    assert!(told(Cause::Coverage, 0.8996, 0.9).contains("on 89.96 % of the frames; needs 90.00 %"));
+    let finding = |cause: Cause, figure, limit| cause.finding(figure, limit);
+    assert!(finding(Cause::NoiseFloor, 2.53, 2.5).contains("move at 2.53 mm/s (limit 2.50 mm/s)"));
+    assert!(finding(Cause::NoiseFloor, 3.12, 2.5).contains("move at 3.1 mm/s (limit 2.5 mm/s)"));
+    assert!(finding(Cause::Coverage, 0.8996, 0.9).contains("on 89.96 % of the frames; needs 90.00 %"));
 }
 
 #[test]
@@ -174,18 +174,18 @@ fn a_colour_like_the_background_is_refused_and_one_like_another_tool_is_not() {
     assert_eq!(judged(margin(9.0, "cyan"), margin(9.0, "background")), Verdict::Valid);
     assert_eq!(judged(None, None), Verdict::Valid);
     let refused = judged(margin(-3.0, "cyan"), margin(1.8, "background"));
-    let told = |c: &Concern| (c.cause, c.severity, c.figure, c.limit, c.label.clone());
+    let fields = |c: &Concern| (c.cause, c.severity, c.figure, c.limit, c.label.clone());
     let of = |label: &str| Some(label.to_owned());
     assert_eq!(
-        refused.concerns().iter().map(told).collect::<Vec<_>>(),
+        refused.concerns().iter().map(fields).collect::<Vec<_>>(),
         [
             (Cause::ColourBackground, Severity::Refuse, 1.8, 2.5, of("background")),
             (Cause::ColourPair, Severity::Care, -3.0, 4.0, of("cyan")),
         ]
     );
-    let said = [0, 1].map(|i| refused.concerns()[i].finding());
-    assert!(said[0].contains("by 1.8 of 255 steps only; needs 2.5 (nearest: `background`)"), "{said:?}");
-    assert!(said[1].contains("by 0.0 of 255 steps only; needs 4.0 (nearest: `cyan`)"), "{said:?}");
+    let findings = [0, 1].map(|i| refused.concerns()[i].finding());
+    assert!(findings[0].contains("by only 1.8 of 255 steps; needs 2.5 (nearest: `background`)"), "{findings:?}");
+    assert!(findings[1].contains("by only 0.0 of 255 steps; needs 4.0 (nearest: `cyan`)"), "{findings:?}");
     assert_eq!(causes(&judged(margin(9.0, "cyan"), margin(1.8, "background"))), [Cause::ColourBackground]);
     assert_eq!(causes(&judged(margin(1.8, "cyan"), margin(9.0, "background"))), [Cause::ColourPair]);
     assert_eq!(rank(&judged(None, margin(3.0, "background"))), Some(Severity::Care));
@@ -250,15 +250,15 @@ fn independent_errors_make_the_speed_that_one_of_them_tells() {
         (inner.iter().sum::<f64>() / inner.len() as f64).sqrt()
     };
     let drawn = (rms(&mut run.smoothed()), rms(&mut run.filtered()));
-    let told = noise_floor::speeds(noise, stated, FRAME_S, density);
-    assert!((told.0 / drawn.0 - 1.0).abs() < 0.1, "smoothed: {} told, {} drawn", told.0, drawn.0);
-    assert!((told.1 / drawn.1 - 1.0).abs() < 0.1, "causal: {} told, {} drawn", told.1, drawn.1);
-    assert!(told.0 < told.1, "hindsight is calmer");
+    let computed = noise_floor::speeds(noise, stated, FRAME_S, density);
+    assert!((computed.0 / drawn.0 - 1.0).abs() < 0.1, "smoothed: {} computed, {} drawn", computed.0, drawn.0);
+    assert!((computed.1 / drawn.1 - 1.0).abs() < 0.1, "causal: {} computed, {} drawn", computed.1, drawn.1);
+    assert!(computed.0 < computed.1, "the smoothed path is calmer");
 }
 
 #[test]
 fn tremor_is_no_noise() {
-    /// What passes in a measured depth, mm.
+    /// The passing error of a measured depth, mm.
     const PASSING: f64 = 0.3;
     #[derive(Debug)]
     struct Measured(Vec<Sample>);
@@ -285,7 +285,7 @@ fn tremor_is_no_noise() {
         assert!(trembling < 1.6 * calm, "{trembling} mm/s with tremor, {calm} without");
     }
     let calmer = floor_mm_s(0.03, 0.3 * PASSING);
-    assert!(calmer < 0.55 * calm, "what changes less than it might is less noise: {calmer} of {calm} mm/s");
+    assert!(calmer < 0.55 * calm, "a smaller passing error must give less noise: {calmer} of {calm} mm/s");
 }
 
 #[test]
@@ -293,7 +293,7 @@ fn a_rest_counts_without_the_motion_around_it() {
     let mut path = path(|_| true);
     for sample in path.samples.iter_mut().filter(|s| (200..300).contains(&s.frame)) {
         sample.tip_px = Some(Point2::new(600.0, 300.0));
-        let settled = (213..287).contains(&sample.frame); // half a second after it stopped, and before it goes on
+        let settled = (213..287).contains(&sample.frame); // without the first and the last half second of the rest
         sample.velocity_mm_s = Some(Vector3::new(0.0, 0.0, if settled { 1.5 } else { 20.0 }));
     }
     let noise = measure(&Evidence::of_path(&path)).tools[0].noise_floor.unwrap();

@@ -1,4 +1,4 @@
-//! How one tool was seen.
+//! Figures that describe how one tool was seen.
 
 use std::collections::BTreeMap;
 
@@ -10,18 +10,18 @@ use crate::pipeline::segmentation::palette::Apart;
 use crate::pipeline::tracker::{Absence, EffectiveDiameter, ToolQuality};
 use crate::pipeline::trajectory::{Sample, SampleState};
 
-/// How one tool was seen. Shares are 0 to 1; `None` where the evidence does not tell.
+/// How one tool was seen. Shares are 0 to 1; `None` if the input does not contain the figure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolFigures {
     /// The tool's name.
     pub tool: String,
-    /// Frames on which it was measured.
+    /// Number of frames on which it was measured.
     pub observed: u64,
-    /// Share of the frames of the session, from the first to the last sight of any tool, on which it was measured.
+    /// Share of the session's frames on which it was measured, from the first to the last frame with any tool.
     pub coverage: Option<f64>,
-    /// The same between its own first and last sight.
+    /// The same share between its own first and last frame.
     pub coverage_while_there: Option<f64>,
-    /// The same of all frames of the recording.
+    /// The same share of all frames of the recording.
     pub coverage_of_recording: Option<f64>,
     /// Share of its positions that are bridged, not measured.
     pub predicted_share: Option<f64>,
@@ -29,38 +29,38 @@ pub struct ToolFigures {
     pub left_view_share: Option<f64>,
     /// Share of the session's frames on which it was in view but has no position.
     pub lost_share: Option<f64>,
-    /// Frames of the session in gaps that are the tracker's, by their main reason.
+    /// Frames of the session in gaps caused by the tracker, by their main reason.
     pub lost_frames: BTreeMap<Reason, u64>,
     /// Longest stretch of the session without a measurement, s.
     pub longest_gap_s: Option<f64>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
-    /// The diameter that its tape seems to have.
+    /// The effective diameter of its tape.
     pub effective_diameter: Option<EffectiveDiameter>,
     /// Measurements that contradict the tool's motion, as a share of all measurements.
     pub rejected_share: Option<f64>,
-    /// What a resting tool would seem to move.
+    /// Speed at which it would appear to move at rest.
     pub noise_floor: Option<NoiseFloor>,
-    /// How unsure the path is of its own positions.
+    /// The stated error of its positions.
     pub error_bar: Option<ErrorBar>,
-    /// How far its colour stands apart from what else was marked.
+    /// Distance of its colour from the other marked colours.
     pub colour: Apart,
-    /// Where its trocar is.
+    /// Position of its trocar.
     pub fulcrum: Option<Fulcrum>,
-    /// How far that is from the nearest trocar of earlier sessions.
+    /// Distance of the trocar from the nearest trocar of earlier sessions.
     pub port_shift: Option<Shift>,
-    /// Is that so far that this trocar, and no other, lies elsewhere?
+    /// True if this trocar alone has moved.
     pub has_port_moved: bool,
-    /// It was never measured, and nothing of its colour was ever in the picture.
+    /// True if it was never measured and its colour was never in the picture.
     pub never_in_picture: bool,
 }
 
 /// The stated standard deviation of measured positions in space, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorBar {
-    /// Half of the positions are surer.
+    /// Half of the positions have a smaller one.
     pub median_mm: f64,
-    /// 95 % are.
+    /// 95 % of the positions have a smaller one.
     pub p95_mm: f64,
 }
 
@@ -113,7 +113,7 @@ fn never_in_picture(tool: &ToolQuality) -> bool {
     tool.gaps.iter().all(|gap| gap.absence == Absence::LeftView)
 }
 
-/// The gaps of a tool within the session, by whose doing they are, in frames.
+/// The gaps of a tool within the session by cause, in frames.
 struct Gaps {
     left_view: u64,
     lost: BTreeMap<Reason, u64>,

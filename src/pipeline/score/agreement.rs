@@ -1,7 +1,8 @@
-//! Do two measures, or several raters, agree? Correlations of features with ratings, and the intraclass correlation
-//! of raters.
+//! Agreement of two measures, or of several raters: correlations of features with ratings, and the intraclass
+//! correlation of raters.
 //!
-//! Each person counts once: two sessions of one person are alike in both measures, and would make any two agree.
+//! Each person counts once: two sessions of one person are alike in both measures and would make any two measures
+//! agree.
 
 mod icc;
 mod same_raters;
@@ -19,20 +20,26 @@ use super::people::{FEWEST_PEOPLE, each_once};
 pub struct Correlation {
     /// The coefficient, −1 to 1.
     pub value: f64,
-    /// Where that of all such people lies with 95 %.
+    /// 95 % interval of the coefficient for all such people.
     pub interval: Interval,
-    /// How many people there are.
+    /// Number of people.
     pub people: usize,
 }
 
 /// Pearson's r of one row per person, with Fisher's interval: atanh r ± 1.96 / √(n − 3).
+///
+/// # Errors
+/// [`NoAnswer`] for a person with two rows, too few people, unusable values, or values without spread or scatter.
 pub fn pearson<P: Ord>(rows: &[(P, f64, f64)]) -> Result<Correlation, NoAnswer> {
     let [a, b] = columns(rows)?;
     correlation(&a, &b, |_| 1.0)
 }
 
-/// Spearman's ρ of one row per person: Pearson's r of the ranks, equal values sharing theirs. Its interval is that of
-/// Bonett & Wright (2000): the variance of atanh ρ is (1 + ρ²/2) / (n − 3).
+/// Spearman's ρ of one row per person: Pearson's r of the ranks, where equal values share a rank. The interval is that
+/// of Bonett & Wright (2000): the variance of atanh ρ is (1 + ρ²/2) / (n − 3).
+///
+/// # Errors
+/// As [`pearson`].
 pub fn spearman<P: Ord>(rows: &[(P, f64, f64)]) -> Result<Correlation, NoAnswer> {
     let [a, b] = columns(rows)?;
     correlation(&ranks(&a), &ranks(&b), |rho| 1.0 + rho * rho / 2.0)
@@ -62,7 +69,7 @@ fn correlation(a: &[f64], b: &[f64], variance: impl Fn(f64) -> f64) -> Result<Co
     Ok(Correlation { value, interval, people: a.len() })
 }
 
-/// The rank of each value, from 1; equal values share the mean of theirs.
+/// The rank of each value, from 1; equal values get the mean of their ranks.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

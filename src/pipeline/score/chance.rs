@@ -1,13 +1,13 @@
-//! Chance for resampling: seeded by the data themselves, so that the same data always give the same interval.
+//! Random numbers for resampling, seeded by the data themselves, so that the same data always give the same interval.
 
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
 
-/// A stream of chance that its data determine.
+/// A stream of random numbers that the data determine.
 pub(super) struct Chance(Xoshiro256PlusPlus);
 
 impl Chance {
-    /// The stream of these values, bit for bit (FNV-1a).
+    /// Seeds the stream with these values, bit for bit (FNV-1a).
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
         const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
@@ -16,12 +16,12 @@ impl Chance {
         Self(Xoshiro256PlusPlus::seed_from_u64(seed))
     }
 
-    /// One of `0..count`, each as likely.
+    /// A number in `0..count`, all equally likely.
     pub fn pick(&mut self, count: usize) -> usize {
         ((u128::from(self.0.next_u64()) * count as u128) >> 64) as usize
     }
 
-    /// As many draws from the values, with return.
+    /// Draws as many values as given, with replacement.
     pub fn resample(&mut self, values: &[f64]) -> Vec<f64> {
         values.iter().map(|_| values[self.pick(values.len())]).collect()
     }

@@ -1,10 +1,10 @@
-//! A value's place in a reference cohort: its percentile among the values of other people at the same task.
+//! Percentile of a value in a reference cohort: among the values of other people at the same task.
 //!
-//! Percentiles need no model of skill and no assumption on distributions, so they are what small cohorts can bear.
-//! The caller picks the cohort: same task, features version and role of the hand, in the camera's own axes also the
-//! same box and calibration, and without the person who is placed. Below [`FEWEST_PEOPLE`] there is no place. A
-//! percentile's interval holds both doubts: that the cohort is a sample of people (Wilson) and that the value is
-//! measured with an error. Where two intervals overlap, neither person is ahead ([`ranks`]).
+//! Percentiles need no model of skill and no assumption about distributions, so they suit small cohorts. The caller
+//! selects the cohort: same task, features version and role of the hand; for features in the camera's own axes also the
+//! same box and calibration; and without the person who is ranked. Below [`MIN_PEOPLE`] there is no percentile. Its
+//! interval contains both uncertainties: the cohort is a sample of people (Wilson), and the value is measured with an
+//! error. Where two intervals overlap, neither person is ahead ([`rank_ranges`]).
 
 use super::interval::{Interval, Measured, wilson};
 use super::no_answer::NoAnswer;
@@ -12,23 +12,26 @@ use super::people::{FEWEST_PEOPLE, People};
 use super::standard::sign;
 use crate::pipeline::features::Direction;
 
-/// Where a value stands.
+/// The percentile of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Share of the reference values below this one, in per cent; equal ones count half.
+    /// Share of the reference values below this one, in per cent; equal values count half.
     pub percentile: f64,
-    /// Where the percentile among *all* such people lies with 95 %, whichever value within its bar is the true one.
+    /// 95 % interval of the percentile among *all* such people, for every true value within the value's bar.
     pub interval: Interval,
-    /// Share of the reference values that this one is better than, in per cent, with its interval; `None` where neither
+    /// Share of the reference values that this one is better than, in per cent, with its interval; `None` if neither
     /// direction is better.
     pub better_than: Option<(f64, Interval)>,
-    /// How many people the cohort has.
+    /// Number of people in the cohort.
     pub people: usize,
-    /// Is the value's own error in the interval? Not if nothing states it.
+    /// True if the interval includes the value's own error; false if that error is unknown.
     pub error_known: bool,
 }
 
-/// Finds a value's place in a cohort.
+/// Computes a value's percentile in a cohort.
+///
+/// # Errors
+/// [`NoAnswer`] if the cohort is too small or the value is unusable.
 pub fn place(measured: Measured, cohort: &People, direction: Direction) -> Result<Place, NoAnswer> {
     NoAnswer::at_least("people", cohort.count(), FEWEST_PEOPLE)?;
     let Measured { value, bar } = measured.checked()?;
@@ -44,24 +47,27 @@ pub fn place(measured: Measured, cohort: &People, direction: Direction) -> Resul
     Ok(Place { percentile, interval, better_than, people: cohort.count(), error_known: bar.is_some() })
 }
 
-/// Share of the cohort's values below this one, equal ones by half.
+/// Share of the cohort's values below this one; equal values count half.
 fn share_below(value: f64, cohort: &People) -> f64 {
     let below = cohort.values().partition_point(|reference| *reference < value);
     let not_above = cohort.values().partition_point(|reference| *reference <= value);
     (below + not_above) as f64 / 2.0 / cohort.count() as f64
 }
 
-/// Which ranks a person can have, 1 for the best. More than one: a tie with some of the others.
+/// The ranks that a person can have, 1 for the best. A range means a tie with some of the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ranks {
-    /// One more than how many are surely better.
+    /// 1 + the number of people who are certainly better.
     pub best: usize,
-    /// How many are not surely worse, oneself included.
+    /// Number of people who are not certainly worse, including the person.
     pub worst: usize,
 }
 
-/// Ranks people by one value each: somebody is ahead of somebody else only if their bars do not overlap, and a value
-/// whose error nobody states ties with all.
+/// Ranks people by one value each. A person is ahead of another only if their bars do not overlap; a value with unknown
+/// error ties with all.
+///
+/// # Errors
+/// [`NoAnswer`] for an unusable value, or a feature where neither direction is better.
 pub fn ranks(measured: &[Measured], direction: Direction) -> Result<Vec<Ranks>, NoAnswer> {
     let bars = measured.iter().map(|one| signed_bar(*one, direction)).collect::<Result<Vec<_>, _>>()?;
     let rank = |own: &Interval| Ranks {
@@ -71,7 +77,7 @@ pub fn ranks(measured: &[Measured], direction: Direction) -> Result<Vec<Ranks>, 
     Ok(bars.iter().map(rank).collect())
 }
 
-/// The value's bar, turned so that more is better.
+/// The value's bar, with the sign set so that more is better.
 fn signed_bar(measured: Measured, direction: Direction) -> Result<Interval, NoAnswer> {
     let sign = sign(direction)?;
     let unknown = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };

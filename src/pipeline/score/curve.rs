@@ -1,15 +1,17 @@
-//! The learning curve y(n) = A + B·exp(−(n − n₁)/τ) of a trainee's sessions at one task, and how many more it may take
-//! (PEERS 3.5).
+//! The learning curve y(n) = A + B·exp(−(n − n₁)/τ) of a trainee's sessions at one task, and a forecast from it (PEERS
+//! 3.5).
 //!
-//! n is the session's number, n₁ that of the first with a value, A the level that practice leads to, B how far from it that first
-//! one was, τ the sessions in which that distance shrinks to 37 %. For a given τ the best A and B are those of a straight line, so
-//! that only τ is searched for (variable projection, Golub & Pereyra 1973). There is a curve only if the values
-//! follow the session's number better than 95 of 100 random orders of them do, and if they bend: what is still
-//! straight has no level in sight. Intervals: the fit is repeated on 400 series with its residuals drawn anew (Efron
-//! & Tibshirani 1993, 9.4), seeded by the data, and widened as Student's law is wider than the normal one, for the scatter is known
-//! from these few sessions alone. Sessions without a value are left out and keep their number.
+//! n is the session's number and n₁ that of the first session with a value. A is the level that practice leads to and B
+//! the distance of the first session from it. That distance shrinks to 37 % within τ sessions. For a given τ the best A
+//! and B are those of a straight line, so only τ is searched for (variable projection, Golub & Pereyra 1973). There is
+//! a curve only if the values follow the session number better than 95 of 100 random orders of them do, and if they
+//! bend: a series that is still straight shows no level. Intervals: the fit is repeated on 400 series with resampled
+//! residuals (Efron & Tibshirani 1993, 9.4), seeded by the data. They are widened by the ratio of Student's to the
+//! normal distribution, because the scatter is known only from these few sessions. Sessions without a value are left
+//! out and keep their number.
 //!
-//! Cost: 13 ms of a processor for 500 sessions (`make progress-load`, sampled), most of it for the shapes that are tried.
+//! Cost: 13 ms of processor time for 500 sessions (`make progress-load`, sampled), most of it for the shapes that are
+//! tried.
 
 mod forecast;
 
@@ -22,26 +24,27 @@ use super::no_answer::NoAnswer;
 use super::standard::sign;
 use crate::pipeline::features::Direction;
 
-/// Fewest sessions of which a curve is fitted: twice its three parameters.
+/// Minimum number of sessions for a curve: twice its three parameters.
 pub const FEWEST_SESSIONS: usize = 6;
 
-/// Series with residuals drawn anew.
+/// Number of series with resampled residuals.
 const RESAMPLES: usize = 400;
 
-/// Random orders that a curve is held against, and the share of them that may follow the numbers as well.
+/// Number of random orders that a curve is compared with.
 const ORDERS: usize = 400;
+/// Share of the random orders that may follow the session number as well.
 const BY_CHANCE: f64 = 0.05;
 
-/// The fastest learning that sessions show: after one, five per cent of the distance are left.
+/// Smallest τ: the fastest learning that sessions can show. After one session five per cent of the distance remain.
 const SHORTEST_TAU: f64 = 1.0 / 3.0;
 
-/// How many values of τ are tried before the best is refined.
+/// Number of values of τ that are tried before the best is refined.
 const TAUS: usize = 48;
 
 /// One session's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Session {
-    /// Which of this trainee's sessions at this task it is, from 1.
+    /// Number of the session among this trainee's sessions at this task, from 1.
     pub number: u32,
     /// The feature's value.
     pub value: f64,
@@ -50,26 +53,26 @@ pub struct Session {
 /// A fitted parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fitted {
-    /// The best value.
+    /// The fitted value.
     pub value: f64,
-    /// Where it lies with 95 %; an end of a rate may lie at the edge of what is searched for.
+    /// 95 % interval; an end of τ may lie at the limit of the search.
     pub interval: Interval,
 }
 
-/// What the sessions say about learning.
+/// The result of fitting a learning curve.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Learning {
-    /// They follow a curve.
+    /// The values follow a curve.
     Curve(Curve),
-    /// They do not: the values do not improve with the session's number, or not more than by chance.
+    /// The values do not improve with the session number, or not more than by chance.
     NoCurve,
-    /// They improve, but do not bend towards a level yet.
+    /// The values improve but do not bend towards a level yet.
     StillStraight,
-    /// Too few of them.
+    /// There are too few sessions.
     TooFew {
-        /// Sessions with a value.
+        /// Number of sessions with a value.
         found: usize,
-        /// Sessions that it takes.
+        /// Number of sessions needed.
         needed: usize,
     },
 }
@@ -79,17 +82,18 @@ pub enum Learning {
 pub struct Curve {
     /// The level that practice leads to, A, in the feature's unit.
     pub plateau: Fitted,
-    /// How far from it the first session with a value was, B, in the feature's unit: positive where lower is better.
+    /// Distance of the first session with a value from that level, B, in the feature's unit: positive if lower is
+    /// better.
     pub distance: Fitted,
-    /// Sessions in which the distance shrinks to 37 %, τ.
+    /// Number of sessions until the distance has shrunk to 37 %, τ.
     pub tau_sessions: Fitted,
-    /// Standard deviation of a session about the curve, in the feature's unit.
+    /// Standard deviation of a session around the curve, in the feature's unit.
     pub scatter: f64,
-    /// Sessions with a value.
+    /// Number of sessions with a value.
     pub sessions: usize,
-    /// The first of their numbers: nothing is said of what was before.
+    /// Number of the first of them; the curve says nothing about earlier sessions.
     pub first: u32,
-    /// The last.
+    /// Number of the last of them.
     pub last: u32,
     sign: f64,
     best: Parameters,
@@ -105,7 +109,7 @@ struct Parameters {
 }
 
 impl Parameters {
-    /// The curve's value so many sessions behind the first.
+    /// The curve's value `behind` sessions after the first.
     fn at(self, behind: f64) -> f64 {
         self.plateau + self.distance * shape(behind, self.tau)
     }
@@ -117,7 +121,7 @@ impl Curve {
         self.best.at(self.behind(number))
     }
 
-    /// Where the curve itself lies there with 95 %; single sessions scatter about it.
+    /// 95 % interval of the curve itself at this number; single sessions scatter around it.
     pub fn band(&self, number: u32) -> Interval {
         of_resamples(self.resampled.iter().map(|parameters| parameters.at(self.behind(number))).collect())
     }
@@ -127,7 +131,10 @@ impl Curve {
     }
 }
 
-/// Fits a curve to sessions in rising order of their numbers.
+/// Fits a curve to sessions in ascending order of their numbers.
+///
+/// # Errors
+/// [`NoAnswer`] for unusable values, numbers out of order, or a feature where neither direction is better.
 pub fn fit(sessions: &[Session], direction: Direction) -> Result<Learning, NoAnswer> {
     let sign = sign(direction)?;
     let first = sessions.first().map_or(1, |session| session.number);
@@ -155,7 +162,7 @@ fn learning(search: &Search, first: u32, values: &[f64], sign: f64) -> Learning 
     let residuals: Vec<f64> = values.iter().zip(&fitted).map(|(value, fitted)| value - fitted).collect();
     let freedom = (values.len() - 3) as f64;
     let scatter = (residuals.iter().map(|residual| residual * residual).sum::<f64>() / freedom).sqrt();
-    // A fit with three parameters takes up some of the scatter: what is left is drawn at its true size.
+    // The three fitted parameters absorb some of the scatter, so the residuals are scaled up to its true size.
     let inflation = (values.len() as f64 / freedom).sqrt() * student_quantile(0.975, freedom) / Z_95;
     let mut again = || {
         let drawn = chance.resample(&residuals);
@@ -184,12 +191,12 @@ fn learning(search: &Search, first: u32, values: &[f64], sign: f64) -> Learning 
     })
 }
 
-/// What is left of the distance so many sessions behind the first.
+/// The share of the distance that remains `behind` sessions after the first.
 fn shape(behind: f64, tau: f64) -> f64 {
     (-behind / tau).exp()
 }
 
-/// The same of sessions in rising order, each from the one before it: a multiplication instead of an exponential.
+/// The same for sessions in ascending order, each from the one before: a multiplication instead of an exponential.
 fn shapes(behind: &[f64], tau: f64) -> impl Iterator<Item = f64> {
     let (step, mut last, mut left) = ((-1.0 / tau).exp(), 0.0, 1.0);
     behind.iter().map(move |number| {
@@ -200,7 +207,7 @@ fn shapes(behind: &[f64], tau: f64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// The sum of products, in four sums side by side, which a processor adds at the same time.
+/// The sum of products, as four parallel sums, which a processor adds at the same time.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 4];
     let (fours, others) = (a.chunks_exact(4).zip(b.chunks_exact(4)), a.len() - a.len() % 4);
@@ -213,7 +220,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// A shape about its mean, ready to be held against any series of values of the same sessions.
+/// The shape of a curve around its mean, ready to be compared with any series of values of the same sessions.
 struct Shape {
     tau: f64,
     mean: f64,
@@ -230,11 +237,11 @@ impl Shape {
         Self { tau, mean, centred, square }
     }
 
-    /// How much of the values' sum of squares the best curve of this shape explains; negative if it leads away from
-    /// better.
+    /// The part of the values' sum of squares that the best curve of this shape explains; negative if that curve gets
+    /// worse.
     fn gain(&self, values: &[f64], sign: f64) -> f64 {
         let product = dot(&self.centred, values);
-        // The sessions before the level are worse than it: above where lower is better.
+        // Earlier sessions are worse than the final level: above it if lower is better.
         -sign * product * product.abs() / self.square
     }
 
@@ -245,7 +252,7 @@ impl Shape {
     }
 }
 
-/// The search for τ over sessions that lie so far behind the first.
+/// The search for τ over sessions at these distances from the first.
 struct Search {
     behind: Vec<f64>,
     shapes: Vec<Shape>,
@@ -254,7 +261,7 @@ struct Search {
 impl Search {
     fn over(behind: Vec<f64>) -> Self {
         let span = behind[behind.len() - 1];
-        // Beyond one and a half times the span the sessions show less than half of the way, and a line fits as well.
+        // With a τ above 1.5 times the span, the sessions show less than half of the way, and a line fits as well.
         let ratio = (1.5 * span / SHORTEST_TAU).powf(1.0 / (TAUS - 1) as f64);
         let shapes = (0..TAUS).map(|i| Shape::of(&behind, SHORTEST_TAU * ratio.powi(i as i32)));
         let shapes = shapes.filter(|shape| shape.square > 1e-200).collect();
@@ -270,16 +277,16 @@ impl Search {
         gains.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, gain)| *gain > 0.0)
     }
 
-    /// The best curve that leads towards better; `None` if none does.
+    /// The best curve that improves; `None` if none does.
     fn best(&self, values: &[f64], sign: f64) -> Option<Parameters> {
-        let (place, _) = self.best_of_grid(values, sign)?;
-        let tau = |place: usize| self.shapes[place.min(self.shapes.len() - 1)].tau.ln();
-        let bracket = (tau(place.saturating_sub(1)), tau(place + 1));
+        let (index, _) = self.best_of_grid(values, sign)?;
+        let tau = |index: usize| self.shapes[index.min(self.shapes.len() - 1)].tau.ln();
+        let bracket = (tau(index.saturating_sub(1)), tau(index + 1));
         let log_tau = top(bracket, |log_tau| Shape::of(&self.behind, log_tau.exp()).gain(values, sign));
         Some(Shape::of(&self.behind, log_tau.exp()).parameters(values))
     }
 
-    /// Do the values follow the numbers better than 95 of 100 random orders of them?
+    /// True if the values follow the session numbers better than 95 of 100 random orders of them.
     fn is_beyond_chance(&self, values: &[f64], sign: f64, chance: &mut Chance) -> bool {
         let gain = |values: &[f64]| self.best_of_grid(values, sign).map_or(0.0, |(_, gain)| gain);
         let own = gain(values);
@@ -288,12 +295,12 @@ impl Search {
             chance.shuffle(&mut order);
             gain(&order) >= own
         });
-        let most = (BY_CHANCE * (1 + ORDERS) as f64) as usize - 1;
-        as_good.take(most + 1).count() <= most // one more decides
+        let allowed = (BY_CHANCE * (1 + ORDERS) as f64) as usize - 1;
+        as_good.take(allowed + 1).count() <= allowed // stops as soon as one more is found
     }
 }
 
-/// Where a function with one top between two ends has it.
+/// The position of the maximum of a function with a single maximum in an interval.
 fn top((mut low, mut high): (f64, f64), of: impl Fn(f64) -> f64) -> f64 {
     // Golden section; ten steps shrink the bracket to 0.8 %.
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -310,7 +317,7 @@ fn top((mut low, mut high): (f64, f64), of: impl Fn(f64) -> f64) -> f64 {
             at_right = of(right);
         }
     }
-    // So near to the top it is a parabola; at an end of the bracket there is none.
+    // This close to its maximum the function is a parabola; at an end of the interval there is no maximum.
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     let (at_low, at_middle, at_high) = (of(low), of(middle), of(high));
     let bend = at_low - 2.0 * at_middle + at_high;

@@ -1,14 +1,14 @@
-//! One-sided Bernoulli CUSUM: a walk that rises on one outcome, falls on the other, never below zero, and tells when
-//! it reaches its limit (Page 1954). What it tells by chance is computed exactly, so that a limit keeps a stated
-//! error rate; no limit is copied from elsewhere: the often copied 1.25 calls 99.9 % of incompetent trainees
-//! proficient within 100 trials.
+//! One-sided Bernoulli CUSUM: a score that rises on one outcome, falls on the other, never goes below zero, and signals
+//! when it reaches its limit (Page 1954). The rate of chance signals is computed exactly, so a limit keeps a stated
+//! error rate. No limit is copied from elsewhere: the often copied 1.25 calls 99.9 % of incompetent trainees proficient
+//! within 100 trials.
 
 use super::no_answer::NoAnswer;
 
-/// Most trials over which error rates are computed; beyond them no rate is stated.
+/// Maximum number of trials for which error rates are computed and stated.
 pub const MOST_TRIALS: usize = 200;
 
-/// Scores nearer than this are the same: what is left of them is rounding.
+/// Scores closer than this are equal; the difference is rounding.
 const SAME: f64 = 1e-9;
 
 /// A chart for one of two outcomes.
@@ -19,8 +19,8 @@ pub struct Chart {
     limit: f64,
 }
 
-/// Where a chart stands: outcomes since it was last at zero. Counts, not their sum: every path to a score gives the
-/// same.
+/// The state of a chart: outcomes since it was last at zero. It holds counts rather than their sum, so that every path
+/// to a score gives exactly the same score.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Walk {
     rises: usize,
@@ -28,11 +28,14 @@ pub struct Walk {
 }
 
 impl Chart {
-    /// The chart that looks for an outcome of chance `sought` where `usual` was the chance before (Wald's
-    /// log-likelihood ratios), with the lowest limit that it reaches within `trials` in at most `share` of the cases
-    /// by chance alone.
+    /// Designs the chart that detects an outcome with chance `sought` where the chance was `usual` before (Wald's
+    /// log-likelihood ratios). Its limit is the lowest one that is reached by chance alone within `trials` in at most
+    /// `share` of the cases.
     ///
-    /// Chances lie between 0 and 1 with `usual < sought`; trials are at most [`MOST_TRIALS`].
+    /// Chances lie between 0 and 1 with `usual < sought`; `trials` is at most [`MAX_TRIALS`].
+    ///
+    /// # Errors
+    /// [`NoAnswer::UnusableSetting`] for an argument out of range, or if no limit keeps the error rate.
     pub fn designed(usual: f64, sought: f64, share: f64, trials: usize) -> Result<Self, NoAnswer> {
         if !(0.0 < usual && usual < sought && sought < 1.0) {
             return Err(NoAnswer::UnusableSetting("chances"));
@@ -47,42 +50,42 @@ impl Chart {
         let fall = ((1.0 - usual) / (1.0 - sought)).ln();
         let limits = scores(rise, fall, trials);
         let by_chance = |limit: f64| Self { rise, fall, limit }.reached_by(usual, trials)[trials - 1];
-        // The higher the limit, the rarer is it reached.
+        // A higher limit is reached less often.
         let lowest = limits.partition_point(|limit| by_chance(*limit) > share);
         let limit = *limits.get(lowest).ok_or(NoAnswer::UnusableSetting("trials"))?;
         Ok(Self { rise, fall, limit })
     }
 
-    /// The score at which it tells.
+    /// The score at which the chart signals.
     pub fn limit(self) -> f64 {
         self.limit
     }
 
-    /// The score of a walk, from 0.
+    /// The score of a state, from 0.
     pub fn score(self, walk: Walk) -> f64 {
         self.rise * walk.rises as f64 - self.fall * walk.falls as f64
     }
 
-    /// Has the walk reached the limit?
+    /// True if the state has reached the limit.
     pub fn tells(self, walk: Walk) -> bool {
         self.score(walk) >= self.limit - SAME
     }
 
-    /// The walk after one more trial; `rises` says which outcome it had.
+    /// The state after one more trial; `rises` is the outcome of the trial.
     pub fn step(self, walk: Walk, rises: bool) -> Walk {
         let next = Walk { rises: walk.rises + usize::from(rises), falls: walk.falls + usize::from(!rises) };
         if self.score(next) > SAME { next } else { Walk::default() }
     }
 
-    /// For each trial from the first to the last: the share of walks that have reached the limit by then, if each
-    /// trial rises with this chance. Exact: all walks are followed at once, by their shares. Cost: trials³ / 2 steps,
-    /// 0.5 ms for 100.
+    /// For each trial from the first to the last: the share of charts that have reached the limit by then, if each
+    /// trial rises with this chance. Exact: it follows all states at once, weighted by their shares. Cost: trials³ / 2
+    /// steps, 0.5 ms for 100.
     pub fn reached_by(self, chance: f64, trials: usize) -> Vec<f64> {
         let at = |walk: Walk| walk.rises * (trials + 1) + walk.falls;
         let mut shares = vec![0.0; (trials + 1) * (trials + 1)];
         shares[0] = 1.0;
         let mut reached = Vec::with_capacity(trials);
-        let mut told = 0.0;
+        let mut signalled = 0.0;
         for trial in 0..trials {
             let mut next = vec![0.0; shares.len()];
             for rises in 0..=trial {
@@ -94,18 +97,18 @@ impl Chart {
                     }
                     for (outcome, weight) in [(true, chance), (false, 1.0 - chance)] {
                         let then = self.step(walk, outcome);
-                        if self.tells(then) { told += share * weight } else { next[at(then)] += share * weight }
+                        if self.tells(then) { signalled += share * weight } else { next[at(then)] += share * weight }
                     }
                 }
             }
             shares = next;
-            reached.push(told);
+            reached.push(signalled);
         }
         reached
     }
 }
 
-/// All scores above zero that a walk can have within some trials, in rising order.
+/// All scores above zero that are possible within some trials, in ascending order.
 fn scores(rise: f64, fall: f64, trials: usize) -> Vec<f64> {
     let of = |rises: usize| (0..=trials - rises).map(move |falls| rise * rises as f64 - fall * falls as f64);
     let mut scores: Vec<f64> = (1..=trials).flat_map(of).filter(|score| *score > SAME).collect();
@@ -114,7 +117,7 @@ fn scores(rise: f64, fall: f64, trials: usize) -> Vec<f64> {
     scores
 }
 
-/// The first trial, from 1, by which this share has been reached; `None` if none has within those given.
+/// The first trial, from 1, at which this share has been reached; `None` if it never is.
 pub fn first_at(reached: &[f64], share: f64) -> Option<usize> {
     reached.iter().position(|so_far| *so_far >= share).map(|index| index + 1)
 }

@@ -1,25 +1,25 @@
-//! The laws behind the intervals: normal, Student's t and Fisher's F, by the incomplete beta function.
+//! The distributions behind the intervals: normal, Student's t and Fisher's F, by the incomplete beta function.
 //!
-//! Arguments are finite and degrees of freedom positive: the callers see to it. Accuracy: 1e-10 in probability (tests,
-//! against SciPy). Quantiles are found by halving, which costs microseconds and cannot diverge.
+//! Arguments are finite and degrees of freedom positive; the callers ensure this. Accuracy: 1e-10 in probability
+//! (tests, against SciPy). Quantiles are found by bisection, which costs microseconds and cannot diverge.
 
 use std::f64::consts::SQRT_2;
 
-/// The standard normal's 97.5 % quantile: half the width of a 95 % interval in units of σ.
+/// The standard normal's 97.5 % quantile: half the width of a 95 % interval, in σ.
 pub const Z_95: f64 = 1.959_963_984_540_054;
 
-/// Share of the standard normal below `z`.
+/// Cumulative distribution of the standard normal: the share below `z`.
 pub fn normal_below(z: f64) -> f64 {
     0.5 * libm::erfc(-z / SQRT_2)
 }
 
-/// Share of Student's t of `freedom` degrees of freedom below `t`.
+/// Cumulative distribution of Student's t with `freedom` degrees of freedom: the share below `t`.
 pub fn student_below(t: f64, freedom: f64) -> f64 {
     let tail = 0.5 * beta_below(freedom / (freedom + t * t), freedom / 2.0, 0.5);
     if t > 0.0 { 1.0 - tail } else { tail }
 }
 
-/// The value below which this share of Student's t lies; `share` between 0 and 1, both excluded.
+/// Quantile of Student's t: the value with this share below it; `share` between 0 and 1, both excluded.
 pub fn student_quantile(share: f64, freedom: f64) -> f64 {
     if share < 0.5 {
         return -student_quantile(1.0 - share, freedom);
@@ -27,18 +27,18 @@ pub fn student_quantile(share: f64, freedom: f64) -> f64 {
     root(|t| student_below(t, freedom) - share)
 }
 
-/// The value below which this share of Fisher's F lies; `share` between 0 and 1, both excluded.
+/// Quantile of Fisher's F: the value with this share below it; `share` between 0 and 1, both excluded.
 pub fn fisher_quantile(share: f64, numerator: f64, denominator: f64) -> f64 {
     let below = |f: f64| beta_below(numerator * f / (numerator * f + denominator), numerator / 2.0, denominator / 2.0);
     root(|f| below(f) - share)
 }
 
-/// The regularised incomplete beta function I_x(a, b): the share of the beta law below `x`.
+/// The regularised incomplete beta function I_x(a, b): the share of the beta distribution below `x`.
 pub fn beta_below(x: f64, a: f64, b: f64) -> f64 {
     if x <= 0.0 || x >= 1.0 {
         return x.clamp(0.0, 1.0);
     }
-    // The fraction converges fast below the law's mean; beyond it, the mirrored one does.
+    // The fraction converges fast below the distribution's mean; above it, the mirrored one does.
     if x > (a + 1.0) / (a + b + 2.0) {
         return 1.0 - beta_below(1.0 - x, b, a);
     }
@@ -72,7 +72,7 @@ fn away_from_0(value: f64, tiny: f64) -> f64 {
     if value.abs() < tiny { tiny } else { value }
 }
 
-/// Where a rising function of a positive number passes zero.
+/// The zero of a rising function of a positive number.
 fn root(rising: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     while rising(high) < 0.0 && high < 1e12 {
@@ -93,7 +93,7 @@ mod tests {
         assert!((got - want).abs() <= within * want.abs().max(1.0), "{got}, not {want}");
     }
 
-    // Figures of SciPy's stats and special modules.
+    // Values from SciPy's stats and special modules.
     #[test]
     fn quantiles_are_those_of_the_tables() {
         close(normal_below(Z_95), 0.975, 1e-12);

@@ -1,12 +1,13 @@
-//! Many correlations at once: of a hundred with nothing behind them, five would be "significant" at 5 %.
+//! p-values for many correlations at once: of a hundred correlations without any relation, five would be "significant"
+//! at 5 %.
 //!
-//! **Method** (Benjamini & Hochberg 1995): of `m` chances in rising order the `k`-th becomes the least of `m/j · p(j)` over all
-//! `j ≥ k`. To call those below 5 % found is to be wrong about one found in twenty, on average, where the tests are
-//! independent or rise together (Benjamini & Yekutieli 2001).
+//! **Method** (Benjamini & Hochberg 1995): of `m` p-values in ascending order, the `k`-th becomes the smallest value of
+//! `m/j · p(j)` over all `j ≥ k`. With a threshold of 5 %, one finding in twenty is wrong on average, if the tests are
+//! independent or positively dependent (Benjamini & Yekutieli 2001).
 
 use super::distribution::student_below;
 
-/// Each chance as it counts among all of them; the order stays.
+/// The adjusted p-value of each given p-value, in the same order.
 pub fn adjusted(chances: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..chances.len()).collect();
     order.sort_by(|a, b| chances[*b].total_cmp(&chances[*a]));
@@ -19,8 +20,8 @@ pub fn adjusted(chances: &[f64]) -> Vec<f64> {
     adjusted
 }
 
-/// The chance of a correlation as far from 0 as this, of so many people, where there is none: Student's t of n − 2 degrees of
-/// freedom, which holds for ranks too from ten people on.
+/// The p-value of a correlation over this many people: the chance of one at least as far from 0 where there is no
+/// relation. Student's t with n − 2 degrees of freedom, which also holds for ranks from ten people on.
 pub fn chance_of(correlation: f64, people: usize) -> f64 {
     let freedom = people as f64 - 2.0;
     let t = correlation.abs() * (freedom / (1.0 - correlation * correlation).max(f64::MIN_POSITIVE)).sqrt();
@@ -33,7 +34,7 @@ mod tests {
 
     #[test]
     fn the_published_example_is_adjusted_as_r_does() {
-        // Benjamini & Hochberg 1995, section 4.1: fifteen chances; values of R's p.adjust(method = "BH").
+        // Benjamini & Hochberg 1995, section 4.1: fifteen p-values; values of R's p.adjust(method = "BH").
         let chances = [
             0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.324, 0.4262, 0.5719, 0.6528,
             0.759, 1.0,

@@ -1,9 +1,9 @@
-//! Intervals: where a quantity lies with 95 %, and values that carry one.
+//! Confidence intervals of 95 %, and values that carry one.
 
 use super::distribution::{Z_95, student_quantile};
 use super::no_answer::NoAnswer;
 
-/// A range that holds a quantity with 95 %, in the quantity's unit.
+/// A range that contains a quantity with a confidence of 95 %, in the quantity's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// Its lower end.
@@ -13,12 +13,12 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Is the value inside, ends included?
+    /// True if the value is inside, ends included.
     pub fn holds(self, value: f64) -> bool {
         self.low <= value && value <= self.high
     }
 
-    /// Have the two a value in common? If so, which of two quantities is larger is not known.
+    /// True if the two have a value in common. Then it is unknown which of the two quantities is larger.
     pub fn overlaps(self, other: Interval) -> bool {
         self.low <= other.high && other.low <= self.high
     }
@@ -38,12 +38,12 @@ impl Interval {
 pub struct Measured {
     /// The value, in the feature's unit.
     pub value: f64,
-    /// Where the true value lies with 95 %; `None` where nothing states the error (a foreign file without sigmas).
+    /// 95 % interval of the true value; `None` if the error is unknown (a foreign file without sigmas).
     pub bar: Option<Interval>,
 }
 
 impl Measured {
-    /// A usable number whose bar holds it, or the reason why not.
+    /// Checks that the value is a usable number and that its bar contains it.
     pub(super) fn checked(self) -> Result<Self, NoAnswer> {
         let bar = self.bar.unwrap_or(Interval { low: self.value, high: self.value });
         NoAnswer::finite(&[self.value, bar.low, bar.high])?;
@@ -56,15 +56,18 @@ impl Measured {
 pub struct Mean {
     /// The mean.
     pub value: f64,
-    /// Where the population's mean lies with 95 % (Student's t), were the values independent and about normal.
+    /// 95 % interval of the population's mean (Student's t), assuming independent and nearly normal values.
     pub interval: Interval,
     /// Standard deviation of one value (n − 1 in the denominator).
     pub deviation: f64,
-    /// How many values there are.
+    /// Number of values.
     pub n: usize,
 }
 
 /// The mean of independent values (one per person) with Student's interval: x̄ ± t(0.975, n − 1) · s / √n.
+///
+/// # Errors
+/// [`NoAnswer`] for fewer than two values, unusable values, or values without spread.
 pub fn mean(values: &[f64]) -> Result<Mean, NoAnswer> {
     NoAnswer::finite(values)?;
     NoAnswer::at_least("values", values.len(), 2)?;
@@ -77,7 +80,7 @@ pub fn mean(values: &[f64]) -> Result<Mean, NoAnswer> {
     Ok(Mean { value, interval: Interval::around(value, half), deviation, n: values.len() })
 }
 
-/// Mean and standard deviation (n − 1); a deviation within rounding is none.
+/// Mean and standard deviation (n − 1); a deviation within rounding counts as 0.
 pub(super) fn moments(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -86,8 +89,11 @@ pub(super) fn moments(values: &[f64]) -> (f64, f64) {
     (mean, if deviation > 1e-12 * mean.abs() { deviation } else { 0.0 })
 }
 
-/// Wilson's 95 % interval of a share that was seen in `n` independent draws: unlike the normal one it stays within 0 to
-/// 1 and means something at both ends (Brown, Cai & DasGupta 2001).
+/// Wilson's 95 % interval of a share observed in `n` independent draws. Unlike the normal interval it stays within 0 to
+/// 1 and is meaningful at both ends (Brown, Cai & DasGupta 2001).
+///
+/// # Errors
+/// [`NoAnswer`] without draws, or for a share outside 0 to 1.
 pub fn wilson(share: f64, n: usize) -> Result<Interval, NoAnswer> {
     NoAnswer::at_least("draws", n, 1)?;
     if !(0.0..=1.0).contains(&share) {
@@ -99,7 +105,7 @@ pub fn wilson(share: f64, n: usize) -> Result<Interval, NoAnswer> {
     Ok(Interval::around(centre, half).map(|end| (end / (1.0 + z2 / n)).clamp(0.0, 1.0)))
 }
 
-/// The interval that leaves 2.5 % of the resamples on each side; they come in any order, infinite ones included.
+/// The interval that leaves 2.5 % of the resamples on each side. The resamples may be unsorted and infinite.
 pub(super) fn of_resamples(mut values: Vec<f64>) -> Interval {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];

@@ -1,35 +1,37 @@
-//! LC-CUSUM: from which trial on a trainee counts as proficient, and whether they have relapsed since (Biau & Porcher
-//! 2010, doi 10.1002/sim.3947; PEERS 3.5).
+//! LC-CUSUM: detects when a trainee becomes proficient, and whether they have relapsed since (Biau & Porcher 2010, doi
+//! 10.1002/sim.3947; PEERS 3.5).
 //!
-//! Until then the trainee is taken for inadequate, and passes speak for proficiency: a pass adds ln((1 − p1)/(1 −
-//! p0)), a miss ln(p1/p0), with p0 the inadequate and p1 the adequate share of misses. From then on a CUSUM with the
-//! ratios inverted watches for a relapse, after which learning begins anew. Both limits keep stated error rates
-//! exactly ([`Chart`]). Trials of which nobody knows whether they were passed move neither chart and do not count.
+//! At first the trainee is assumed inadequate, and passes count towards proficiency: a pass adds ln((1 − p1)/(1 − p0)),
+//! a miss ln(p1/p0), with p0 the inadequate and p1 the adequate share of misses. After the declaration, a CUSUM with
+//! inverted ratios watches for a relapse; after a relapse learning starts again. Both limits keep stated error rates
+//! exactly ([`CusumChart`]). Trials with unknown outcome move neither chart and do not count.
 
 use super::cusum::{Chart, MOST_TRIALS, Walk, first_at};
 use super::no_answer::NoAnswer;
 use super::trial::Trial;
 
-/// What is adequate, and how often the charts may be wrong.
+/// Which performance is adequate, and how often the charts may be wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Design {
     /// Share of trials that an inadequate trainee misses, p0. Usual: 0.3.
     pub inadequate: f64,
-    /// Share of trials that an adequate one misses, p1, below p0. Usual: 0.1; closer to p0 takes more trials.
+    /// Share of trials that an adequate trainee misses, p1, below p0. Usual: 0.1; a value closer to p0 takes more
+    /// trials.
     pub adequate: f64,
-    /// Largest share of inadequate trainees that are declared proficient within [`Self::declare_within`] trials.
+    /// Maximum share of inadequate trainees that are declared proficient within [`Self::declare_within`] trials.
     pub false_declaration: f64,
-    /// Judged trials for which that holds.
+    /// Number of judged trials for [`Self::false_declaration`].
     pub declare_within: usize,
-    /// Largest share of adequate trainees that get an alarm within [`Self::alarm_within`] trials after their
+    /// Maximum share of adequate trainees that get an alarm within [`Self::alarm_within`] trials after their
     /// declaration.
     pub false_alarm: f64,
-    /// Judged trials for which that holds.
+    /// Number of judged trials for [`Self::false_alarm`].
     pub alarm_within: usize,
 }
 
 impl Default for Design {
-    /// Nine of ten adequate trainees are declared within 50 trials, and half of the relapses found within 24.
+    /// Nine of ten adequate trainees are declared proficient within 50 trials, and half of the relapses are found
+    /// within 24.
     fn default() -> Self {
         Self {
             inadequate: 0.3,
@@ -42,7 +44,7 @@ impl Default for Design {
     }
 }
 
-/// The two charts of a design, with what they are known to do.
+/// The two charts of a design, with their known error rates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Monitor {
     learning: Chart,
@@ -51,68 +53,73 @@ pub struct Monitor {
     pub declared_wrongly: Vec<f64>,
     /// By judged trial, from the first: share of adequate trainees declared proficient by then.
     pub declared_rightly: Vec<f64>,
-    /// Judged trials after a relapse to p0 by which half of them are found; `None` beyond [`MOST_TRIALS`].
+    /// Number of judged trials after a relapse to p0 until half of the relapses are found; `None` beyond
+    /// [`MAX_TRIALS`].
     pub relapse_found_median: Option<usize>,
     /// The same for nine of ten.
     pub relapse_found_90: Option<usize>,
 }
 
-/// What happened in a career.
+/// An event in a trainee's history.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// Declared proficient.
     Declared {
         /// At which trial, from 1, all trials counted.
         at: usize,
-        /// Judged trials that it took.
+        /// Number of judged trials until then.
         judged: usize,
-        /// Share of inadequate trainees who would have been declared by then too; `None` beyond [`MOST_TRIALS`].
+        /// Share of inadequate trainees who would also have been declared proficient by then; `None` beyond
+        /// [`MAX_TRIALS`].
         wrong_by_then: Option<f64>,
     },
-    /// Relapsed; learning begins anew.
+    /// Relapsed; learning starts again.
     Relapsed {
         /// At which trial, from 1, all trials counted.
         at: usize,
-        /// Judged trials since the declaration.
+        /// Number of judged trials since the declaration.
         judged: usize,
     },
 }
 
-/// How a trainee stands now.
+/// The present standing of a trainee.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
-    /// Not yet proficient: the trials so far do not show it. That is not to say that they show the contrary.
+    /// Not yet proficient: the trials so far do not show it. They need not show the opposite.
     NotYet,
     /// Proficient.
     Proficient,
-    /// Was proficient, relapsed, and is not yet again.
+    /// Was proficient, relapsed, and is not proficient again yet.
     Relapsed,
 }
 
-/// A score on one of the charts.
+/// The score after a trial on one of the charts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Which chart: true while learning, false while keeping what was learnt.
+    /// True on the learning chart, false on the chart that watches for a relapse.
     pub learning: bool,
-    /// The score after the trial, from 0 to the chart's limit or just above.
+    /// The score, from 0 to the chart's limit or just above it.
     pub score: f64,
 }
 
-/// A trainee's trials, followed.
+/// The result of following a trainee's trials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Career {
-    /// Declarations and relapses, in turn.
+    /// Declarations and relapses in alternation.
     pub events: Vec<Event>,
-    /// How the trainee stands after the last trial.
+    /// The trainee's standing after the last trial.
     pub now: Standing,
-    /// Judged trials since the last event.
+    /// Number of judged trials since the last event.
     pub judged: usize,
-    /// One point per trial; `None` where nobody knows whether it was passed.
+    /// One point per trial; `None` if its outcome is unknown.
     pub path: Vec<Option<Point>>,
 }
 
 impl Monitor {
-    /// Computes the limits of a design. Cost: 20 ms; keep it for all careers.
+    /// Computes the limits of a design. Cost: 20 ms; reuse it for all trainees.
+    ///
+    /// # Errors
+    /// [`NoAnswer::UnusableSetting`] for a design with unusable rates.
     pub fn new(design: Design) -> Result<Self, NoAnswer> {
         let Design { inadequate, adequate, .. } = design;
         let learning =
@@ -129,12 +136,12 @@ impl Monitor {
         })
     }
 
-    /// The scores at which proficiency and a relapse are told.
+    /// The scores at which proficiency is declared and at which a relapse is reported.
     pub fn limits(&self) -> (f64, f64) {
         (self.learning.limit(), self.keeping.limit())
     }
 
-    /// Follows the trials in their order.
+    /// Follows the trials in their order on the two charts.
     pub fn follow(&self, trials: &[Trial]) -> Career {
         let mut career = Career { events: Vec::new(), now: Standing::NotYet, judged: 0, path: Vec::new() };
         let mut walk = Walk::default();

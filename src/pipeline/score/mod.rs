@@ -1,9 +1,9 @@
-//! Score: what features say beside those of others and of earlier days (METHOD 7; PEERS 3.5).
+//! Statistics of scores: compares features with those of other people and of earlier sessions (METHOD 7; PEERS 3.5).
 //!
-//! **In:** values with their error bars, one per person or one per session. **Out:** places, judgements, curves, levels of
-//! skill and alarms, each with its interval and with the number of people or sessions behind it. **Gives up** with a
-//! [`NoAnswer`]: bad or too little data give a reason, never a number. A session that could not be judged is neither
-//! a pass nor a fail.
+//! **In:** values with their error bars, one per person or one per session. **Out:** percentiles, judgements, curves,
+//! levels of skill and alarms, each with its interval and with the number of people or sessions behind it. **Gives up**
+//! with a [`NoAnswer`]: unusable or too few data give a reason, never a number. A session that could not be judged is
+//! neither a pass nor a fail.
 
 pub mod agreement;
 mod chance;

@@ -1,46 +1,46 @@
-//! Why a statistic is withheld: said in words, never as a number.
+//! Why a statistic is withheld. A missing statistic is stated as a reason, never as a number.
 
 /// Why there is no answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoAnswer {
-    /// Too little data to say anything.
-    #[error("it takes {needed} {of}, and has {found}")]
+    /// There are too few data.
+    #[error("needs {needed} {of}; there are {found}")]
     TooFew {
-        /// Of what, in the plural: people, experts, sessions.
+        /// What there is too little of, in the plural: people, experts, sessions.
         of: &'static str,
-        /// How many there are.
+        /// Number of them.
         found: usize,
-        /// How many it takes.
+        /// Number needed.
         needed: usize,
     },
-    /// A value is NaN or infinite, or an error bar does not hold its value.
-    #[error("a value or its error bar is not usable")]
+    /// A value is NaN or infinite, or an error bar does not contain its value.
+    #[error("a value or its error bar is not a usable number")]
     NotFinite,
-    /// One person appears twice where each counts once.
+    /// One person appears twice, although each counts once.
     #[error("one person appears twice; each counts once")]
     PersonTwice,
-    /// All values are the same, which no spread can be taken from.
+    /// All values are the same, so there is no spread.
     #[error("all values are the same")]
     NoSpread,
-    /// Two series agree exactly, so that the data bear no interval.
-    #[error("the values agree exactly, so that they bear no interval")]
+    /// Two series agree exactly, so the data support no interval.
+    #[error("the values agree exactly, so no interval can be computed")]
     Perfect,
-    /// Raters differ more within people than between them: their mean says nothing.
+    /// Raters differ more within people than between them, so their mean has no meaning.
     #[error("the raters differ more within people than between them")]
     Discord,
-    /// Two groups do not lie apart in the direction that is better.
-    #[error("the groups do not lie apart in the direction that is better")]
+    /// The groups are not separated in the direction that is better.
+    #[error("the groups do not differ clearly in the direction that is better")]
     NotApart,
-    /// A feature of which neither more nor less is better has no limit to pass.
-    #[error("neither more nor less of this is better")]
+    /// Neither more nor less of the feature is better, so there is no limit to pass.
+    #[error("for this feature neither more nor less is better")]
     NoDirection,
-    /// Not every row has a value by every rater.
-    #[error("not everybody was rated by every rater")]
+    /// Not every row has a rating by every rater.
+    #[error("not every person was rated by every rater")]
     Ragged,
-    /// Sessions that are not numbered upwards from 1.
-    #[error("the sessions are not numbered upwards from 1")]
+    /// The sessions are not numbered in ascending order from 1.
+    #[error("the sessions are not numbered in ascending order from 1")]
     NotInOrder,
-    /// A setting that nothing can be computed with.
+    /// The named setting has a value that no computation can use.
     #[error("the setting {0} cannot be used")]
     UnusableSetting(&'static str),
 }

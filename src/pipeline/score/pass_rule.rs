@@ -1,8 +1,8 @@
-//! Pass rules: so many passes in a row, and so many more, before a task counts as learnt.
+//! Pass rules: the number of passes in a row, and of further passes, after which a task counts as learnt.
 //!
-//! Trials of which nobody knows whether they were passed count as neither. A rule is met only if it is met *whatever*
-//! they were: such a trial breaks a row, since it may have been a miss, but is never called one; and a rule is out of
-//! reach only if it is so even with all of them passed. So a hidden camera can neither promote nor sink anybody.
+//! Trials with unknown outcome count as neither passed nor failed. A rule is met only if it is met for *every* possible
+//! outcome of them: such a trial breaks a row, since it may have been a miss, but is never called one. A rule is out of
+//! reach only if it is so even with all of them passed. So a covered camera can neither promote nor fail a trainee.
 
 use super::no_answer::NoAnswer;
 use super::trial::Trial;
@@ -10,37 +10,40 @@ use super::trial::Trial;
 /// A rule such as "two in a row and ten more, within 80 trials".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PassRule {
-    /// Passes in a row that come first, at least 1.
+    /// Passes in a row that are needed first, at least 1.
     pub in_a_row: usize,
-    /// Passes after these, in a row or not.
+    /// Passes needed after these, in a row or not.
     pub then_more: usize,
-    /// Trials within which it must be met; `None` without an end.
+    /// Number of trials within which the rule must be met; `None` for no limit.
     pub at_most: Option<usize>,
 }
 
-/// How far a trainee has come by a rule.
+/// The progress of a trainee under a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// The rule is met.
     Met {
-        /// By which trial, from 1.
+        /// The trial that met it, from 1.
         at: usize,
     },
-    /// Not yet.
+    /// The rule is not met yet.
     Open {
-        /// Passes in a row at the end, up to those that the rule asks for.
+        /// Passes in a row so far, at most the number that the rule needs.
         in_a_row: usize,
         /// Passes after the row was complete.
         more: usize,
-        /// Trials so far of which nobody knows.
+        /// Number of trials so far with unknown outcome.
         unknown: usize,
     },
-    /// It cannot be met any more within the rule's trials, whatever the unknown ones were.
+    /// The rule cannot be met any more within its trials, whether or not the unknown ones were passed.
     OutOfReach,
 }
 
 impl PassRule {
-    /// The rule, or the part of it that nothing can be judged by.
+    /// The rule itself, if it is usable.
+    ///
+    /// # Errors
+    /// [`NoAnswer::UnusableSetting`] with the name of the unusable part.
     pub fn checked(self) -> Result<Self, NoAnswer> {
         let shortest = self.in_a_row.saturating_add(self.then_more);
         match self {
@@ -50,7 +53,10 @@ impl PassRule {
         }
     }
 
-    /// Follows the trials in their order.
+    /// Evaluates the trials in their order.
+    ///
+    /// # Errors
+    /// As [`Self::checked`].
     pub fn follow(self, trials: &[Trial]) -> Result<Progress, NoAnswer> {
         let rule = self.checked()?;
         let counted = &trials[..trials.len().min(rule.at_most.unwrap_or(usize::MAX))];
@@ -70,7 +76,7 @@ impl PassRule {
         Ok(Progress::Open { in_a_row: surely.in_a_row, more: surely.more, unknown })
     }
 
-    /// The passes that met the rule, or that count towards it so far: indices among the trials, from 0.
+    /// The passes that met the rule, or that count towards it so far, as indices among the trials, from 0.
     pub fn made_of(self, trials: &[Trial]) -> Vec<usize> {
         let (mut count, mut made) = (Count::default(), Vec::new());
         for (index, trial) in trials.iter().take(self.at_most.unwrap_or(usize::MAX)).enumerate() {
@@ -88,7 +94,7 @@ impl PassRule {
     }
 }
 
-/// Passes so far.
+/// The passes so far.
 #[derive(Clone, Copy, Default)]
 struct Count {
     in_a_row: usize,
@@ -105,7 +111,7 @@ impl Count {
         }
     }
 
-    /// Passes that are still missing, in a row where the rule wants them so.
+    /// Number of passes still missing, in a row where the rule needs that.
     fn missing(self, rule: PassRule) -> usize {
         rule.in_a_row - self.in_a_row + rule.then_more.saturating_sub(self.more)
     }

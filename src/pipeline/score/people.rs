@@ -1,28 +1,36 @@
-//! People with one value each: what cohorts, standards and correlations are made of. Sessions of one person are
-//! alike, so that they would count one person's habit many times over.
+//! One value per person: the input of cohorts, standards and correlations. Sessions of one person are alike, so
+//! counting each session would count one person's habits many times.
 
 use std::collections::BTreeMap;
 
 use super::no_answer::NoAnswer;
 
-/// Fewest people from which a percentile, a group's limit or a correlation is given. With ten, one person more or less
-/// shifts a percentile by ten points; with fewer it would say nothing, and would say too much of those who are in it.
+/// Minimum number of people for a percentile, a group's limit or a correlation. With ten, one person more or less
+/// shifts a percentile by ten points. With fewer it would mean nothing, and would reveal too much about the people in
+/// it.
 pub const FEWEST_PEOPLE: usize = 10;
 
-/// One usable value for each of some people; who they are is not kept.
+/// One usable value for each of several people; the people's identities are not kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct People {
     sorted: Vec<f64>,
 }
 
 impl People {
-    /// One row per person; a person twice, NaN and infinity are refused.
+    /// From one row per person.
+    ///
+    /// # Errors
+    /// [`NoAnswer`] if a person appears twice, or for NaN and infinity.
     pub fn of<P: Ord>(rows: &[(P, f64)]) -> Result<Self, NoAnswer> {
         each_once(rows.iter().map(|(person, _)| person))?;
         Self::of_values(rows.iter().map(|(_, value)| *value).collect())
     }
 
-    /// Any number of sessions per person, of each of whom the median counts: one bad day does not move it.
+    /// From any number of sessions per person; the median of each person's sessions counts, so one bad day does not
+    /// move it.
+    ///
+    /// # Errors
+    /// [`NoAnswer::NotFinite`] for NaN and infinity.
     pub fn of_sessions<P: Ord>(rows: &[(P, f64)]) -> Result<Self, NoAnswer> {
         let mut sessions: BTreeMap<&P, Vec<f64>> = BTreeMap::new();
         for (person, value) in rows {
@@ -42,30 +50,30 @@ impl People {
         Ok(Self { sorted })
     }
 
-    /// Their values, in rising order.
+    /// The values, in ascending order.
     pub fn values(&self) -> &[f64] {
         &self.sorted
     }
 
-    /// How many they are.
+    /// The number of people.
     pub fn count(&self) -> usize {
         self.sorted.len()
     }
 }
 
-/// Refuses rows of which two are one person's.
+/// Refuses rows if two belong to one person.
 pub(super) fn each_once<P: Ord>(people: impl Iterator<Item = P>) -> Result<(), NoAnswer> {
     let mut people: Vec<P> = people.collect();
     people.sort();
     if people.windows(2).any(|pair| pair[0] == pair[1]) { Err(NoAnswer::PersonTwice) } else { Ok(()) }
 }
 
-/// The value below which a share of sorted values lies, 0 to 1, between neighbours by the straight line (type 7 of
-/// Hyndman & Fan 1996); there is at least one value.
+/// The value below which a share of the sorted values lies, 0 to 1, interpolated linearly between adjacent values (type
+/// 7 of Hyndman & Fan 1996). There must be at least one value.
 pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let place = (sorted.len() - 1) as f64 * share;
-    let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-    below + (above - below) * place.fract()
+    let position = (sorted.len() - 1) as f64 * share;
+    let (below, above) = (sorted[position.floor() as usize], sorted[position.ceil() as usize]);
+    below + (above - below) * position.fract()
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! Reminders to practise again: what was learnt is kept better by refreshers one and three months after proficiency (95
-//! against 90 % at six months: Stefanidis 2006; PEERS 4d), and what was lost in a month comes back in 40 minutes.
+//! Reminders to practise again. Skill is kept better with refreshers one and three months after proficiency (95 against
+//! 90 % at six months: Stefanidis 2006; PEERS 4d), and skill lost in a month returns in 40 minutes.
 
 /// A day, in ms.
 const DAY_MS: i64 = 86_400_000;
@@ -7,7 +7,7 @@ const DAY_MS: i64 = 86_400_000;
 /// Days from the declaration of proficiency to each refresher: one month and three.
 pub const REFRESHER_DAYS: [i64; 2] = [30, 91];
 
-/// A session so many days before a refresher already counts as it.
+/// A session at most this many days before a refresher is due already counts as the refresher.
 pub const EARLY_DAYS: i64 = 7;
 
 /// One reminder.
@@ -15,11 +15,11 @@ pub const EARLY_DAYS: i64 = 7;
 pub struct Reminder {
     /// When the refresher is due, in ms since 1970.
     pub due_ms: i64,
-    /// How it stands.
+    /// Its state.
     pub state: State,
 }
 
-/// How a reminder stands.
+/// The state of a reminder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// Not due yet.
@@ -30,10 +30,11 @@ pub enum State {
     Done(i64),
 }
 
-/// The two reminders of a trainee who was declared proficient, by the times of all measured sessions of the task, in
-/// any order, and the time now (all in ms since 1970).
+/// The two reminders of a trainee who was declared proficient, from the times of all measured sessions of the task, in
+/// any order, and the present time (all in ms since 1970).
 ///
-/// A session serves one refresher: the first that is open then. Who relapsed has no reminders: they practise anyway.
+/// A session counts for one refresher: the first that is open at that time. A trainee who has relapsed has no
+/// reminders: they practise anyway.
 pub fn reminders(declared_ms: i64, practised_ms: &[i64], now_ms: i64) -> [Reminder; 2] {
     let mut practised: Vec<i64> = practised_ms.iter().copied().filter(|at| *at <= now_ms).collect();
     practised.sort_unstable();

@@ -1,11 +1,11 @@
-//! Standards: the limit that a feature has to keep, where it comes from, and the judgement on a measured value.
+//! Standards: the limit that a feature has to meet, its origin, and the judgement on a measured value.
 //!
-//! Ways to set a limit (PEERS 3.5): the mean of experts without outliers ([`experts`]), the line between novices and
-//! experts ([`contrasting_groups()`]), the best share of peers ([`best_share`]), or a fixed number ([`Target::fixed`],
-//! [`fls`]). Published sets of limits differ so much that the choice changes who passes (Luursema 2015), so a target
-//! always says what it was made from. A judgement weighs the value's error bar against the limit alone: the limit's
-//! own interval tells how well the standard is founded, and is no ground for passing or failing anybody once it is
-//! set.
+//! Ways to set a limit (PEERS 3.5): the mean of experts without outliers ([`experts`]), the boundary between novices
+//! and experts ([`contrasting_groups()`]), the best share of peers ([`best_share`]), or a fixed number
+//! ([`FeatureTarget::fixed`], [`fls`]). Published sets of limits differ so much that the choice changes who passes
+//! (Luursema 2015), so a target always states its basis. A judgement compares the value's error bar with the limit
+//! alone. The limit's own interval shows how well founded the standard is; once the limit is set, the interval passes
+//! or fails no trainee.
 
 pub mod contrasting_groups;
 pub mod experts;
@@ -18,50 +18,50 @@ use super::interval::{Interval, Measured};
 use super::no_answer::NoAnswer;
 use crate::pipeline::features::Direction;
 
-/// A limit that a feature has to keep.
+/// A limit that a feature has to meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// The limit, in the feature's unit; keeping it exactly is enough.
+    /// The limit, in the feature's unit; a value equal to it meets it.
     pub limit: f64,
-    /// Where the limit lies with 95 %, other people of the same kind being asked; `None` where it was fixed.
+    /// 95 % interval of the limit over other people of the same kind; `None` if it was fixed.
     pub interval: Option<Interval>,
-    /// Which side of it is better: lower or higher, never neither.
+    /// The better side: lower or higher, never neither.
     pub direction: Direction,
-    /// What it was made from.
+    /// What it is based on.
     pub basis: Basis,
 }
 
-/// What a limit was made from.
+/// The basis of a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Basis {
     /// The mean of experts without outliers.
     TrimmedExperts {
-        /// How many experts were measured.
+        /// Number of measured experts.
         experts: usize,
-        /// How many of them lay more than two standard deviations off and were left out.
+        /// Number of experts left out because they lay more than two standard deviations off.
         dropped: usize,
     },
-    /// The line between novices and experts.
+    /// The boundary between novices and experts.
     ContrastingGroups {
-        /// How many novices.
+        /// Number of novices.
         novices: usize,
-        /// How many experts.
+        /// Number of experts.
         experts: usize,
         /// Share of novices that it lets pass.
         false_pass: ErrorRate,
         /// Share of experts that it fails.
         false_fail: ErrorRate,
     },
-    /// As good as the best share of these people.
+    /// The best share of these people.
     BestShare {
-        /// How many people.
+        /// Number of people.
         people: usize,
         /// The share, between 0 and 1.
         share: f64,
     },
-    /// A number that somebody chose.
+    /// A number that was chosen.
     Fixed,
-    /// A published number, made with other boxes and other clocks: external, not measured here.
+    /// A published number, measured with other boxes and clocks: external, not measured here.
     External {
         /// Who published it.
         source: &'static str,
@@ -81,16 +81,16 @@ impl Basis {
     }
 }
 
-/// What a measured value is worth against a target.
+/// The judgement on a measured value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Judgement {
-    /// The whole error bar keeps the limit.
+    /// The whole error bar meets the limit.
     Pass,
-    /// The whole error bar breaks it.
+    /// The whole error bar misses the limit.
     Fail,
     /// The error bar covers the limit: neither pass nor fail.
     Undecided,
-    /// Nothing states the value's error, so that nobody knows whether its bar covers the limit: neither pass nor fail.
+    /// The value's error is unknown, so its bar may cover the limit: neither pass nor fail.
     ErrorUnknown,
     /// There is no usable value: neither pass nor fail.
     NotMeasured,
@@ -110,7 +110,10 @@ impl Judgement {
 }
 
 impl Target {
-    /// A limit that somebody chose.
+    /// A limit that was chosen.
+    ///
+    /// # Errors
+    /// [`NoAnswer`] for a limit that is not finite, or a feature where neither direction is better.
     pub fn fixed(limit: f64, direction: Direction) -> Result<Self, NoAnswer> {
         Self::new(limit, None, direction, Basis::Fixed)
     }
@@ -137,7 +140,10 @@ impl Target {
     }
 }
 
-/// What turns a feature so that more is better.
+/// The sign that makes larger values better.
+///
+/// # Errors
+/// [`NoAnswer::NoDirection`] if neither direction is better.
 pub(super) fn sign(direction: Direction) -> Result<f64, NoAnswer> {
     match direction {
         Direction::Higher => Ok(1.0),

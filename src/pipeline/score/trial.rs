@@ -1,15 +1,15 @@
-//! Trials in the order in which they were done, as pass rules and control charts see them.
+//! Trial outcomes, as pass rules and control charts use them, in the order of the trials.
 
 use super::standard::Judgement;
 
-/// What one trial adds to a sequence of trials.
+/// The outcome of one trial in a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trial {
-    /// The standard was kept.
+    /// The standard was met.
     Passed,
-    /// It was not.
+    /// The standard was missed.
     Failed,
-    /// Nobody knows: the error bar covers the limit, the feature could not be measured, or the session was refused.
+    /// Unknown: the error bar covers the limit, the feature could not be measured, or the session was refused.
     Unknown,
 }
 
@@ -24,8 +24,8 @@ impl From<Judgement> for Trial {
 }
 
 impl Trial {
-    /// A trial of several targets: one that was missed fails it, and only if all were kept is it passed. Without
-    /// targets nothing was judged.
+    /// The outcome of a trial with several targets: one missed target fails it, and it is passed only if all were met.
+    /// Without targets nothing was judged.
     pub fn of_all(judgements: &[Judgement]) -> Self {
         let has = |trial| judgements.iter().any(|judgement| Trial::from(*judgement) == trial);
         match (has(Trial::Failed), has(Trial::Unknown), has(Trial::Passed)) {

@@ -1,12 +1,12 @@
-//! The path once more, as the tracker could have seen it just as well.
+//! Replicates of a path: the same path as the tracker could have seen it just as well.
 //!
-//! **In** one tool's samples with the standard deviations that they state. **Out** the same samples, moved by errors of that
-//! size. **Method.** An error has three parts, each with a share of the variance: one that *lasts* through the session (the
-//! tape's diameter, the focal length), one that changes over hand's breadths and one that changes over millimetres (what lies
-//! behind the tape changes its borders). The latter two are Gaussian processes of the Matérn 3/2 kind, which have a velocity,
-//! over a clock that runs with the tool: a tool at rest before a background at rest errs by the same all the time. Along the
-//! line of sight and across it errors are independent. How large all of a session's errors are, beside what is stated,
-//! is itself a matter of chance.
+//! **In:** one tool's samples with the standard deviations that they state. **Out:** the same samples, moved by random
+//! errors of that size. **Method:** an error has three parts, each with a share of the variance. The *lasting* part is
+//! constant through the session (the tape's diameter, the focal length). The *slow* part changes over a few centimetres
+//! of motion and the *passing* part over millimetres (the background behind the tape shifts its borders). The last two
+//! are Gaussian processes of the Matérn 3/2 kind, which have a velocity. Their clock runs with the tool's motion: a
+//! tool at rest in front of a resting background has the same error all the time. Errors along the line of sight and
+//! across it are independent. The size of a session's errors relative to the stated size is random as well.
 //!
 //! **Source:** autocorrelation of the smoothed path's errors over 29 tools in 19 scenes of three renderers.
 
@@ -15,26 +15,29 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 use crate::pipeline::trajectory::Sample;
 use crate::random::Dice;
 
-/// Shares of the variance that last, change slowly and pass.
+/// Shares of the variance of the lasting, the slow and the passing part.
 const SHARES: [f64; 3] = [0.25, 0.25, 0.5];
-/// Time constants of the slow and the passing part at [`USUAL_MM_S`], s.
+/// Time constant of the slow part at [`REFERENCE_SPEED_MM_S`], s.
 const SLOW_S: f64 = 1.0;
+/// Time constant of the passing part at the same speed, s.
 const PASSING_S: f64 = 0.07;
-/// Speed of a tool whose clock runs with time, mm/s; speed that a tool at rest is taken to have; and how fast the
-/// clock runs at most: the smoother does not follow what is faster.
+/// Tool speed at which the errors' clock runs in real time, mm/s.
 const USUAL_MM_S: f64 = 30.0;
+/// Speed that a tool at rest is assumed to have, mm/s.
 const RESTING_MM_S: f64 = 3.0;
+/// Maximum rate of the clock: the smoother does not follow faster changes.
 const FASTEST: f64 = 1.5;
-/// How large a session's errors are beside what it states, where it is the small motions that count: what is stated is
-/// what a place may be off by.
+/// Size of a session's errors relative to the stated size, for the small motions that features depend on. The stated
+/// size is the error of a position.
 const SIZE: f64 = 1.6;
-/// Spread of the size of a session's errors beside what it states: standard deviation of the logarithm.
+/// Spread of that relative size between sessions: standard deviation of its logarithm.
 const SIZE_UNSURE: f64 = 0.3;
 
-/// Nearest to a camera that a tip can be, mm.
+/// Minimum depth of a tip in front of the camera, mm.
 const LEAST_DEPTH_MM: f64 = 1.0;
 
-/// A tool's samples, in time order, moved by errors of the size that they state; `None` where one states none, or does not lie before a camera.
+/// A tool's samples, in time order, moved by errors of the size that they state. `None` if a sample states no errors or
+/// does not lie in front of a camera.
 pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
     let size = SIZE * (SIZE_UNSURE * dice.gauss()).exp();
     let mut errors = [(); 3].map(|()| Error::new(dice));
@@ -59,11 +62,11 @@ pub fn replicate(samples: &[Sample], dice: &mut Dice) -> Option<Vec<Sample>> {
     Some(moved)
 }
 
-/// Standard deviations that a sample states.
+/// The standard deviations that a sample states.
 struct Sigma {
-    /// In x and in y, for errors across the line of sight, mm.
+    /// Across the line of sight, in x and in y, mm.
     across_mm: f64,
-    /// Along it, counted in z, mm.
+    /// Along the line of sight, measured in z, mm.
     depth_mm: f64,
 }
 
@@ -72,7 +75,7 @@ impl Sigma {
         let (xy_mm, depth_mm) = (sample.sigma_xy_mm?, sample.sigma_z_mm?);
         let tip = sample.tip_mm;
         if tip.z < LEAST_DEPTH_MM {
-            return None; // not a camera's path: nobody knows in which direction its errors lie
+            return None; // not a camera's path: the direction of its errors is unknown
         }
         let by_depth = depth_mm * depth_mm * (tip.x * tip.x + tip.y * tip.y) / (2.0 * tip.z * tip.z);
         let across_mm = (xy_mm * xy_mm - by_depth).max(0.0).sqrt();
@@ -80,7 +83,7 @@ impl Sigma {
     }
 }
 
-/// How fast the errors' clock runs between two samples.
+/// The rate of the errors' clock between two samples.
 fn clock_rate(before: &Sample, after: &Sample) -> f64 {
     let speed_mm_s = after.velocity_mm_s.map_or_else(
         || (after.tip_mm - before.tip_mm).norm() / (after.time_s - before.time_s),
@@ -89,7 +92,7 @@ fn clock_rate(before: &Sample, after: &Sample) -> f64 {
     ((RESTING_MM_S + speed_mm_s) / (RESTING_MM_S + USUAL_MM_S)).min(FASTEST)
 }
 
-/// An error of variance 1, in its three parts.
+/// An error of variance 1 with its three parts.
 struct Error {
     lasting: f64,
     changing: [Matern; 2],
@@ -101,7 +104,7 @@ impl Error {
         Self { lasting: dice.gauss(), changing }
     }
 
-    /// Value and rate, s⁻¹, after the clock has gone on.
+    /// Advances the clock by `passed_s` and returns value and rate, s⁻¹.
     fn after(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
         let [slow, passing] = self.changing.each_mut().map(|part| part.after(passed_s, dice));
         let [of_lasting, of_slow, of_passing] = SHARES.map(f64::sqrt);
@@ -109,7 +112,7 @@ impl Error {
     }
 }
 
-/// A Gaussian process of variance 1 and of the Matérn 3/2 kind: value and rate (Hartikainen & Särkkä 2010).
+/// A Gaussian process of variance 1 of the Matérn 3/2 kind: value and rate (Hartikainen & Särkkä 2010).
 struct Matern {
     state: Vector2<f64>,
     /// Inverse time constant, s⁻¹.
@@ -122,7 +125,7 @@ impl Matern {
         Self { state: Vector2::new(dice.gauss(), lambda * dice.gauss()), lambda }
     }
 
-    /// Value and rate a while later: exact, however long that is.
+    /// Advances the process by `passed_s` and returns value and rate; exact for any duration.
     fn after(&mut self, passed_s: f64, dice: &mut Dice) -> Vector2<f64> {
         let (by, rate) = (self.lambda * passed_s, self.lambda);
         let step = Matrix2::new(1.0 + by, passed_s, -by * rate, 1.0 - by) * (-by).exp();

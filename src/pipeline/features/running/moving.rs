@@ -1,4 +1,4 @@
-//! Movements and rests of a path while it grows: [`super::super::movement`]'s rule, one instant at a time.
+//! Counts movements and rests of a live path: the rule of [`super::super::movement`], one instant at a time.
 
 use super::super::FeatureSettings;
 use super::super::movement::{is_fast, is_long_enough};
@@ -7,27 +7,27 @@ use super::super::pauses::Tier;
 /// Movements and rests so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moving {
-    /// How many movements.
+    /// Number of movements.
     pub movements: u32,
-    /// How many rests below 1 s, of 1 to 3 s, and of 3 s and more.
+    /// Number of rests below 1 s, of 1 to 3 s, and of 3 s and more.
     pub rests: [u32; 3],
-    /// Steps in rests of 1 s and more.
+    /// Grid steps in rests of 1 s and more.
     pub idle_steps: i64,
     span: Option<Span>,
 }
 
-/// The span that is growing.
+/// The current span.
 #[derive(Clone, Copy, Debug)]
 struct Span {
-    /// Where it began, or its last movement ended.
+    /// Instant at which it began or its last movement ended.
     rests_from: i64,
-    /// Where the speed rose above that of rest, and whether it has been that of a movement since.
+    /// Instant at which the speed rose above rest, and whether it has reached the movement speed since.
     run: Option<(i64, bool)>,
     last: i64,
 }
 
 impl Moving {
-    /// The speed at the next instant of a span, or at a new one's first.
+    /// Adds the speed at the next instant of the span, or at the first instant of a new span.
     pub fn add(&mut self, instant: i64, speed_mm_s: f64, settings: &FeatureSettings) {
         let mut span = self.span.unwrap_or(Span { rests_from: instant, run: None, last: instant });
         if is_fast(speed_mm_s, settings) {
@@ -39,7 +39,7 @@ impl Moving {
         self.span = Some(Span { last: instant, ..span });
     }
 
-    /// The span has ended.
+    /// Ends the span.
     pub fn end_span(&mut self, settings: &FeatureSettings) {
         if let Some(mut span) = self.span.take() {
             self.end_run(&mut span, settings);

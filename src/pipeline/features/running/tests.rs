@@ -1,4 +1,4 @@
-//! What a feed tells is what the whole path has; it keeps no more than a moment of it.
+//! Features of a live feed equal those of the whole path, and a feed keeps only a moment of the path.
 
 use nalgebra::Point3;
 use proptest::prelude::*;
@@ -7,7 +7,7 @@ use super::*;
 use crate::pipeline::features;
 use crate::pipeline::features::motion::Motion;
 
-/// A path with uneven frames, each observed or not: a hand that circles, and rests now and then.
+/// A path with uneven frames, each observed or not: a hand that circles and sometimes rests.
 fn path(steps_s: &[f64], seen: &[bool]) -> Vec<Sample> {
     let mut time_s = 0.0;
     let frames = steps_s.iter().zip(seen).enumerate();

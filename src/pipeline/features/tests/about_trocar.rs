@@ -7,8 +7,8 @@ use super::*;
 const TROCAR: Point3<f64> = Point3::new(-100.0, -80.0, 60.0);
 const LEVER_MM: f64 = 150.0;
 
-/// Every 4.5 s, after a rest of 1.5 s: in by 40 mm, turned by 0.4 rad, out by 40 mm, turned back. With both at once, the
-/// first two are one stroke and so are the last two.
+/// Every 4.5 s, after a rest of 1.5 s: in by 40 mm, turned by 0.4 rad, out by 40 mm, turned back. With `at_once` the
+/// first two are one stroke, and so are the last two.
 fn strokes(at_once: bool) -> impl Fn(f64) -> Point3<f64> {
     move |t| {
         let (number, u) = ((t / 4.5).floor(), ((t % 4.5 - 1.5) / 3.0).clamp(0.0, 1.0));
@@ -27,7 +27,7 @@ fn strokes(at_once: bool) -> impl Fn(f64) -> Point3<f64> {
     }
 }
 
-/// Recorded with the axes of the shaft.
+/// A recording with the axes of the shaft.
 fn with_axes(path: &Path<'_>) -> Trajectory {
     let mut trajectory = record(&times(25.0, 16.0 * 4.5), &[path]);
     trajectory.samples.iter_mut().for_each(|sample| sample.axis = Some((sample.tip_mm - TROCAR).normalize()));
@@ -38,7 +38,7 @@ fn with_axes(path: &Path<'_>) -> Trajectory {
 fn going_in_and_turning_one_after_the_other_is_the_way_about_the_trocar() {
     let got = score(&with_axes(&strokes(false)));
     near(of_first(&got, "fulcrum_path_ratio"), 1.0, 2e-3);
-    let turned = Vector3::new(0.4, 0.4, 0.8).normalize().cross(&Vector3::y()).norm(); // a turn about y is that much of one
+    let turned = Vector3::new(0.4, 0.4, 0.8).normalize().cross(&Vector3::y()).norm(); // share of a turn about y
     near(of_first(&got, "angular_path"), 8.0 * 0.4 * turned, 5e-3);
     near(of_first(&got, "insertion_travelled"), 8.0 * 40.0, 5e-3);
     near(of_first(&got, "angular_velocity"), of_first(&got, "angular_path") / of_first(&got, "duration"), 1e-3);

@@ -1,4 +1,4 @@
-//! Paths whose features can be worked out by hand.
+//! Paths whose features can be computed by hand.
 
 use nalgebra::Vector3;
 
@@ -116,7 +116,7 @@ fn pauses_are_counted_by_their_length() {
     let got = score(&record(&times(50.0, 20.0), &[&path]));
     let minutes = of_first(&got, "duration") / 60.0;
     for (name, count) in [("short_pauses", 2.0), ("medium_pauses", 2.0), ("long_pauses", 0.0)] {
-        near(of_first(&got, name), count / minutes, 1e-6); // what comes after the last stroke is not in the task
+        near(of_first(&got, name), count / minutes, 1e-6); // the time after the last stroke is not in the task
     }
     assert_eq!(of_first(&got, "movements"), 5.0);
 }

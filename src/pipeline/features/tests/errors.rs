@@ -1,4 +1,4 @@
-//! Error bars of whole features: on paths that err as they say, the value of the true path lies within.
+//! Error bars of whole features: on paths with errors of the stated size, the bar contains the value of the true path.
 
 use super::*;
 use crate::pipeline::features::errors::replicate::replicate;
@@ -7,7 +7,7 @@ use crate::random::Dice;
 const LATERAL_MM: f64 = 0.1;
 const DEPTH_MM: f64 = 0.4;
 
-/// A path in front of the camera as a tracker could have seen it, which states how far that may be off.
+/// A path in front of the camera as a tracker could have seen it, with stated errors.
 fn seen(times: &[f64], path: &Path<'_>, seed: u64) -> Trajectory {
     let mut trajectory = record(times, &[path]);
     for sample in &mut trajectory.samples {

@@ -1,4 +1,4 @@
-//! What features must not depend on, and how they scale.
+//! Properties that features must not depend on, and how features scale.
 
 use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
@@ -86,7 +86,7 @@ fn moved(trajectory: &Trajectory, change: impl Fn(&mut Sample)) -> Trajectory {
     moved
 }
 
-/// Features that do not ask where the camera is.
+/// Features that do not depend on the position of the camera.
 const RIGID: [&str; 20] = [
     "duration",
     "thinking_time",
@@ -110,7 +110,7 @@ const RIGID: [&str; 20] = [
     "absences",
 ];
 
-/// Features of the picture that do not ask which way is up in it.
+/// Features of the picture that do not depend on its orientation.
 const PLANAR: [&str; 8] = [
     "path_length",
     "working_area",

@@ -1,4 +1,4 @@
-//! What was not seen, by whose doing.
+//! The features of absences, with their causes.
 
 use std::collections::BTreeMap;
 

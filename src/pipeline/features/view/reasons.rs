@@ -1,8 +1,8 @@
-//! Why a tool was not seen: what the tracker says of its frames, and whether the other tool was in the way.
+//! Finds out why a tool was not seen, from the tracker's reasons and from the position of the other tool.
 //!
-//! A stretch has one cause, that of most of its frames. What the tracker lost counts as hidden where, in the middle of the
-//! stretch, the line of sight to the place between its last and its next sight passes the other tool's tube before it gets
-//! there.
+//! A stretch has one cause: that of most of its frames. A stretch that the tracker lost counts as hidden if the other
+//! tool's tube was in the line of sight in the middle of the stretch. The tool is assumed halfway between its last and
+//! its next observed position, and the line of sight must pass the tube before it reaches that point.
 
 use std::rc::Rc;
 
@@ -13,39 +13,40 @@ use crate::pipeline::features::{FeatureSettings, NotEnough};
 use crate::pipeline::tracker::{Absence, Gap, ToolQuality};
 use crate::pipeline::trajectory::Sample;
 
-/// Whose doing it is that a tool is not seen.
+/// Why a tool is not seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cause {
-    /// The hand's: it left the picture.
+    /// The hand moved it out of the picture.
     LeftView,
-    /// The other tool's: it was in the way.
+    /// The other tool covered it.
     Hidden,
-    /// The tracker's.
+    /// The tracker lost it.
     Lost,
 }
 
-/// A stretch of time in which a tool was not seen.
+/// A stretch of time when a tool was not seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Absent {
-    /// When.
+    /// When it was not seen.
     pub interval: Interval,
-    /// Why.
+    /// Why it was not seen.
     pub cause: Cause,
 }
 
-/// Longest stretch in whose middle a tool is still about halfway, s.
+/// Maximum length of a stretch such that the tool is about halfway in its middle, s.
 const HALFWAY_S: f64 = 2.0;
 
-/// A line of sight that passes a tube's axis by less does not see its target's tape whole, mm: the radii of both tubes.
+/// A line of sight that passes a tube's axis at a smaller distance does not see all of the target's tape, mm: the radii
+/// of both tubes.
 const IN_THE_WAY_MM: f64 = 7.0;
 
-/// How far a tool reaches before its tip and behind it, mm: jaw, and shaft up to the wall.
+/// How far a tool extends in front of its tip (jaw) and behind it (shaft up to the wall), mm.
 const REACH_MM: (f64, f64) = (20.0, 300.0);
 
-/// Before and after all of a recording, in instants of the grid.
+/// An interval that contains every recording, in instants of the grid.
 const EVER: Interval = Interval { first: i64::MIN / 4, last: i64::MAX / 4 };
 
-/// Why each tool was not seen where it was not; `None` of a tool of which the tracker says nothing.
+/// The absences of each tool with their causes; `None` for a tool without a record from the tracker.
 pub fn why_absent(
     samples: &[Vec<Sample>],
     motions: &[Result<Motion, NotEnough>],
@@ -95,7 +96,7 @@ fn cause(before: Option<&Sample>, after: Option<&Sample>, gaps: &[Gap], other: &
     }
 }
 
-/// Was the other tool in the way, halfway between two sights?
+/// True if the other tool was in the line of sight halfway between two observations.
 fn is_hidden(before: &Sample, after: &Sample, other: &[Sample]) -> bool {
     let halfway_s = 0.5 * (before.time_s + after.time_s);
     let next = other.partition_point(|sample| sample.time_s < halfway_s);
@@ -105,7 +106,7 @@ fn is_hidden(before: &Sample, after: &Sample, other: &[Sample]) -> bool {
     after.time_s - before.time_s < HALFWAY_S && tube.is_some_and(|(tip, axis)| is_in_the_way(tip, axis, halfway))
 }
 
-/// Does the line of sight to a place pass a tube first?
+/// True if the line of sight to a point passes a tube first.
 fn is_in_the_way(tip: Point3<f64>, axis: Vector3<f64>, place: Point3<f64>) -> bool {
     let (sight, distance) = (place.coords.normalize(), place.coords.norm());
     // The nearest points of two lines: t along the line of sight, s back along the tube.

@@ -6,7 +6,7 @@ use crate::random::Dice;
 const LEFT: Point3<f64> = Point3::new(-112.0, 72.0, 42.0);
 const RIGHT: Point3<f64> = Point3::new(115.0, 73.0, 42.0);
 
-/// As one session has it: off by chance, and honest about by how much.
+/// A fulcrum as one session measures it: with a random error of the stated size.
 fn seen(at: Point3<f64>, sigma_mm: f64, dice: &mut Dice) -> Fulcrum {
     Fulcrum { at: at + dice.gauss3() * sigma_mm, covariance: Matrix3::identity() * (sigma_mm * sigma_mm) }
 }
@@ -15,7 +15,7 @@ fn session(at: &[Point3<f64>], dice: &mut Dice) -> Vec<Fulcrum> {
     at.iter().map(|at| seen(*at, 1.0, dice)).collect()
 }
 
-/// Ports after so many sessions.
+/// Ports after this number of sessions.
 fn ports(sessions: usize, dice: &mut Dice) -> Ports {
     Ports::of_sessions(&(0..sessions).map(|_| session(&[LEFT, RIGHT], dice)).collect::<Vec<_>>())
 }
@@ -44,7 +44,7 @@ fn a_camera_that_was_shifted_or_turned_is_found_with_the_size_of_it() {
     }
 }
 
-/// Sessions of 2000, of two tools each, that seem to have moved although they have by 1 mm only.
+/// Number of false alarms in 2000 sessions with two tools each, where everything moved by only 1 mm.
 fn false_alarms(sigma_mm: f64) -> usize {
     let mut dice = Dice::new(2, "moved");
     let mut is_alarm = |round: usize| {
@@ -62,7 +62,7 @@ fn false_alarms(sigma_mm: f64) -> usize {
 fn noise_below_the_limit_moves_nothing() {
     assert_eq!(false_alarms(0.7), 0, "of sessions that know their trocars well");
     let rare = false_alarms(2.5);
-    assert!(rare < 24, "{rare} of 4000 tools that are as unsure as they say"); // 0.27 % would be 11
+    assert!(rare < 24, "{rare} of 4000 tools with errors of the stated size"); // 0.27 % would be 11
 }
 
 #[test]

@@ -1,28 +1,28 @@
-//! Intraclass correlation: how much of the ratings' spread lies between those rated (Shrout & Fleiss 1979; McGraw &
-//! Wong 1996 for the intervals).
+//! Intraclass correlation: the share of the ratings' variance that lies between the rated people (Shrout & Fleiss 1979;
+//! McGraw & Wong 1996 for the intervals).
 
 use super::each_once;
 use crate::pipeline::score::distribution::fisher_quantile;
 use crate::pipeline::score::interval::Interval;
 use crate::pipeline::score::no_answer::NoAnswer;
 
-/// Fewest people rated: as many as in Shrout and Fleiss's example, whose intervals already span half of the scale.
+/// Minimum number of rated people: as in Shrout and Fleiss's example, whose intervals already span half of the scale.
 pub const FEWEST_RATED: usize = 6;
 
-/// Which agreement is meant.
+/// The form of the intraclass correlation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// ICC(1,1): each person is rated by raters of their own.
+    /// ICC(1,1): each person is rated by different raters.
     OneWay,
-    /// ICC(2,1): the same raters rate everybody and stand for all raters; being strict counts as disagreement.
+    /// ICC(2,1): the same raters rate all people and represent all raters; a strict rater counts as disagreement.
     Agreement,
-    /// ICC(3,1): the same raters rate everybody and stand for themselves; being strict does not count.
+    /// ICC(3,1): the same raters rate all people and represent only themselves; a strict rater does not count.
     Consistency,
-    /// ICC(1,k): of the mean of all raters, as [`Form::OneWay`].
+    /// ICC(1,k): the mean of all raters, as [`IccForm::OneWay`].
     OneWayMean,
-    /// ICC(2,k): of the mean of all raters, as [`Form::Agreement`].
+    /// ICC(2,k): the mean of all raters, as [`IccForm::Agreement`].
     AgreementMean,
-    /// ICC(3,k): of the mean of all raters, as [`Form::Consistency`].
+    /// ICC(3,k): the mean of all raters, as [`IccForm::Consistency`].
     ConsistencyMean,
 }
 
@@ -31,15 +31,19 @@ pub enum Form {
 pub struct Reliability {
     /// The coefficient: 1 if raters agree; below 0 if they differ more within people than between them.
     pub value: f64,
-    /// Where that of all such people (and raters, by the form) lies with 95 %.
+    /// 95 % interval of the coefficient for all such people (and raters, depending on the form).
     pub interval: Interval,
-    /// How many people were rated.
+    /// Number of rated people.
     pub people: usize,
-    /// By how many raters.
+    /// Number of raters.
     pub raters: usize,
 }
 
-/// The intraclass correlation of one row per person: who, and the ratings by each rater in the same order.
+/// The intraclass correlation of one row per person: the person, and the ratings by each rater in the same order.
+///
+/// # Errors
+/// [`NoAnswer`] for a person with two rows, too few people or raters, gaps, unusable ratings, or ratings that do not
+/// support the coefficient.
 pub fn icc<P: Ord>(rows: &[(P, Vec<f64>)], form: Form) -> Result<Reliability, NoAnswer> {
     each_once(rows.iter().map(|(person, _)| person))?;
     NoAnswer::at_least("people rated", rows.len(), FEWEST_RATED)?;
@@ -61,19 +65,19 @@ pub fn icc<P: Ord>(rows: &[(P, Vec<f64>)], form: Form) -> Result<Reliability, No
     Ok(Reliability { value, interval, people: rows.len(), raters: ratings[0].len() })
 }
 
-/// The table's mean squares.
+/// The mean squares of the rating table.
 struct Squares {
     /// People, n.
     n: f64,
     /// Raters, k.
     k: f64,
-    /// Between people.
+    /// Mean square between people.
     people: f64,
-    /// Between raters.
+    /// Mean square between raters.
     raters: f64,
-    /// Within people.
+    /// Mean square within people.
     within: f64,
-    /// What neither people nor raters explain.
+    /// Residual mean square, explained neither by people nor by raters.
     error: f64,
 }
 
@@ -87,7 +91,7 @@ impl Squares {
         let about = |means: &[f64]| means.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
         let (people, raters) = (k * about(&person), n * about(&rater));
         let total: f64 = ratings.iter().map(|row| about(row)).sum();
-        // Differences of sums of squares: what is left by rounding is none.
+        // These are differences of sums of squares, so a remainder within rounding counts as 0.
         let rounding = 1e-12 * total;
         if people <= rounding {
             return Err(NoAnswer::NoSpread);
@@ -103,7 +107,7 @@ impl Squares {
         })
     }
 
-    /// Forms 1 and 3, whose error is one mean square of so many degrees of freedom.
+    /// Forms 1 and 3: the error is one mean square with `freedom` degrees of freedom.
     fn one_rater(&self, error: f64, freedom: f64) -> Result<(f64, Interval), NoAnswer> {
         if error == 0.0 {
             return Err(NoAnswer::Perfect);
@@ -115,7 +119,7 @@ impl Squares {
         Ok((of(ratio), Interval { low, high }))
     }
 
-    /// Form 2: raters are a sample too; degrees of freedom by Satterthwaite.
+    /// Form 2: the raters are a sample too; degrees of freedom by Satterthwaite.
     fn agreement(&self) -> Result<(f64, Interval), NoAnswer> {
         let Self { n, k, people, raters, error, .. } = *self;
         if error == 0.0 {
@@ -137,12 +141,12 @@ impl Squares {
         Ok((value, Interval { low: low.max(self.lowest()), high }))
     }
 
-    /// The value at which people do not differ at all, but the ratings of each do.
+    /// The lowest possible value: people do not differ at all, but the ratings of each do.
     fn lowest(&self) -> f64 {
         -1.0 / (self.k - 1.0)
     }
 
-    /// From one rater to the mean of all (Spearman and Brown), with a pole at the lowest value.
+    /// From one rater to the mean of all (Spearman and Brown); the formula has a pole at the lowest value.
     fn of_mean(&self, one: Reliability) -> Result<(f64, Interval), NoAnswer> {
         if one.interval.low <= self.lowest() {
             return Err(NoAnswer::Discord);
@@ -172,7 +176,8 @@ mod tests {
 
     #[test]
     fn all_six_forms_have_the_published_values_and_intervals() {
-        // Values to four places: the paper's, computed anew; intervals as R's psych package prints them for this table.
+        // Values to four decimals: those of the paper, recomputed. Intervals as printed by R's psych package for this
+        // table.
         let cases = [
             (Form::OneWay, 0.1657, [-0.133, 0.723]),
             (Form::Agreement, 0.2898, [0.019, 0.761]),

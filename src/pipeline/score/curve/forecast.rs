@@ -1,45 +1,50 @@
-//! How many more sessions a learning curve asks for.
+//! Forecast of the session at which a learning curve reaches a limit.
 
 use super::{Curve, Parameters};
 use crate::pipeline::score::interval::of_resamples;
 use crate::pipeline::score::no_answer::NoAnswer;
 
-/// Fewest sessions of which a forecast is made; with those of a curve alone its interval spans everything.
+/// Minimum number of sessions for a forecast; with only the sessions of a curve its interval would span everything.
 pub const FEWEST_FOR_FORECAST: usize = 8;
 
-/// When a curve keeps a limit.
+/// When a curve reaches a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Forecast {
-    /// It already does.
+    /// It already has.
     Reached {
-        /// From the session of this number on.
+        /// Number of the first session at which it has.
         at: u32,
     },
-    /// It will, if practice goes on like this.
+    /// It will, if practice continues like this.
     Ahead {
-        /// The number of the session.
+        /// Number of that session.
         at: u32,
-        /// The earliest number with 95 %.
+        /// Lower end of its 95 % interval.
         earliest: u32,
-        /// The latest with 95 %; `None` if it may never be: the interval of the level then covers the limit.
+        /// Upper end of its 95 % interval; `None` if it may never happen, because the interval of the level covers the
+        /// limit.
         latest: Option<u32>,
     },
-    /// Not with this curve: the level that it leads to does not keep the limit.
+    /// This curve will not: the level that it leads to does not meet the limit.
     NotWithThisCurve {
-        /// The earliest number with 95 %, if the level's interval covers the limit.
+        /// Lower end of the 95 % interval, if the interval of the level covers the limit.
         earliest: Option<u32>,
     },
     /// Too few sessions.
     TooFew {
-        /// Sessions with a value.
+        /// Number of sessions with a value.
         found: usize,
-        /// Sessions that it takes.
+        /// Number of sessions needed.
         needed: usize,
     },
 }
 
 impl Curve {
-    /// From which session on the curve itself keeps the limit: half of the sessions about it do not yet.
+    /// Forecasts the session at which the curve itself starts to meet the limit. Half of the single sessions around it
+    /// do not yet.
+    ///
+    /// # Errors
+    /// [`NoAnswer::NotFinite`] for a limit that is not finite.
     pub fn forecast(&self, limit: f64) -> Result<Forecast, NoAnswer> {
         NoAnswer::finite(&[limit])?;
         if self.sessions < FEWEST_FOR_FORECAST {
@@ -62,20 +67,20 @@ impl Curve {
     }
 }
 
-/// How many sessions behind the first a curve keeps the limit from; `None` if it never does.
+/// Number of sessions after the first until a curve meets the limit; `None` if it never does.
 fn keeps_after(curve: Parameters, limit: f64, sign: f64) -> Option<f64> {
     let from_level = limit - curve.plateau;
     if sign * from_level >= 0.0 {
         return None;
     }
-    // What may be left of the distance; the whole of it is left at the first session.
+    // The share of the distance that may remain; at the first session all of it remains.
     let left = from_level / curve.distance;
     let after_first = (-curve.tau * left.ln()).max(0.0);
-    // A crossing right at a session must not become the next one by rounding.
+    // Rounding must not move a crossing at a session to the next session.
     Some((after_first - 1e-9).ceil().max(0.0))
 }
 
-/// A session's number, if it is one that anybody could reach.
+/// The session number, if it is a possible one.
 fn number(number: f64) -> Option<u32> {
     (number <= f64::from(u32::MAX)).then_some(number as u32)
 }

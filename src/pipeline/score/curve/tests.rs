@@ -13,7 +13,7 @@ fn exact(plateau: f64, distance: f64, tau: f64) -> impl Fn(u32) -> f64 {
     move |number| plateau + distance * (-f64::from(number - 1) / tau).exp()
 }
 
-/// About normal: twelve even draws.
+/// Nearly normal: the sum of twelve uniform draws.
 fn gauss(chance: &mut Chance) -> f64 {
     (0..12).map(|_| chance.pick(1_000_001) as f64 / 1e6).sum::<f64>() - 6.0
 }
@@ -132,7 +132,7 @@ fn hold_the_truth(count: u32, tau: f64) {
     assert!(curves > 190, "{curves} of {count}");
     for held in held {
         let share = held as f64 / f64::from(curves);
-        // 95 %, less three standard errors of so many curves.
+        // 95 % minus three standard errors of this number of curves.
         assert!((0.90..1.0).contains(&share), "{share} of {count} sessions");
     }
 }
@@ -152,7 +152,7 @@ fn a_band_holds_the_curve_and_narrows_with_the_sessions() {
     assert!(width(many.band(12)) < 0.5 * width(few.band(12)));
 }
 
-/// Not a claim about time: prints what a fit costs here, for the figure in this module's text.
+/// Makes no claim about time: prints the cost of a fit on this machine, for the figure in this module's text.
 #[test]
 #[ignore = "measures: run it optimised and alone"]
 fn what_a_fit_costs() {

@@ -1,4 +1,4 @@
-//! Known figures, hand-made careers, and 10,000 simulated ones against the stated rates.
+//! Known figures, hand-made histories, and 10,000 simulated ones against the stated rates.
 
 use super::*;
 use crate::pipeline::score::chance::Chance;
@@ -18,7 +18,7 @@ fn trials(letters: &str) -> Vec<Trial> {
     letters.chars().map(of).collect()
 }
 
-/// Trials of somebody who misses this share of them.
+/// Trials of a trainee who misses this share of them.
 fn missing(share: f64, count: usize, chance: &mut Chance) -> Vec<Trial> {
     let one = |_| if (chance.pick(1_000_000) as f64) < share * 1e6 { Trial::Failed } else { Trial::Passed };
     (0..count).map(one).collect()
@@ -31,9 +31,9 @@ fn share_of_careers(holds: impl FnMut(usize) -> bool) -> f64 {
 
 #[test]
 fn limits_and_powers_are_those_of_an_independent_computation() {
-    // A separate program in another language, over dictionaries of reached scores: limit to declare, shares of
-    // adequate trainees declared by trials 30, 50 and 100, limit of the alarm, trials by which half and nine of ten
-    // relapses are found.
+    // A separate program in another language, over dictionaries of reached scores, computed: the limit to declare; the
+    // shares of adequate trainees declared by trials 30, 50 and 100; the limit of the alarm; the trials until half and
+    // nine of ten relapses are found.
     let cases = [
         ((0.30, 0.10, 50), 4.150_241, [0.598_125, 0.905_844, 0.997_279], 4.789_510, (24, 51)),
         ((0.30, 0.10, 100), 4.940_041, [0.358_017, 0.812_122, 0.991_764], 4.789_510, (24, 51)),
@@ -53,8 +53,7 @@ fn limits_and_powers_are_those_of_an_independent_computation() {
 
 #[test]
 fn seventeen_passes_in_a_row_declare_and_a_row_of_misses_is_a_relapse() {
-    // A pass adds ln(9/7) = 0.2513; the limit is 4.1502, so that 16 passes (4.021) do not declare. A miss then adds
-    // ln 3.
+    // A pass adds ln(9/7) = 0.2513; the limit is 4.1502, so 16 passes (4.021) do not declare. A miss then adds ln 3.
     let career = monitor().follow(&trials(&("p".repeat(17) + "fffff")));
     let Event::Declared { at: 17, judged: 17, wrong_by_then: Some(wrong) } = career.events[0] else {
         panic!("{career:?}");

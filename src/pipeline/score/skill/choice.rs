@@ -1,4 +1,5 @@
-//! The learner chosen by folds that leave people out, its probabilities made honest on the people left out, and fitted to all.
+//! Chooses the learner by folds that leave people out, calibrates its probabilities on the people left out, and fits it
+//! to all people.
 
 use super::data::{Dataset, Row};
 use super::folds::deal;
@@ -10,27 +11,26 @@ use super::{LEVELS, Level, PerLevel};
 use crate::pipeline::score::people::quantile;
 use crate::random::Dice;
 
-/// Folds of the inner round.
+/// Number of folds of the inner round.
 const FOLDS: usize = 4;
 
-/// How many of the features that tell levels apart best are used: one of these, chosen like the learner.
+/// Number of features that are used, those that distinguish levels best first; one of these, chosen like the learner.
 const FEATURES_USED: [usize; 2] = [4, 12];
 
-/// What scores are divided by before they become probabilities: one of these. A learner that is too sure of itself gets a large
-/// one.
+/// Divisor of the scores before they become probabilities; one of these. An overconfident learner gets a large one.
 const TEMPERATURES: [f64; 9] = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0, 8.0];
 
-/// Some of a dataset's people, with levels that may be others than their own (shuffled).
+/// Some of a dataset's people, with levels that may differ from their own (shuffled).
 pub(super) struct Part<'d> {
     pub data: &'d Dataset,
     pub levels: &'d [Level],
     pub people: Vec<usize>,
 }
 
-/// What was chosen: a temperature, a number of features by its place, and a learner.
+/// A choice: the temperature, the index of the number of features, and the learner.
 type Choice = (f64, usize, &'static dyn Learner);
 
-/// What a candidate said of the people left out: of which row, and its scores.
+/// A candidate's scores for the people left out, each with the index of its row.
 type Said = Vec<(usize, PerLevel)>;
 
 impl<'d> Part<'d> {
@@ -54,7 +54,7 @@ impl<'d> Part<'d> {
         table
     }
 
-    /// The people of this part in folds: those left out, and the rest.
+    /// Divides the people of this part into folds. For each fold: the people left out, and the rest.
     pub fn folds(&self, folds: usize, dice: &mut Dice) -> Vec<(Vec<usize>, Part<'d>)> {
         let dealt = deal(&self.people, self.levels, folds, dice);
         let of = |fold: usize| {
@@ -65,20 +65,21 @@ impl<'d> Part<'d> {
         (0..folds).map(of).collect()
     }
 
-    /// The model of this part; `None` where no learner can be fitted.
+    /// Fits the model of this part; `None` if no learner can be fitted.
     pub fn model(&self, dice: &mut Dice) -> Option<Model> {
         let tried = self.try_all(dice);
-        let (temperature, most, learner) = self.best(&tried)?;
-        let scale = self.scale(FEATURES_USED[most])?;
+        let (temperature, count_index, learner) = self.best(&tried)?;
+        let scale = self.scale(FEATURES_USED[count_index])?;
         let table = self.table(&scale);
-        let mut distances = tried.distances[most].clone();
+        let mut distances = tried.distances[count_index].clone();
         distances.sort_by(f64::total_cmp);
         let limit = if distances.is_empty() { return None } else { quantile(&distances, SHARE_INSIDE) };
         let region = Region { limit, ..Region::of(&table)? };
         let scorer = learner.fit(&table)?;
         let features = scale.chosen.iter().map(|feature| self.data.features[*feature].clone()).collect();
         let (learner, parameter) = (learner.name().to_owned(), learner.parameter());
-        // Laplace's rule of succession: as if one more person of each level had been seen, who was like any other.
+        // Laplace's rule of succession: as if one more person of each level had been seen, with features that fit every
+        // level.
         let doubt = LEVELS as f64 / (self.people.len() + LEVELS) as f64;
         Some(Model { features, scale, learner, parameter, scorer, temperature, doubt, region, knows: true })
     }
@@ -87,25 +88,25 @@ impl<'d> Part<'d> {
         let mut tried = Tried::default();
         for (out, rest) in self.folds(FOLDS, dice) {
             let left = Part { data: self.data, levels: self.levels, people: out };
-            for (most, of_most) in FEATURES_USED.iter().enumerate() {
-                tried.try_fold(most, rest.scale(*of_most), &rest, &left);
+            for (count_index, count) in FEATURES_USED.iter().enumerate() {
+                tried.try_fold(count_index, rest.scale(*count), &rest, &left);
             }
         }
         tried
     }
 
-    /// The temperature, number of features and learner that are least surprised by the people left out: the mean logarithm of the
-    /// probability of their level, each person of a level counting the same, and each level.
+    /// The temperature, number of features and learner with the smallest log loss on the people left out: the mean
+    /// logarithm of the probability of their level. Each person of a level counts the same, and so does each level.
     fn best(&self, tried: &Tried) -> Option<Choice> {
         let weights = self.weights();
         let mut best: Option<(f64, Choice)> = None;
-        for (most, of_most) in tried.said.iter().enumerate() {
-            for (learner, said) in CANDIDATES.iter().zip(of_most) {
-                let Some(said) = said else { continue };
+        for (count_index, of_count) in tried.said.iter().enumerate() {
+            for (learner, held_out) in CANDIDATES.iter().zip(of_count) {
+                let Some(held_out) = held_out else { continue };
                 for temperature in TEMPERATURES {
-                    let loss = self.loss(said, temperature, &weights);
+                    let loss = self.loss(held_out, temperature, &weights);
                     if loss.is_finite() && best.as_ref().is_none_or(|(least, _)| loss < *least - 1e-9) {
-                        best = Some((loss, (temperature, most, *learner)));
+                        best = Some((loss, (temperature, count_index, *learner)));
                     }
                 }
             }
@@ -113,15 +114,15 @@ impl<'d> Part<'d> {
         best.map(|(_, chosen)| chosen)
     }
 
-    fn loss(&self, said: &Said, temperature: f64, weights: &[f64]) -> f64 {
+    fn loss(&self, held_out: &Said, temperature: f64, weights: &[f64]) -> f64 {
         let surprise = |(row, scores): &(usize, PerLevel)| {
             let level = self.levels[self.data.rows[*row].person] as usize;
             -weights[*row] * shares(scores, temperature)[level].max(1e-6).ln()
         };
-        said.iter().map(surprise).sum()
+        held_out.iter().map(surprise).sum()
     }
 
-    /// What each row counts: its person's share of it, and the level's share of the person.
+    /// The weight of each row: its share of its person, and the person's share of the level.
     fn weights(&self) -> Vec<f64> {
         let sessions = |person| self.data.rows.iter().filter(|row| row.person == person).count() as f64;
         let people = |level| self.people.iter().filter(|person| self.levels[**person] == level).count() as f64;
@@ -129,11 +130,11 @@ impl<'d> Part<'d> {
     }
 }
 
-/// What came of the inner round.
+/// The results of the inner round.
 struct Tried {
-    /// By number of features and learner; `None` where it could not be fitted in every fold.
+    /// By number of features and learner; `None` if it could not be fitted in every fold.
     said: [[Option<Said>; CANDIDATES.len()]; FEATURES_USED.len()],
-    /// How far the people left out lay from the rest, by number of features.
+    /// Distances of the people left out from the rest, by number of features.
     distances: [Vec<f64>; FEATURES_USED.len()],
 }
 
@@ -144,22 +145,22 @@ impl Default for Tried {
 }
 
 impl Tried {
-    fn try_fold(&mut self, most: usize, scale: Option<Scale>, rest: &Part, left: &Part) {
+    fn try_fold(&mut self, count_index: usize, scale: Option<Scale>, rest: &Part, left: &Part) {
         let Some(scale) = scale else {
-            self.said[most].iter_mut().for_each(|said| *said = None);
+            self.said[count_index].iter_mut().for_each(|held_out| *held_out = None);
             return;
         };
         let table = rest.table(&scale);
         let out: Vec<(usize, Vec<f64>)> =
             left.rows().map(|(at, row)| (at, scale.apply(|feature| row.readings[feature].value))).collect();
         if let Some(region) = Region::of(&table) {
-            self.distances[most].extend(out.iter().map(|(_, x)| region.distance(x)));
+            self.distances[count_index].extend(out.iter().map(|(_, x)| region.distance(x)));
         }
-        for (learner, said) in CANDIDATES.iter().zip(&mut self.said[most]) {
-            let Some(all) = said else { continue };
+        for (learner, held_out) in CANDIDATES.iter().zip(&mut self.said[count_index]) {
+            let Some(all) = held_out else { continue };
             match learner.fit(&table) {
                 Some(scorer) => all.extend(out.iter().map(|(at, x)| (*at, scorer.scores(x)))),
-                None => *said = None,
+                None => *held_out = None,
             }
         }
     }

@@ -1,25 +1,27 @@
-//! Sessions as they are given, and the features and people that a model can be made of.
+//! The given sessions, and the features and people that a model can be trained on.
 
 use std::collections::BTreeMap;
 
 use super::{FEWEST_PER_LEVEL, LEVELS, Level, MOST_FEATURES, MOST_PER_LEVEL, NoModel, SESSIONS_EACH};
 use crate::pipeline::score::interval::Measured;
 
-/// Share of the sessions that must have every feature of a model; a feature that would cost more sessions is left out.
+/// Minimum share of the sessions that have every feature of a model. A feature that would exclude more sessions is left
+/// out.
 const SHARE_WITH_ALL: f64 = 0.9;
 
-/// One session of somebody of a declared level.
+/// One session of a person with a declared level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample<P> {
-    /// Whose.
+    /// The person.
     pub person: P,
-    /// Their level.
+    /// The person's level.
     pub level: Level,
-    /// One value for each feature; `None` where it was not measured. A value without a bar counts as not measured.
+    /// One value per feature; `None` if it was not measured. A value without a bar counts as not measured.
     pub values: Vec<Option<Measured>>,
 }
 
-/// What a model is made of: sessions that have all of the features, by person; who they are is not kept.
+/// The training data of a model: sessions with all of the features, grouped by person. The people's identities are not
+/// kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
     pub(super) features: Vec<String>,
@@ -28,18 +30,21 @@ pub struct Dataset {
     left_out: usize,
 }
 
-/// One session.
+/// One session of the training data.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Row {
-    /// Whose, as an index into the people.
+    /// The person, as an index into the people.
     pub person: usize,
-    /// The features, all of them.
+    /// The values of all features.
     pub readings: Vec<Measured>,
 }
 
 impl Dataset {
-    /// Chooses the features that enough sessions have, the ones that most have first, and the sessions that have all of these.
-    /// The order in which sessions come, and what people are called, changes nothing.
+    /// Selects the features that enough sessions have, the most frequent first, and the sessions that have all of
+    /// these. Neither the order of the sessions nor the people's names change the result.
+    ///
+    /// # Errors
+    /// [`NoModel`] if the data are unusable, too few or too many.
     pub fn of<P: Ord>(features: &[String], samples: &[Sample<P>]) -> Result<Self, NoModel> {
         let at_most = |of, found, most| if found > most { Err(NoModel::TooMany { of, found, most }) } else { Ok(()) };
         at_most("features", features.len(), MOST_FEATURES)?;
@@ -72,27 +77,27 @@ impl Dataset {
         Ok(Self { features: chosen.iter().map(|f| features[*f].clone()).collect(), rows, levels, left_out })
     }
 
-    /// Names of the features that are offered to the learners.
+    /// Names of the features offered to the learners.
     pub fn features(&self) -> &[String] {
         &self.features
     }
 
-    /// How many people there are of each level.
+    /// Number of people of each level.
     pub fn people(&self) -> [usize; LEVELS] {
         Level::ALL.map(|level| self.levels.iter().filter(|of| **of == level).count())
     }
 
-    /// How many sessions there are of each level.
+    /// Number of sessions of each level.
     pub fn sessions(&self) -> [usize; LEVELS] {
         Level::ALL.map(|level| self.rows.iter().filter(|row| self.levels[row.person] == level).count())
     }
 
-    /// How many sessions lacked a feature and were left out.
+    /// Number of sessions that lacked a feature and were left out.
     pub fn left_out(&self) -> usize {
         self.left_out
     }
 
-    /// All that the model depends on, as numbers: levels, people, values and bars, in one order.
+    /// Everything that the model depends on, as numbers in a fixed order: levels, people, values and bars.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         self.rows.iter().flat_map(|row| {
             let head = [self.levels[row.person] as usize as f64, row.person as f64];
@@ -115,7 +120,7 @@ fn has<P>(sample: &Sample<P>, feature: usize) -> bool {
     sample.values[feature].is_some_and(|value| value.bar.is_some())
 }
 
-/// The features, in their own order, that leave [`SHARE_WITH_ALL`] of the sessions.
+/// The features, in their original order, that together keep [`SHARE_WITH_ALL`] of the sessions.
 fn measured_in_most<P>(features: usize, samples: &[Sample<P>]) -> Vec<usize> {
     let mut order: Vec<(usize, usize)> =
         (0..features).map(|f| (samples.iter().filter(|sample| has(sample, f)).count(), f)).collect();
@@ -137,7 +142,7 @@ fn measured_in_most<P>(features: usize, samples: &[Sample<P>]) -> Vec<usize> {
 
 type Person = (Level, Vec<Vec<Measured>>);
 
-/// The people who have a session with all features, in an order that their values alone give.
+/// The people who have a session with all features, in an order that depends only on their values.
 fn by_person<P: Ord>(chosen: &[usize], samples: &[Sample<P>]) -> Result<Vec<Person>, NoModel> {
     let mut people: BTreeMap<&P, Person> = BTreeMap::new();
     for sample in samples {

@@ -1,4 +1,5 @@
-//! People dealt into folds, level by level, so that each fold's rest knows every level; and levels shuffled between people.
+//! Divides people into folds, level by level, so that the rest of each fold contains every level; and shuffles levels
+//! between people.
 
 use super::Level;
 use crate::random::Dice;
@@ -11,10 +12,10 @@ pub(super) fn deal(people: &[usize], levels: &[Level], folds: usize, dice: &mut 
         shuffle(&mut group, dice);
         dealt.extend(group);
     }
-    dealt.into_iter().enumerate().map(|(place, person)| (person, place % folds)).collect()
+    dealt.into_iter().enumerate().map(|(index, person)| (person, index % folds)).collect()
 }
 
-/// Puts things into a random order (Fisher and Yates).
+/// Puts items into a random order (Fisher and Yates).
 pub(super) fn shuffle<T>(things: &mut [T], dice: &mut Dice) {
     for last in (1..things.len()).rev() {
         things.swap(last, dice.pick(last + 1));

@@ -1,28 +1,29 @@
 //! Novice, intermediate or expert: a model of skill from sessions of people whose level was declared (METHOD 7.2).
 //!
-//! **In:** features of sessions with their error bars, each session with its person and that person's declared level. **Out:** a
-//! [`Model`] and a [`Report`] of how well it does on people whom it never saw. **Method:** a learner with its parameter is
-//! chosen and made honest about its probabilities by folds that leave whole people out; all of that is done again for each fold
-//! of a second, outer round, whose people had no part in it (nested validation, Varma & Simon 2006); and all of *that* is
-//! repeated with the levels shuffled between people (Ojala & Garriga 2010). Where the shuffled levels do as well, the model
-//! knows nothing and gives no verdicts. Features are chosen, and standardised, on the training part alone: choosing them on all
-//! people first is how published figures came to be too good. **Gives up** with [`NoModel`]; a single session with [`Abstains`].
+//! **In:** features of sessions with their error bars; each session belongs to a person with a declared level. **Out:**
+//! a [`LevelModel`] and a [`ValidationReport`] on how well it does on unseen people. **Method:** folds that leave whole
+//! people out choose a learner with its parameter and calibrate its probabilities. All of that is repeated for each
+//! fold of a second, outer round, on people who had no part in it (nested validation, Varma & Simon 2006). All of
+//! *that* is repeated with the levels shuffled between people (Ojala & Garriga 2010). If shuffled levels do as well,
+//! the model has no skill and gives no verdicts. Features are selected and standardised on the training part alone:
+//! selecting them on all people first is why published figures came out too good. **Gives up** with [`NoModel`]; on a
+//! single session with [`Abstention`].
 //!
-//! | file | holds |
+//! | file | contents |
 //! |---|---|
-//! | `data.rs` | sessions as they are given, features that enough of them have, people |
-//! | `scale.rs` | standardised features, and which of them tell levels apart |
+//! | `data.rs` | the given sessions, the features that enough of them have, the people |
+//! | `scale.rs` | standardised features, and which of them distinguish levels |
 //! | `learner/` | logistic regression, LDA, kNN, tree, SVM behind one trait |
-//! | `folds.rs` | people dealt into folds; labels shuffled |
-//! | `choice.rs` | the learner chosen, its probabilities made honest, the region of its data |
+//! | `folds.rs` | people divided into folds; labels shuffled |
+//! | `choice.rs` | choice of the learner, calibration of its probabilities, region of its data |
 //! | `region.rs` | how far a session lies from the training people |
-//! | `model.rs` | what is kept: reads a session, gives a verdict |
-//! | `verdict.rs` | a verdict, what carried it, why there is none |
+//! | `model.rs` | the stored model: reads a session, gives a verdict |
+//! | `verdict.rs` | a verdict, the features that contributed to it, and why there may be none |
 //! | `validation.rs` | the outer round, and the baseline of shuffled levels |
-//! | `report.rs` | what came of it |
+//! | `report.rs` | the results of the validation |
 //!
-//! **Cost**, bounded by [`MOST_PER_LEVEL`], [`SESSIONS_EACH`], [`MOST_FEATURES`] and [`PERMUTATIONS`]: 65,000 fits. On one
-//! core that takes 20 s with the fewest people and 75 s with the most.
+//! **Cost**, bounded by [`MAX_PER_LEVEL`], [`MAX_SESSIONS_EACH`], [`MAX_FEATURES`] and [`PERMUTATIONS`]: 65,000 fits.
+//! On one core that takes 20 s with the fewest people and 75 s with the most.
 
 mod choice;
 mod data;
@@ -44,25 +45,25 @@ pub use scale::Scale;
 pub use validation::{Trained, train};
 pub use verdict::{Abstains, Contribution, Verdict};
 
-/// Fewest people of each level. With eight, one of each is left out in each of the eight outer folds.
+/// Minimum number of people of each level. With eight, each of the eight outer folds leaves out one of each level.
 pub const FEWEST_PER_LEVEL: usize = 8;
 
-/// Most people of each level; more would cost time and change little.
+/// Maximum number of people of each level; more would cost time and change little.
 pub const MOST_PER_LEVEL: usize = 40;
 
-/// Most sessions of one person: their last ones.
+/// Maximum number of sessions of one person: the last ones.
 pub const SESSIONS_EACH: usize = 3;
 
-/// Most features that are offered.
+/// Maximum number of features that are offered.
 pub const MOST_FEATURES: usize = 64;
 
-/// How often the levels are shuffled between people: the least p-value is one in a hundred.
+/// Number of times the levels are shuffled between people: the smallest p-value is one in a hundred.
 pub const PERMUTATIONS: usize = 99;
 
-/// A model whose p-value is above this knows nothing.
+/// A model with a p-value above this has no skill.
 pub const SIGNIFICANT: f64 = 0.05;
 
-/// Levels in their order: novice, intermediate, expert.
+/// Number of levels: novice, intermediate, expert.
 pub const LEVELS: usize = 3;
 
 /// One number for each level.
@@ -95,27 +96,27 @@ pub enum NoModel {
     /// Too few people of a level.
     #[error("{}", missing(found))]
     TooFewPeople {
-        /// How many there are with usable sessions, of each level.
+        /// Number of people with usable sessions, per level.
         found: [usize; LEVELS],
     },
-    /// More than a model is made from.
+    /// There are more than a model can use.
     #[error("there are {found} {of}; at most {most} are used")]
     TooMany {
-        /// Of what, in the plural.
+        /// What there is too much of, in the plural.
         of: &'static str,
-        /// How many there are.
+        /// Number of them.
         found: usize,
-        /// How many there may be.
+        /// Maximum number.
         most: usize,
     },
-    /// One person is said to have two levels.
+    /// One person has sessions of two levels.
     #[error("one person has sessions of two levels; each person has one level")]
     TwoLevels,
-    /// A session has another number of values than there are features.
+    /// A session has a different number of values than there are features.
     #[error("not every session has as many values as there are features")]
     Ragged,
-    /// A value or a bar is NaN or infinite, or the bar does not hold its value.
-    #[error("a value or its error bar is not usable")]
+    /// A value or a bar is NaN or infinite, or the bar does not contain its value.
+    #[error("a value or its error bar is not a usable number")]
     NotFinite,
     /// No feature was measured, with its error, in enough sessions, or none differs between them.
     #[error("no feature was measured with its error in enough sessions")]
@@ -149,7 +150,7 @@ fn missing(found: &[usize; LEVELS]) -> String {
             missing => format!("{name}: {has}, {missing} missing"),
         }
     });
-    format!("a model takes {FEWEST_PER_LEVEL} people of each level with usable sessions ({})", each.join("; "))
+    format!("a model needs {FEWEST_PER_LEVEL} people of each level with usable sessions ({})", each.join("; "))
 }
 
 #[cfg(test)]

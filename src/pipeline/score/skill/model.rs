@@ -1,4 +1,4 @@
-//! What is kept of a model: it reads a session's features and gives a verdict.
+//! The stored model: it reads a session's features and gives a verdict.
 
 use super::learner::Scorer;
 use super::region::Region;
@@ -8,16 +8,16 @@ use super::{LEVELS, Level, PerLevel};
 use crate::pipeline::score::interval::{Interval, Measured};
 use crate::random::Dice;
 
-/// By how much the likeliest level must lead.
+/// Minimum lead in probability of the likeliest level.
 const LEAST_LEAD: f64 = 0.2;
 
-/// Sessions that are drawn from within a session's own error bars.
+/// Number of sessions drawn at random from within a session's own error bars.
 const DRAWS: usize = 200;
 
-/// Share of these that must have the same verdict.
+/// Minimum share of these that must get the same level.
 const SHARE_AGREEING: f64 = 0.95;
 
-/// Half of a bar is so many standard deviations.
+/// Half of a bar, in standard deviations.
 const BAR: f64 = crate::pipeline::score::distribution::Z_95;
 
 /// A model of skill.
@@ -25,26 +25,27 @@ const BAR: f64 = crate::pipeline::score::distribution::Z_95;
 pub struct Model {
     /// Names of its features, in the order of `scale`.
     pub features: Vec<String>,
-    /// What they are standardised by.
+    /// The means and deviations that standardise them.
     pub scale: Scale,
     /// Name of its learner.
     pub learner: String,
-    /// The learner's parameter, as people read it.
+    /// The learner's parameter in readable form.
     pub parameter: String,
-    /// What was learnt.
+    /// The fitted learner.
     pub scorer: Scorer,
-    /// What scores are divided by before they become probabilities.
+    /// Divisor of the scores before they become probabilities.
     pub temperature: f64,
-    /// Share of the probability that is the same for all levels: who has seen so few people is not surer than this allows.
+    /// Share of the probability that is divided equally between all levels: a model trained on few people must not be
+    /// more certain than this allows.
     pub doubt: f64,
-    /// Where its data lie.
+    /// The region of its training data.
     pub region: Region,
-    /// Did it do better than models of shuffled levels? Else it gives no verdict.
+    /// True if it did better than models of shuffled levels; otherwise it gives no verdict.
     pub knows: bool,
 }
 
 impl Model {
-    /// What it says of a session, whose features are asked for by name.
+    /// Judges a session; `reading` returns a feature's value by name.
     pub fn judge(&self, reading: impl Fn(&str) -> Option<Measured>) -> Verdict {
         if !self.knows {
             return Abstains::KnowsNothing.into();
@@ -61,7 +62,7 @@ impl Model {
     }
 
     fn judge_readings(&self, readings: &[(f64, Interval)]) -> Verdict {
-        let x = self.standardised(|place| readings[place].0);
+        let x = self.standardised(|index| readings[index].0);
         let distance = self.region.distance(&x);
         if distance.is_nan() || distance > self.region.limit {
             return Abstains::Outside { distance, limit: self.region.limit }.into();
@@ -80,19 +81,19 @@ impl Model {
         Verdict { level: said, probabilities: Some(probabilities), carried: self.carried(level, readings, &x) }
     }
 
-    /// Each level's probability, of standardised features.
+    /// The probability of each level for standardised features.
     pub(super) fn probabilities(&self, x: &[f64]) -> PerLevel {
         let even = self.doubt / LEVELS as f64;
         shares(&self.scorer.scores(x), self.temperature).map(|share| (1.0 - self.doubt) * share + even)
     }
 
     pub(super) fn standardised(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
-        let of = |place: usize| (value(place) - self.scale.mean[place]) / self.scale.deviation[place];
+        let of = |index: usize| (value(index) - self.scale.mean[index]) / self.scale.deviation[index];
         (0..self.features.len()).map(of).collect()
     }
 
-    /// Share of the sessions drawn from within the error bars that get this level: each feature's error is its own, and normal
-    /// on each side.
+    /// Share of the sessions drawn from within the error bars that get this level. The features' errors are
+    /// independent, and normal on each side.
     fn agreeing(&self, level: Level, readings: &[(f64, Interval)]) -> f64 {
         let mut dice = Dice::new(0, "error bars");
         let agrees = |_: &usize| {
@@ -101,29 +102,29 @@ impl Model {
                 value + z * if z < 0.0 { value - bar.low } else { bar.high - value }
             };
             let drawn: Vec<f64> = readings.iter().map(&mut draw).collect();
-            likeliest(&self.probabilities(&self.standardised(|place| drawn[place]))) == level
+            likeliest(&self.probabilities(&self.standardised(|index| drawn[index]))) == level
         };
         (0..DRAWS).filter(agrees).count() as f64 / DRAWS as f64
     }
 
-    /// By how much each feature raises the level's probability over what it were with the feature at the training sessions'
-    /// mean, the others as they are; the largest first. Features that tell the same share what they tell. (The mean, not the
-    /// median: a median may be one person's own value.)
+    /// By how much each feature raises the level's probability, compared with the feature at the training sessions'
+    /// mean and the others unchanged; the largest first. Features with the same information share its contribution.
+    /// (The mean rather than the median, because a median may be one person's own value.)
     fn carried(&self, level: Level, readings: &[(f64, Interval)], x: &[f64]) -> Vec<Contribution> {
         let own = self.probabilities(x)[level as usize];
-        let of = |place: usize| {
+        let of = |index: usize| {
             let mut other = x.to_vec();
-            other[place] = 0.0;
+            other[index] = 0.0;
             let raises = own - self.probabilities(&other)[level as usize];
-            let (feature, mean) = (self.features[place].clone(), self.scale.mean[place]);
-            Contribution { feature, value: readings[place].0, mean, raises }
+            let (feature, mean) = (self.features[index].clone(), self.scale.mean[index]);
+            Contribution { feature, value: readings[index].0, mean, raises }
         };
         let mut all: Vec<Contribution> = (0..x.len()).map(of).collect();
         all.sort_by(|a, b| b.raises.abs().total_cmp(&a.raises.abs()).then(a.feature.cmp(&b.feature)));
         all
     }
 
-    /// Is every number of a fitting length and finite? A file may say anything.
+    /// True if all numbers are finite and all lists have matching lengths, since a file may contain anything.
     pub fn is_sound(&self) -> bool {
         let n = self.features.len();
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
@@ -148,7 +149,7 @@ impl Model {
     }
 }
 
-/// Scores as probabilities.
+/// Converts scores to probabilities.
 pub(super) fn shares(scores: &PerLevel, temperature: f64) -> PerLevel {
     let top = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let raised = scores.map(|score| ((score - top) / temperature).exp());
@@ -156,7 +157,7 @@ pub(super) fn shares(scores: &PerLevel, temperature: f64) -> PerLevel {
     raised.map(|share| share / all)
 }
 
-/// The likeliest level; of equally likely ones the lower.
+/// The likeliest level; of equally likely levels the lower one.
 pub(super) fn likeliest(probabilities: &PerLevel) -> Level {
     let best = (1..LEVELS).fold(0, |best, level| if probabilities[level] > probabilities[best] { level } else { best });
     Level::ALL[best]

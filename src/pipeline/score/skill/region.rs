@@ -1,36 +1,37 @@
-//! How far a session lies from those that a model was made of.
+//! How far a session lies from the training sessions of a model.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::learner::Table;
 use super::{LEVELS, Level};
 
-/// How much of the covariance is replaced by its diagonal: with so few people its small directions are guesses.
+/// Share of the covariance that is replaced by its diagonal: with so few people its small directions are unreliable.
 const SHRINKAGE: f64 = 0.3;
 
-/// Share of the training people's sessions, left out, that lie inside.
+/// Share of the training people's sessions, when left out, that must lie inside.
 pub(super) const SHARE_INSIDE: f64 = 0.95;
 
-/// Where the training sessions lie: the levels' centres, and one spread around them. Holds nobody's own session.
+/// The region of the training sessions: the levels' centres, and one spread around them. It contains no person's own
+/// session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
     /// The levels' means, standardised.
     pub centres: [Vec<f64>; LEVELS],
     /// Inverse of the covariance within levels, row by row.
     pub precision: Vec<f64>,
-    /// The farthest that a session may lie, in standard deviations.
+    /// Maximum distance of a session, in standard deviations.
     pub limit: f64,
 }
 
 impl Region {
-    /// The region of a training part, yet without a limit.
+    /// The region of a training part, without a limit yet.
     pub(super) fn of(table: &Table) -> Option<Self> {
         let (centres, covariance) = within_levels(table, SHRINKAGE)?;
         let precision = covariance.try_inverse()?;
         Some(Self { centres, precision: precision.iter().copied().collect(), limit: f64::INFINITY })
     }
 
-    /// Mahalanobis' distance to the nearest level's centre.
+    /// Mahalanobis distance to the nearest level's centre.
     pub fn distance(&self, x: &[f64]) -> f64 {
         let n = x.len();
         let to = |centre: &Vec<f64>| {
@@ -42,8 +43,8 @@ impl Region {
     }
 }
 
-/// Means of the levels, and the covariance within them, of which a share is replaced by its diagonal (Friedman 1989). Every
-/// person counts the same.
+/// Means of the levels, and the covariance within them; a share of the covariance is replaced by its diagonal (Friedman
+/// 1989). Every person has the same weight.
 pub(super) fn within_levels(table: &Table, shrinkage: f64) -> Option<([Vec<f64>; LEVELS], DMatrix<f64>)> {
     let n = table.rows.first()?.len();
     let mut sums: [DVector<f64>; LEVELS] = std::array::from_fn(|_| DVector::zeros(n));
@@ -64,8 +65,8 @@ pub(super) fn within_levels(table: &Table, shrinkage: f64) -> Option<([Vec<f64>;
     let diagonal = covariance.diagonal();
     covariance *= 1.0 - shrinkage;
     for i in 0..n {
-        // A feature that is the same in all sessions of a level has no spread of its own: a thousandth of all sessions' stands
-        // in.
+        // A feature with the same value in all sessions of a level has no spread of its own there; it gets a thousandth
+        // of the spread over all sessions.
         covariance[(i, i)] += shrinkage * diagonal[i] + 1e-3;
     }
     let centres = Level::ALL.map(|level| means[level as usize].iter().copied().collect());

@@ -1,82 +1,83 @@
-//! What came of the validation.
+//! The results of the validation.
 
 use super::validation::Guess;
 use super::{LEVELS, Level, NoModel, PerLevel};
 use crate::pipeline::score::interval::{Interval, wilson};
 
-/// How well models do on people whom they never saw.
+/// How well models do on unseen people.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// How many people of each level.
+    /// Number of people of each level.
     pub people: [usize; LEVELS],
-    /// How many sessions of each.
+    /// Number of sessions of each level.
     pub sessions: [usize; LEVELS],
-    /// Sessions that lacked a feature and were left out.
+    /// Number of sessions that lacked a feature and were left out.
     pub left_out: usize,
-    /// How many features were offered.
+    /// Number of features that were offered.
     pub offered: usize,
-    /// Share of sessions whose level was found, the mean over people: their interval counts people, since one person's sessions
-    /// are alike. The likeliest level counts, whether the model would have said it or not.
+    /// Share of sessions whose level was found, as the mean over people. The interval counts people, since one person's
+    /// sessions are alike. The likeliest level counts, even if the model would have abstained.
     pub accuracy: Share,
-    /// Mean of the levels' shares: what guessing gives is a third, however many people each level has.
+    /// Mean of the levels' shares. Guessing gives a third, regardless of the number of people of each level.
     pub balanced: f64,
-    /// Each level's share.
+    /// The share of each level.
     pub levels: [LevelReport; LEVELS],
-    /// Of people of a level (row), the share of sessions that were given each level (column), summed over people.
+    /// Confusion matrix: for people of a level (row), the share of their sessions that were given each level (column),
+    /// summed over people.
     pub confusion: [PerLevel; LEVELS],
-    /// What shuffled levels give.
+    /// The result with shuffled levels.
     pub baseline: Baseline,
-    /// What it is worth where it speaks.
+    /// Accuracy on the sessions for which it gives a level.
     pub speaking: Speaking,
-    /// In how many of the outer folds each learner was chosen.
+    /// Number of outer folds that chose each learner.
     pub chosen: Vec<(String, usize)>,
 }
 
-/// A share of some people, 0 to 1, with Wilson's 95 % interval over people.
+/// A share over people, 0 to 1, with Wilson's 95 % interval over people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Share {
     /// The share.
     pub value: f64,
-    /// Where it lies with 95 %.
+    /// Its 95 % interval.
     pub interval: Interval,
-    /// Over how many people.
+    /// Number of people.
     pub people: usize,
 }
 
 /// How well one level is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevelReport {
-    /// Which.
+    /// The level.
     pub level: Level,
-    /// Share of its people's sessions that were given it.
+    /// Share of its people's sessions that were given this level.
     pub found: Share,
 }
 
-/// What the whole procedure gives where levels say nothing.
+/// The result of the whole procedure where levels carry no information.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Baseline {
-    /// How often levels were shuffled between people.
+    /// Number of times the levels were shuffled between people.
     pub permutations: usize,
-    /// The balanced accuracy that they gave in the mean.
+    /// Their mean balanced accuracy.
     pub mean: f64,
-    /// Nineteen of twenty of them gave at most this.
+    /// Their 95 % quantile: nineteen of twenty gave at most this.
     pub high: f64,
-    /// How likely as good a result is without knowledge: (k + 1)/(n + 1).
+    /// p-value: the chance of a result at least as good without skill, (k + 1)/(n + 1).
     pub p: f64,
 }
 
-/// Sessions of people left out of whom the model would have given a level.
+/// How often the model gives a level for people left out, and how often that level is right.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speaking {
-    /// Their share of all sessions, the mean over people.
+    /// Share of all sessions for which it gives a level, as the mean over people.
     pub share: f64,
-    /// Of these, the share whose level was right, over people of whom it spoke; `None` if it never did.
+    /// Of these, the share with the right level, over the people with any; `None` if it never gave a level.
     pub right: Option<Share>,
-    /// The same of the sessions that were given this level, for each level.
+    /// The same among the sessions that were given this level, for each level.
     pub of_level: [Option<Share>; LEVELS],
 }
 
-/// Of each person with any, the mean over their sessions.
+/// The mean of a value over each person's sessions, for people with any value.
 pub(super) fn by_person(guesses: &[Guess], value: impl Fn(&Guess) -> Option<f64>) -> Vec<(Level, f64)> {
     let mut sums = std::collections::BTreeMap::new();
     for guess in guesses {
@@ -89,7 +90,7 @@ pub(super) fn by_person(guesses: &[Guess], value: impl Fn(&Guess) -> Option<f64>
     sums.into_values().map(|(level, sum, n)| (level, sum / n)).collect()
 }
 
-/// Mean of the levels' shares of sessions that were given their level.
+/// Balanced accuracy: the mean over levels of the share of sessions that were given their own level.
 pub(super) fn balanced(guesses: &[Guess]) -> f64 {
     let right = by_person(guesses, |guess| Some(f64::from(guess.guessed == guess.level)));
     Level::ALL.iter().map(|level| mean_of(&right, |of| of == *level)).sum::<f64>() / LEVELS as f64
@@ -100,11 +101,11 @@ pub(super) fn mean_of(people: &[(Level, f64)], wanted: impl Fn(Level) -> bool) -
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The share of some people, with its interval.
+/// The share over the wanted people, with its interval.
 pub(super) fn share(people: &[(Level, f64)], wanted: impl Fn(Level) -> bool) -> Result<Share, NoModel> {
     let count = people.iter().filter(|(level, _)| wanted(*level)).count();
     let value = mean_of(people, wanted);
-    // A person's share varies at most as much as a yes or no: Wilson's interval is on the safe side.
+    // A person's share varies at most as much as a yes or no, so Wilson's interval is conservative.
     let interval = wilson(value, count).map_err(|_| NoModel::NothingFits)?;
     Ok(Share { value, interval, people: count })
 }

@@ -1,12 +1,12 @@
-//! Standardised features, and which of them tell levels apart: both learnt on the training part alone.
+//! Standardised features, and which of them distinguish levels; both learnt on the training part alone.
 
 use super::{LEVELS, Level, PerLevel};
 use crate::pipeline::score::interval::{Measured, moments};
 
-/// Some features, each with what it is standardised by.
+/// Selected features, each with its mean and standard deviation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
-    /// Which features, as indices into all that a session gives, the one that tells levels apart best first.
+    /// Indices of the features among all that a session gives; the one that distinguishes levels best comes first.
     pub chosen: Vec<usize>,
     /// The training sessions' means, in the features' units.
     pub mean: Vec<f64>,
@@ -15,7 +15,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Of the training sessions' features, the `most` that tell people's levels apart best.
+    /// Selects from the training sessions' features the `most` that distinguish people's levels best.
     pub(super) fn of(readings: &[&[Measured]], people: &[usize], levels: &[Level], most: usize) -> Option<Self> {
         let features = readings.first()?.len();
         let mut ranked: Vec<(f64, usize)> = Vec::new();
@@ -34,12 +34,13 @@ impl Scale {
 
     /// The chosen features of a session, standardised.
     pub(super) fn apply(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
-        let standard = |place: usize| (value(self.chosen[place]) - self.mean[place]) / self.deviation[place];
+        let standard = |index: usize| (value(self.chosen[index]) - self.mean[index]) / self.deviation[index];
         (0..self.chosen.len()).map(standard).collect()
     }
 }
 
-/// Variance of a feature between levels over that within them, on people's means: a person with many sessions counts once.
+/// Variance of a feature between levels divided by that within them, over people's means: a person with many sessions
+/// counts once.
 fn between_to_within(values: &[f64], people: &[usize], levels: &[Level]) -> f64 {
     let mut sums = vec![(0.0, 0.0); levels.len()];
     for (value, person) in values.iter().zip(people) {

@@ -1,4 +1,4 @@
-//! A model finds what is there, at the rate that can be reached, and nothing where nothing is.
+//! A model finds real differences between levels at the achievable rate, and none where there are none.
 
 use super::validation::train_against;
 use super::*;
@@ -6,16 +6,16 @@ use crate::pipeline::score::distribution::normal_below;
 use crate::pipeline::score::interval::{Interval, Measured};
 use crate::random::Dice;
 
-/// Repetitions with shuffled levels: the fewest by which a model can know something.
+/// Number of repetitions with shuffled levels: the minimum for a significant model.
 const FEW: usize = 19;
 
-/// What a simulated person's sessions are like.
+/// Properties of simulated people and their sessions.
 struct World {
-    /// By how much neighbouring levels differ in the first two features together, in standard deviations of people.
+    /// Difference of adjacent levels in the first two features together, in standard deviations of people.
     apart: f64,
-    /// Features that tell nothing.
+    /// Number of features without information.
     noise: usize,
-    /// How much sessions of a person differ, in standard deviations of people.
+    /// Spread of a person's sessions, in standard deviations of people.
     within: f64,
     /// Half of each value's error bar.
     bar: f64,
@@ -26,7 +26,7 @@ fn measured(value: f64, half: f64) -> Option<Measured> {
 }
 
 impl World {
-    /// So many people of each level with three sessions each. What is drawn with another stream are other people.
+    /// `each` people of each level with three sessions each. Another stream draws other people.
     fn samples(&self, each: usize, stream: &str) -> Vec<Sample<usize>> {
         let mut dice = Dice::new(1, stream);
         let mut samples = Vec::new();
@@ -70,7 +70,8 @@ fn found_in(model: &Model, samples: &[Sample<usize>]) -> f64 {
 fn people_who_were_left_out_are_told_apart_at_the_rate_that_can_be_reached() {
     let world = World { apart: 2.5, noise: 8, within: 0.0, bar: 0.0 };
     let others = world.samples(200, "others");
-    // With two normal features of one shape the best rule is a line: the outer levels are missed on one side, the middle one on two.
+    // With two normal features of one shape the best rule is a line: the outer levels are missed on one side, the
+    // middle level on two.
     let best = (4.0 * normal_below(world.apart / 2.0) - 1.0) / 3.0;
     let centres: Vec<(f64, f64)> = (0..8)
         .map(|centre| {
@@ -105,8 +106,9 @@ fn value_of(sample: &Sample<usize>, feature: &str) -> f64 {
 
 #[test]
 fn of_levels_that_say_nothing_it_knows_nothing_and_gives_no_verdict() {
-    // Sessions of one person are nearly the same: who could remember people would find all levels. And of so many features some
-    // seem to tell levels apart: who chose them on everybody first would be right far more often than one in three.
+    // Sessions of one person are nearly the same, so a model that recognised people would find all levels. And some of
+    // so many features seem to distinguish levels, so selecting them on all people first would be right far more often
+    // than one in three.
     let world = World { apart: 0.0, noise: 58, within: 0.01, bar: 0.0 };
     let data = world.data(10, "nothing");
     let Trained { model, report } = trained(&data);
@@ -144,7 +146,7 @@ fn it_says_nothing_outside_its_data_between_levels_and_within_error_bars() {
     for level in Level::ALL {
         let verdict = say(level as usize as f64, 0.05);
         assert_eq!(verdict.level, Ok(level), "{verdict:?}");
-        // Of 36 people nobody can be surer than 36 + 1 of 39.
+        // With 36 people no probability can exceed (36 + 1) / 39.
         let probability = verdict.probabilities.unwrap()[level as usize];
         assert!(probability > 0.6 && probability <= 37.0 / 39.0 + 1e-12, "{probability}");
         let first = &verdict.carried[0];
@@ -232,7 +234,7 @@ fn every_learner_finds_levels_that_lie_far_apart_and_a_rare_level_too() {
 
 #[test]
 fn intervals_count_people_and_hold_what_can_be_reached() {
-    // Twenty centres of 24 people: the stated interval holds the rate of fresh people in at least 17 of them.
+    // Twenty centres of 24 people: the stated interval contains the rate for new people in at least 17 of them.
     let world = World { apart: 2.0, noise: 2, within: 0.3, bar: 0.1 };
     let fresh = world.samples(300, "fresh");
     let held = (0..20).filter(|centre| {

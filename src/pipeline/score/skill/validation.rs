@@ -1,4 +1,5 @@
-//! The outer round, whose people had no part in anything, and the baseline: the same with levels shuffled between people.
+//! The outer round of the validation, on people who had no part in the training, and the baseline: the same with levels
+//! shuffled between people.
 
 use super::choice::Part;
 use super::data::Dataset;
@@ -9,48 +10,52 @@ use super::{FEWEST_PER_LEVEL, Level, NoModel, PERMUTATIONS, PerLevel, SIGNIFICAN
 use crate::pipeline::score::people::quantile;
 use crate::random::Dice;
 
-/// Folds of the outer round: as many as the rarest level has people at least, so that each leaves out one of each.
+/// Number of folds of the outer round: the minimum number of people per level, so that each fold leaves out one of each
+/// level.
 const FOLDS: usize = FEWEST_PER_LEVEL;
 
-/// A model, and what it is worth.
+/// A model and its validation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trained {
-    /// The model, made from all people; without knowledge it gives no verdicts.
+    /// The model, trained on all people; without skill it gives no verdicts.
     pub model: Model,
-    /// How well models that were made like it do on people left out.
+    /// How well models trained in the same way do on people left out.
     pub report: Report,
 }
 
-/// What a model of the others said of one session of somebody left out.
+/// The result of a model of the other people for one session of a person left out.
 #[derive(Clone, Debug)]
 pub(super) struct Guess {
     pub person: usize,
-    /// Their level, as far as the models were told.
+    /// The person's level as used in this round (it may be shuffled).
     pub level: Level,
     /// The likeliest level.
     pub guessed: Level,
-    /// What the model would have said.
+    /// The level that the model would have given; `None` if it abstained.
     pub said: Option<Level>,
 }
 
-/// Makes a model, and states how well it does on people whom it never saw. The seed deals folds and shuffles levels; take it
-/// from the data. `told` is called before each of the repetitions, with how many there are in all.
-pub fn train(data: &Dataset, seed: u64, told: impl FnMut(usize, usize)) -> Result<Trained, NoModel> {
-    train_against(data, seed, PERMUTATIONS, told)
+/// Trains a model and measures how well it does on unseen people. The seed assigns folds and shuffles levels; derive it
+/// from the data. `on_repetition` is called before each repetition with its number, from 0, and the total.
+///
+/// # Errors
+/// [`NoModel::NothingFits`] if no learner can be fitted.
+pub fn train(data: &Dataset, seed: u64, on_repetition: impl FnMut(usize, usize)) -> Result<Trained, NoModel> {
+    train_against(data, seed, PERMUTATIONS, on_repetition)
 }
 
-/// The same with so many repetitions.
+/// The same with a given number of repetitions.
 pub(super) fn train_against(
     data: &Dataset,
     seed: u64,
     permutations: usize,
-    mut told: impl FnMut(usize, usize),
+    mut on_repetition: impl FnMut(usize, usize),
 ) -> Result<Trained, NoModel> {
     let (guesses, chosen) = leave_out(&all(data, &data.levels), &mut Dice::new(seed, "outer folds"), true)?;
     let reached = balanced(&guesses);
     let mut shuffled = Vec::with_capacity(permutations);
     for n in 0..permutations {
-        told(n, permutations);
+        on_repetition(n, permutations);
         let mut dice = Dice::new(seed, &format!("shuffled levels {n}"));
         let mut levels = data.levels.clone();
         shuffle(&mut levels, &mut dice);
@@ -67,17 +72,17 @@ fn all<'d>(data: &'d Dataset, levels: &'d [Level]) -> Part<'d> {
     Part { data, levels, people: (0..data.levels.len()).collect() }
 }
 
-/// Each person's sessions as models of the others see them, and each learner that was chosen.
+/// The results for each person's sessions by models of the other people, and the name of each chosen learner.
 fn leave_out(part: &Part, dice: &mut Dice, says: bool) -> Result<(Vec<Guess>, Vec<String>), NoModel> {
     let (mut guesses, mut chosen) = (Vec::new(), Vec::new());
     for (out, rest) in part.folds(FOLDS, dice) {
         let model = rest.model(dice).ok_or(NoModel::NothingFits)?;
-        let place = |name: &String| part.data.features.iter().position(|feature| feature == name).unwrap_or(0);
-        let places: Vec<usize> = model.features.iter().map(place).collect();
+        let index_of = |name: &String| part.data.features.iter().position(|feature| feature == name).unwrap_or(0);
+        let indices: Vec<usize> = model.features.iter().map(index_of).collect();
         for row in part.data.rows.iter().filter(|row| out.contains(&row.person)) {
-            let x = model.standardised(|feature| row.readings[places[feature]].value);
+            let x = model.standardised(|feature| row.readings[indices[feature]].value);
             let reading = |name: &str| {
-                model.features.iter().position(|own| own == name).map(|feature| row.readings[places[feature]])
+                model.features.iter().position(|own| own == name).map(|feature| row.readings[indices[feature]])
             };
             let said = if says { model.judge(reading).level.ok() } else { None };
             let guessed = likeliest(&model.probabilities(&x));

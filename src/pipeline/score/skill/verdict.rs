@@ -1,28 +1,29 @@
-//! What a model says of a session, what carried it, and why it may say nothing.
+//! A model's verdict on a session: the level, the features that contributed to it, and why it may abstain.
 
 use super::{Level, PerLevel};
 
-/// What a model says of a session.
+/// A model's verdict on a session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     /// The level, or why none is given.
     pub level: Result<Level, Abstains>,
-    /// Each level's probability; `None` where the model cannot read the session, or is outside its data.
+    /// The probability of each level; `None` if the model cannot read the session, or if the session is outside its
+    /// data.
     pub probabilities: Option<PerLevel>,
-    /// What speaks for the likeliest level and against it, what changes most first.
+    /// How each feature contributes to the likeliest level, for or against; the largest change first.
     pub carried: Vec<Contribution>,
 }
 
-/// One feature's part in a verdict.
+/// The contribution of one feature to a verdict.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contribution {
-    /// Its name.
+    /// The feature's name.
     pub feature: String,
     /// The session's value, in the feature's unit.
     pub value: f64,
     /// The training sessions' mean.
     pub mean: f64,
-    /// How much likelier the likeliest level is with this value than with the mean, −1 to 1.
+    /// By how much this value raises the probability of the likeliest level, compared with the mean, −1 to 1.
     pub raises: f64,
 }
 
@@ -30,52 +31,50 @@ pub struct Contribution {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Abstains {
     /// Models of shuffled levels did as well.
-    #[error("on people it had not seen the model did no better than models of shuffled levels: it knows nothing")]
+    #[error("on unseen people the model did no better than models of shuffled levels, so it gives no verdicts")]
     KnowsNothing,
-    /// A feature that it goes by was not measured.
-    #[error("`{feature}`, which the model goes by, was not measured")]
+    /// A feature that the model uses was not measured.
+    #[error("`{feature}`, which the model uses, was not measured")]
     NotMeasured {
-        /// Which.
+        /// The feature.
         feature: String,
     },
-    /// Nothing states how far a feature that it goes by may be off.
-    #[error("nothing states how far `{feature}`, which the model goes by, may be off")]
+    /// A feature that the model uses has no error bar.
+    #[error("the error of `{feature}`, which the model uses, is unknown")]
     ErrorUnknown {
-        /// Which.
+        /// The feature.
         feature: String,
     },
-    /// The session is unlike those that the model was made of.
-    #[error(
-        "the session is unlike those that the model was made of: {distance:.1} standard deviations off, at most {limit:.1}"
-    )]
+    /// The session is unlike the training sessions.
+    #[error("the session is unlike the training sessions: {distance:.1} standard deviations off (limit {limit:.1})")]
     Outside {
-        /// From the nearest level's centre, standard deviations.
+        /// Distance from the nearest level's centre, standard deviations.
         distance: f64,
-        /// The farthest at which it speaks.
+        /// Maximum distance for a verdict.
         limit: f64,
     },
     /// Two levels are about as likely.
     #[error(
-        "two levels are about as likely: the likelier leads by {:.0} %, and {:.0} % are asked for",
+        "two levels are about equally likely: the likelier leads by {:.0} %; needs {:.0} %",
         100.0 * lead,
         100.0 * least
     )]
     NotClear {
-        /// By how much the likeliest leads.
+        /// Lead of the likeliest level.
         lead: f64,
-        /// By how much it must.
+        /// Minimum lead.
         least: f64,
     },
-    /// Other values within the session's own error bars would have another level.
+    /// Other values within the session's own error bars would give another level.
     #[error(
-        "within the session's own error bars the level changes: {:.0} % agree, and {:.0} % are asked for",
+        "within the session's own error bars the level changes: {:.0} % agree; needs {:.0} %",
         100.0 * agreeing,
         100.0 * least
     )]
     WithinErrors {
         /// Share of the values within the bars that have the same level.
         agreeing: f64,
-        /// Share that must.
+        /// Minimum share.
         least: f64,
     },
 }

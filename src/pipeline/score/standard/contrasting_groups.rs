@@ -1,4 +1,4 @@
-//! The line between novices and experts: where the normal laws of the two groups cross.
+//! The boundary between novices and experts: where the normal distributions of the two groups cross.
 
 use super::{Basis, Target, sign};
 use crate::pipeline::features::Direction;
@@ -8,26 +8,28 @@ use crate::pipeline::score::interval::{Interval, moments, of_resamples, wilson};
 use crate::pipeline::score::no_answer::NoAnswer;
 use crate::pipeline::score::people::{FEWEST_PEOPLE, People};
 
-/// How often both groups are drawn anew for the limit's interval.
+/// Number of times both groups are resampled for the limit's interval.
 const RESAMPLES: usize = 400;
 
-/// If the groups do not lie apart in more than this share of the resamples, the limit is one of chance.
+/// Maximum share of resamples without a boundary between the groups; with more, the limit is a matter of chance.
 const LOST_RESAMPLES: f64 = 0.05;
 
 /// How often a limit is wrong about a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorRate {
-    /// Share of the group on the wrong side by its normal law, 0 to 1.
+    /// Share of the group on the wrong side by its normal distribution, 0 to 1.
     pub expected: f64,
     /// Share of the group's people that are on the wrong side, 0 to 1.
     pub seen: f64,
-    /// Where the share among all such people lies with 95 %, from those seen (Wilson).
+    /// 95 % interval of the share among all such people, from the observed share (Wilson).
     pub interval: Interval,
 }
 
-/// The limit between novices and experts where both are as likely (Livingston & Zieky 1982; TABLT, doi
-/// 10.1002/bjs.9857), with the share of novices that pass and of experts that fail, and its 95 % interval over people
-/// drawn anew.
+/// The limit at which novices and experts are equally likely (Livingston & Zieky 1982; TABLT, doi 10.1002/bjs.9857),
+/// with the share of novices that pass and of experts that fail, and its 95 % interval over resampled people.
+///
+/// # Errors
+/// [`NoAnswer`] for groups that are too small, without spread or not separated, or if neither direction is better.
 pub fn contrasting_groups(novices: &People, experts: &People, direction: Direction) -> Result<Target, NoAnswer> {
     let sign = sign(direction)?;
     NoAnswer::at_least("novices", novices.count(), FEWEST_PEOPLE)?;
@@ -44,12 +46,18 @@ pub fn contrasting_groups(novices: &People, experts: &People, direction: Directi
     Target::new(limit, Some(interval), direction, basis)
 }
 
-/// The share of a group that keeps a limit, wherever it lies: of novices, those whom it lets pass.
+/// The share of a group that meets a limit of any origin; for novices, the share that it lets pass.
+///
+/// # Errors
+/// [`NoAnswer`] for a group that is too small or without spread, an unusable limit, or if neither direction is better.
 pub fn keeping(people: &People, limit: f64, direction: Direction) -> Result<ErrorRate, NoAnswer> {
     rate(people, limit, direction, true)
 }
 
-/// The share of a group that breaks a limit, wherever it lies: of experts, those whom it fails.
+/// The share of a group that misses a limit of any origin; for experts, the share that it fails.
+///
+/// # Errors
+/// As [`meeting_rate`].
 pub fn breaking(people: &People, limit: f64, direction: Direction) -> Result<ErrorRate, NoAnswer> {
     rate(people, limit, direction, false)
 }
@@ -65,7 +73,8 @@ fn rate(people: &People, limit: f64, direction: Direction, keeps: bool) -> Resul
     Ok(ErrorRate { expected, seen, interval: wilson(seen, people.count())? })
 }
 
-/// Groups drawn anew scatter less than people do who were never asked: by (n − 1)/n in the square, and as if the scatter were known.
+/// Resampled groups scatter less than groups of new people: by (n − 1)/n in the square, and as if the scatter were
+/// known. The interval is widened accordingly.
 fn interval(novices: &[f64], experts: &[f64], sign: f64, limit: f64) -> Result<Interval, NoAnswer> {
     let fewest = novices.len().min(experts.len()) as f64;
     let wider = (fewest / (fewest - 1.0)).sqrt() * student_quantile(0.975, fewest - 1.0) / Z_95;
@@ -82,7 +91,7 @@ fn interval(novices: &[f64], experts: &[f64], sign: f64, limit: f64) -> Result<I
     Ok(of_resamples(limits))
 }
 
-/// A group's normal law, turned so that more is better.
+/// A group's normal distribution, with the sign set so that more is better.
 #[derive(Clone, Copy)]
 struct Normal {
     mean: f64,
@@ -99,14 +108,15 @@ impl Normal {
         normal_below((value - self.mean) / self.deviation)
     }
 
-    /// Logarithm of the density, but for a constant that all normal laws share.
+    /// Logarithm of the density, without the constant that all normal distributions share.
     fn log_density(self, value: f64) -> f64 {
         -0.5 * ((value - self.mean) / self.deviation).powi(2) - self.deviation.ln()
     }
 }
 
-/// Where the two laws cross between their means: from the lower mean to the upper one the first only falls and the
-/// second only rises. If one is so wide that the other is below it all the way, they do not cross there.
+/// Where the two distributions cross between their means: from the lower mean to the upper one the first density only
+/// falls and the second only rises. If one is so wide that the other is below it everywhere between, they do not cross
+/// there.
 fn crossing(lower: Normal, upper: Normal) -> Result<f64, NoAnswer> {
     let lead = |value: f64| lower.log_density(value) - upper.log_density(value);
     let (mut low, mut high) = (lower.mean, upper.mean);

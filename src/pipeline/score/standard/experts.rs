@@ -7,19 +7,21 @@ use crate::pipeline::score::interval::{Interval, mean, moments};
 use crate::pipeline::score::no_answer::NoAnswer;
 use crate::pipeline::score::people::{FEWEST_PEOPLE, People};
 
-/// Fewest experts of whom a trimmed mean is taken. Among five nobody can lie two standard deviations off, (n − 1)/√n
-/// being 1.79, so that nothing would ever be trimmed.
+/// Minimum number of experts for a trimmed mean. Among five no value can lie two standard deviations off, since (n −
+/// 1)/√n is 1.79, so nothing would ever be trimmed.
 pub const FEWEST_EXPERTS: usize = 6;
 
-/// How many standard deviations from the mean an expert is left out.
+/// An expert farther than this from the mean, in standard deviations, is left out.
 const OUTLIER: f64 = 2.0;
 
-/// What is left of a normal law's deviation once what lies beyond two of them is cut off: √(1 − 4φ(2)/(2Φ(2) − 1)).
+/// Standard deviation of a normal distribution that is cut off at ±2 σ, in σ: √(1 − 4φ(2)/(2Φ(2) − 1)).
 const DEVIATION_LEFT: f64 = 0.8796;
 
-/// The mean of experts, those left out who lie more than two standard deviations from the mean of all (jamasurgery
-/// 508246; PEERS 3.5), with the mean's 95 % interval. Half of the experts break it: it is a goal to train to, not a
-/// minimum.
+/// The mean of the experts who lie within two standard deviations of the mean of all (jamasurgery 508246; PEERS 3.5),
+/// with the mean's 95 % interval. Half of the experts miss it: it is a goal to train to, not a minimum.
+///
+/// # Errors
+/// [`NoAnswer`] for too few experts, values without spread, or a feature where neither direction is better.
 pub fn trimmed_experts(experts: &People, direction: Direction) -> Result<Target, NoAnswer> {
     NoAnswer::at_least("experts", experts.count(), FEWEST_EXPERTS)?;
     let (middle, deviation) = moments(experts.values());
@@ -32,14 +34,17 @@ pub fn trimmed_experts(experts: &People, direction: Direction) -> Result<Target,
     Target::new(trimmed.value, Some(interval), direction, basis)
 }
 
-/// As good as the best share of these people (0.25: the best quarter, as LAP Mentor's benchmarks), with the 95 %
-/// interval of that quantile from order statistics, which assumes no law (David & Nagaraja 2003, 7.1), its ends rounded outwards:
-/// everybody may read a limit, and it must tell nobody's own value.
+/// The limit that the best share of these people meets (0.25: the best quarter, as LAP Mentor's benchmarks). Its 95 %
+/// interval comes from order statistics of that quantile, which assumes no distribution (David & Nagaraja 2003, 7.1).
+/// The ends are rounded outwards: all users may read a limit, and it must not reveal one person's value.
+///
+/// # Errors
+/// [`NoAnswer`] for an unusable share, too few people, or a feature where neither direction is better.
 pub fn best_share(people: &People, share: f64, direction: Direction) -> Result<Target, NoAnswer> {
     if !(share > 0.0 && share < 1.0) {
         return Err(NoAnswer::UnusableSetting("share"));
     }
-    // So few people may all lie on one side of the quantile, and then no two of them enclose it.
+    // With fewer people all may lie on one side of the quantile, and then no two of them enclose it.
     let enclosing = (0.025f64.ln() / share.max(1.0 - share).ln()).ceil() as usize;
     NoAnswer::at_least("people", people.count(), enclosing.max(FEWEST_PEOPLE))?;
     let below = if direction == Direction::Higher { 1.0 - share } else { share };
@@ -48,25 +53,25 @@ pub fn best_share(people: &People, share: f64, direction: Direction) -> Result<T
     Target::new(quantile_of_all(people.values(), below), Some(interval), direction, basis)
 }
 
-/// A quantile to which everybody's value adds (Harrell & Davis 1982): surer than one that goes by the two nearest people, and
-/// neither's own.
+/// A quantile that weights every person's value (Harrell & Davis 1982). It is more certain than one from the two
+/// nearest people, and equals neither's own value.
 fn quantile_of_all(sorted: &[f64], below: f64) -> f64 {
     let n = sorted.len() as f64;
     let reached = |people: usize| beta_below(people as f64 / n, (n + 1.0) * below, (n + 1.0) * (1.0 - below));
-    sorted.iter().enumerate().map(|(place, value)| (reached(place + 1) - reached(place)) * value).sum()
+    sorted.iter().enumerate().map(|(index, value)| (reached(index + 1) - reached(index)) * value).sum()
 }
 
-/// The two values between which the population's quantile lies with 95 % at least.
+/// Two values that enclose the population's quantile with at least 95 %.
 fn quantile_interval(sorted: &[f64], below: f64) -> Interval {
     let n = sorted.len();
-    // Chance that `k` or more of `n` people lie below the quantile.
+    // The chance that `k` or more of `n` people lie below the quantile.
     let or_more = |k: usize| if k == 0 { 1.0 } else { beta_below(below, k as f64, (n - k + 1) as f64) };
     let low = (1..=n).take_while(|k| 1.0 - or_more(*k) <= 0.025).last().unwrap_or(1);
     let high = (1..=n).find(|k| or_more(*k) <= 0.025).unwrap_or(n);
     Interval { low: coarse(sorted[low - 1], f64::floor), high: coarse(sorted[high - 1], f64::ceil) }
 }
 
-/// A value to two digits, rounded that way.
+/// A value rounded to two digits in the given direction.
 fn coarse(value: f64, round: impl Fn(f64) -> f64) -> f64 {
     if value == 0.0 {
         return value;
@@ -102,7 +107,7 @@ mod tests {
         let peers = people(&(1..=41).map(f64::from).collect::<Vec<_>>());
         let lower = best_share(&peers, 0.25, Direction::Lower).unwrap();
         let higher = best_share(&peers, 0.25, Direction::Higher).unwrap();
-        assert!((lower.limit - 10.75).abs() < 1e-6 && (higher.limit - 31.25).abs() < 1e-6); // by SciPy's incomplete beta
+        assert!((lower.limit - 10.75).abs() < 1e-6 && (higher.limit - 31.25).abs() < 1e-6); // SciPy
         // Order statistics of a binomial(41, 0.25), each tail at most 2.5 % (SciPy): the 5th and the 17th.
         assert_eq!(lower.interval, Some(Interval { low: 5.0, high: 17.0 }));
         assert_eq!(higher.interval, Some(Interval { low: 25.0, high: 37.0 }));
@@ -114,8 +119,8 @@ mod tests {
         for share in [0.1, 1.0 / 3.0, 0.5] {
             let target = best_share(&people(&times), share, Direction::Lower).unwrap();
             let Interval { low, high } = target.interval.unwrap();
-            for told in [target.limit, low, high] {
-                assert!(!times.iter().any(|time| (time - told).abs() < 1e-3), "{share}: {told}");
+            for shown in [target.limit, low, high] {
+                assert!(!times.iter().any(|time| (time - shown).abs() < 1e-3), "{share}: {shown}");
             }
         }
         assert_eq!(

@@ -1,5 +1,5 @@
-//! The times of the Fundamentals of Laparoscopic Surgery to train to (PEERS 4d, S80): external, made with other boxes
-//! and by hand-held clocks, not measured here.
+//! Target times of the Fundamentals of Laparoscopic Surgery (PEERS 4d, S80). They are external: measured with other
+//! boxes and hand-held clocks, not here.
 
 use super::{Basis, Target};
 use crate::pipeline::features::Direction;
@@ -10,11 +10,11 @@ use crate::pipeline::score::pass_rule::PassRule;
 pub struct Preset {
     /// Stable name of the task.
     pub task: &'static str,
-    /// Name for people.
+    /// Display name.
     pub title: &'static str,
-    /// The task's duration to keep.
+    /// The duration that must not be exceeded.
     pub duration: Target,
-    /// How often it must be kept; `None` where the source at hand does not say.
+    /// The pass rule; `None` if the available source does not state it.
     pub rule: Option<PassRule>,
 }
 

@@ -1,11 +1,11 @@
-//! Linear discriminant analysis: levels of one shape around centres of their own.
+//! Linear discriminant analysis: every level has its own centre, and all have one shape.
 
 use nalgebra::DVector;
 
 use super::super::region::within_levels;
 use super::{Learner, Scorer, Table};
 
-/// Linear discriminants, with so much of the covariance replaced by its diagonal (Friedman 1989).
+/// Linear discriminants; `shrinkage` is the share of the covariance that is replaced by its diagonal (Friedman 1989).
 pub struct Discriminant {
     pub shrinkage: f64,
 }

@@ -7,7 +7,7 @@ use smartcore::linear::logistic_regression::{LogisticRegression, LogisticRegress
 use super::super::{LEVELS, Level};
 use super::{Learner, Scorer, Table};
 
-/// The larger the ridge, the smaller the weights.
+/// Multinomial logistic regression. A larger ridge gives smaller weights.
 pub struct Logistic {
     pub ridge: f64,
 }
@@ -35,7 +35,7 @@ impl Learner for Logistic {
             let row = fitted.classes().iter().position(|class| *class == level as u32)?;
             weights[level as usize] =
                 (0..table.rows[0].len()).map(|feature| *coefficients.get((row, feature))).collect();
-            // The level's share of the sessions is taken out again: a rare level is as likely as a common one.
+            // The level's share of the sessions is removed again, so that a rare level is as likely as a common one.
             let sessions = table.levels.iter().filter(|of| **of == level).count() as f64;
             offsets[level as usize] = *intercept.get((row, 0)) - sessions.ln();
         }

@@ -1,15 +1,16 @@
-//! The learners, behind one trait: a table of standardised sessions in, a [`Scorer`] out, that gives one score for each level.
+//! The learners behind one trait: each takes a table of standardised sessions and returns a [`LevelScorer`], which
+//! gives one score per level.
 //!
 //! | file | learner | from |
 //! |---|---|---|
 //! | `logistic.rs` | multinomial logistic regression with a ridge | smartcore |
 //! | `discriminant.rs` | linear discriminant analysis with a shrunk covariance | ours: smartcore has none |
-//! | `neighbours.rs` | the k nearest sessions | ours: it must be readable, to be kept |
-//! | `tree.rs` | a small decision tree | ours: smartcore's nodes are private, and would not be kept |
-//! | `vectors.rs` | linear support vectors for all levels together | ours: smartcore's took 97 % of all time and cannot weigh rare levels |
+//! | `neighbours.rs` | the k nearest sessions | ours: its data must be accessible to be stored |
+//! | `tree.rs` | a small decision tree | ours: smartcore's nodes are private and cannot be stored |
+//! | `vectors.rs` | linear support vectors for all levels | ours: smartcore's took 97 % of all time, without level weights |
 //!
-//! Every level counts the same, however many people it has: what is known of the levels' shares among those who were asked says
-//! nothing of the next session.
+//! Every level counts the same, regardless of its number of people: the shares of the levels among the training people
+//! say nothing about the next session.
 
 mod discriminant;
 mod logistic;
@@ -26,14 +27,14 @@ use super::{LEVELS, Level, PerLevel};
 pub struct Table {
     /// One row a session.
     pub rows: Vec<Vec<f64>>,
-    /// Each one's level.
+    /// Level of each session.
     pub levels: Vec<Level>,
-    /// What each one counts: one divided by its person's sessions.
+    /// Weight of each session: 1 divided by the number of its person's sessions.
     pub weights: Vec<f64>,
 }
 
 impl Table {
-    /// What each level counts in all.
+    /// The total weight of each level.
     fn weight_of_levels(&self) -> PerLevel {
         let mut sums = [0.0; LEVELS];
         self.levels.iter().zip(&self.weights).for_each(|(level, weight)| sums[*level as usize] += weight);
@@ -41,48 +42,49 @@ impl Table {
     }
 }
 
-/// A way to learn.
+/// A learning method.
 pub trait Learner: Sync {
     /// Stable name for files, API and pages.
     fn name(&self) -> &'static str;
 
-    /// Its parameter, as people read it.
+    /// Its parameter in readable form.
     fn parameter(&self) -> String;
 
-    /// Learns; `None` where this cannot be done with these sessions.
+    /// Fits the method to the sessions; `None` if this is impossible.
     fn fit(&self, table: &Table) -> Option<Scorer>;
 }
 
-/// What was learnt. A score is the logarithm of a share, up to what all levels have in common, and up to a factor.
+/// A fitted learner. A score is the logarithm of a level's share, up to a constant common to all levels, and up to a
+/// factor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scorer {
     /// Each level's score is a sum over the features.
     Linear {
-        /// Each level's weights of the features.
+        /// The weights of the features for each level.
         weights: [Vec<f64>; LEVELS],
-        /// Each level's score in the mean of all sessions.
+        /// The score of each level at the mean of all sessions.
         offsets: PerLevel,
     },
     /// Each level's share among the nearest training sessions.
     Neighbours {
-        /// How many.
+        /// Number of nearest sessions.
         k: usize,
         /// The training sessions, standardised.
         rows: Vec<Vec<f64>>,
-        /// Each one's level.
+        /// Level of each training session.
         levels: Vec<Level>,
-        /// What one session of each level counts.
+        /// Weight of one session of each level.
         counts: PerLevel,
     },
-    /// Questions of one feature each; the first node is asked first.
+    /// A tree of questions about one feature each, starting at the first node.
     Tree {
-        /// The nodes; a fork leads to later ones only.
+        /// The nodes; a fork leads only to later nodes.
         nodes: Vec<TreeNode>,
     },
 }
 
 impl Scorer {
-    /// Each level's score.
+    /// The score of each level.
     pub fn scores(&self, x: &[f64]) -> PerLevel {
         match self {
             Scorer::Linear { weights, offsets } => {
@@ -95,13 +97,13 @@ impl Scorer {
     }
 }
 
-/// Logarithms of shares that start from one session of each level, so that none is impossible.
+/// Logarithms of shares that start from one session of each level, so that no level is impossible.
 fn smoothed(shares: PerLevel) -> PerLevel {
     let all: f64 = shares.iter().map(|share| share + 1.0).sum();
     shares.map(|share| ((share + 1.0) / all).ln())
 }
 
-/// What is tried, the simplest first: where two do as well, the first is taken.
+/// The candidates, the simplest first: of equally good ones the first is chosen.
 pub static CANDIDATES: [&dyn Learner; 10] = [
     &discriminant::Discriminant { shrinkage: 0.7 },
     &discriminant::Discriminant { shrinkage: 0.3 },

@@ -3,7 +3,7 @@
 use super::super::{LEVELS, Level, PerLevel};
 use super::{Learner, Scorer, Table, smoothed};
 
-/// So many of them.
+/// The `k` nearest training sessions.
 pub struct Neighbours {
     pub k: usize,
 }
@@ -18,7 +18,8 @@ impl Learner for Neighbours {
     }
 
     fn fit(&self, table: &Table) -> Option<Scorer> {
-        // Whose people have more sessions has more of them near by chance: each level's count together the same.
+        // A level whose people have more sessions has more of them nearby by chance, so each level is weighted to the
+        // same total.
         let mut sessions = [0.0; LEVELS];
         table.levels.iter().for_each(|level| sessions[*level as usize] += 1.0);
         let counts = sessions.map(|own| table.rows.len() as f64 / (LEVELS as f64 * own));
@@ -30,17 +31,17 @@ impl Learner for Neighbours {
     }
 }
 
-/// Each level's share among the `k` nearest; of sessions at one distance the first ones count.
+/// The share of each level among the `k` nearest sessions; of sessions at equal distance the first ones count.
 pub fn scores(k: usize, rows: &[Vec<f64>], levels: &[Level], counts: &PerLevel, x: &[f64]) -> PerLevel {
     let distance = |row: &Vec<f64>| row.iter().zip(x).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-    let mut near: Vec<(f64, usize)> = rows.iter().enumerate().map(|(place, row)| (distance(row), place)).collect();
+    let mut near: Vec<(f64, usize)> = rows.iter().enumerate().map(|(index, row)| (distance(row), index)).collect();
     let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
     if k < near.len() {
         near.select_nth_unstable_by(k, nearer);
     }
     let mut shares = [0.0; LEVELS];
-    for (_, place) in near.iter().take(k) {
-        let level = levels[*place] as usize;
+    for (_, index) in near.iter().take(k) {
+        let level = levels[*index] as usize;
         shares[level] += counts[level];
     }
     smoothed(shares)

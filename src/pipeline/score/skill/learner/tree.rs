@@ -1,33 +1,33 @@
-//! A small decision tree (Breiman et al. 1984): few people bear few questions.
+//! A small decision tree (Breiman et al. 1984); with few people it may only ask few questions.
 
 use super::super::{LEVELS, PerLevel};
 use super::{Learner, Scorer, Table, smoothed};
 
-/// So many questions one after the other.
+/// A tree with at most `depth` questions in sequence.
 pub struct Tree {
     pub depth: usize,
 }
 
-/// Fewest sessions behind an answer, people counted once.
+/// Minimum weight of the sessions in a leaf; each person has weight 1.
 const FEWEST_IN_A_LEAF: f64 = 3.0;
 
-/// A question, or an answer.
+/// A node of the tree: a question or an answer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TreeNode {
-    /// Is the standardised feature at most this?
+    /// Compares a standardised feature with a limit.
     Fork {
-        /// Which of the chosen features.
+        /// Index among the chosen features.
         feature: usize,
         /// The limit.
         limit: f64,
-        /// The node to go on with if so; later than this one.
+        /// The next node if the feature is at most the limit; later than this one.
         at_most: usize,
-        /// The node to go on with if not; later than this one.
+        /// The next node if the feature is above the limit; later than this one.
         above: usize,
     },
     /// The levels' scores.
     Leaf {
-        /// Of each level.
+        /// The score of each level.
         scores: PerLevel,
     },
 }
@@ -54,7 +54,7 @@ impl Learner for Tree {
     }
 }
 
-/// The answer that a session is led to.
+/// The scores of the leaf that a session reaches.
 pub fn scores(nodes: &[TreeNode], x: &[f64]) -> PerLevel {
     let mut at = 0;
     loop {
@@ -62,7 +62,7 @@ pub fn scores(nodes: &[TreeNode], x: &[f64]) -> PerLevel {
             Some(TreeNode::Fork { feature, limit, at_most, above }) => {
                 let next = if x.get(*feature).is_some_and(|x| x <= limit) { *at_most } else { *above };
                 if next <= at {
-                    return [0.0; LEVELS]; // forks lead to later nodes only: a file that says otherwise says nothing
+                    return [0.0; LEVELS]; // forks lead only to later nodes: a file with another fork is invalid
                 }
                 at = next;
             }
@@ -103,7 +103,7 @@ impl Growth<'_> {
         shares
     }
 
-    /// The question after which the levels are least mixed (Gini).
+    /// The question that leaves the levels least mixed (Gini).
     fn best_fork(&self, rows: &[usize]) -> Option<(usize, f64)> {
         let all = self.shares(rows);
         let mut best = (mixed(all) - 1e-9, None);
@@ -126,7 +126,7 @@ impl Growth<'_> {
     }
 }
 
-/// Gini's impurity, times what the sessions count.
+/// Gini's impurity, multiplied by the weight of the sessions.
 fn mixed(shares: PerLevel) -> f64 {
     let all: f64 = shares.iter().sum();
     if all > 0.0 { all - shares.iter().map(|share| share * share).sum::<f64>() / all } else { 0.0 }

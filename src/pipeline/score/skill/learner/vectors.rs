@@ -1,15 +1,15 @@
-//! Linear support vectors for all levels together (Crammer & Singer 2001), by projected subgradients (Pegasos, Shalev-Shwartz
-//! et al. 2011) over all sessions at once.
+//! Linear support vectors for all levels together (Crammer & Singer 2001), by projected subgradients (Pegasos,
+//! Shalev-Shwartz et al. 2011) over all sessions at once.
 
 use super::super::{LEVELS, Level, PerLevel};
 use super::{Learner, Scorer, Table};
 
-/// The larger the ridge, the smaller the weights, and the wider the margin between levels.
+/// Linear support vectors. A larger ridge gives smaller weights and a wider margin between levels.
 pub struct Vectors {
     pub ridge: f64,
 }
 
-/// Steps; the mean of the second half is taken.
+/// Number of steps; the result is the mean over the second half.
 const STEPS: usize = 200;
 
 impl Learner for Vectors {
@@ -26,10 +26,10 @@ impl Learner for Vectors {
         if of_levels.iter().any(|weight| *weight <= 0.0) {
             return None;
         }
-        // Every level counts a third, every person of a level the same.
+        // Every level weighs a third, and every person of a level the same.
         let share = |(level, weight): (&Level, &f64)| weight / of_levels[*level as usize] / LEVELS as f64;
         let shares: Vec<f64> = table.levels.iter().zip(&table.weights).map(share).collect();
-        // A last feature that is 1 in every session carries the offsets.
+        // An additional feature, 1 in every session, carries the offsets.
         let rows: Vec<Vec<f64>> = table.rows.iter().map(|row| row.iter().copied().chain([1.0]).collect()).collect();
         let width = rows.first()?.len();
         let mut planes: Planes = std::array::from_fn(|_| vec![0.0; width]);
@@ -50,7 +50,7 @@ impl Learner for Vectors {
 type Planes = [Vec<f64>; LEVELS];
 
 impl Vectors {
-    /// One step down, and back into the ball that holds the best planes.
+    /// One descent step, projected back into the ball that contains the best planes.
     fn descend(&self, planes: &mut Planes, step: usize, rows: &[Vec<f64>], levels: &[Level], shares: &[f64]) {
         let length = 1.0 / (self.ridge * step as f64);
         let mut to: Planes = planes.clone().map(|plane| plane.iter().map(|w| w * (1.0 - 1.0 / step as f64)).collect());
@@ -60,14 +60,14 @@ impl Vectors {
             let others = (0..LEVELS).filter(|other| *other != own);
             let Some(rival) = others.max_by(|a, b| scores[*a].total_cmp(&scores[*b])) else { continue };
             if scores[own] - scores[rival] < 1.0 {
-                for (place, x) in row.iter().enumerate() {
-                    to[own][place] += length * share * x;
-                    to[rival][place] -= length * share * x;
+                for (index, x) in row.iter().enumerate() {
+                    to[own][index] += length * share * x;
+                    to[rival][index] -= length * share * x;
                 }
             }
         }
         let norm = to.iter().flatten().map(|w| w * w).sum::<f64>().sqrt();
-        let shrink = (1.0 / (self.ridge.sqrt() * norm)).min(1.0); // 1 of no weights at all
+        let shrink = (1.0 / (self.ridge.sqrt() * norm)).min(1.0); // 1 if all weights are 0
         to.iter_mut().flatten().for_each(|w| *w *= shrink);
         *planes = to;
     }
