@@ -1,4 +1,4 @@
-//! One picture as the decoder left it: borrowed Y, U and V planes with their time stamp. Nothing is copied.
+//! One picture as the decoder returned it: borrowed Y, U and V planes with their time stamp. Nothing is copied.
 
 /// One 8-bit plane; `data[row * stride + column]`.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ impl<'a> Plane<'a> {
     }
 }
 
-/// Which codes stand for black and white.
+/// The codes of black and white.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Range {
     /// 16–235 (luma), 16–240 (chroma): most H.264.
@@ -36,7 +36,7 @@ pub enum Range {
     Full,
 }
 
-/// Which weights made Y, U, V from R, G, B.
+/// The weights that convert R, G, B to Y, U, V.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Matrix {
     /// ITU-R BT.601: standard definition and JPEG.
@@ -47,7 +47,7 @@ pub enum Matrix {
     Bt2020,
 }
 
-/// How codes in the planes relate to colour.
+/// How the codes in the planes represent colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ColourEncoding {
     /// Code range.
@@ -73,7 +73,7 @@ pub struct Frame<'a> {
     pub shift_x: u8,
     /// Chroma is `1 << shift_y` times coarser in y: 1 for 4:2:0, 0 for 4:2:2 and 4:4:4.
     pub shift_y: u8,
-    /// How to read the codes.
+    /// Encoding of the codes.
     pub encoding: ColourEncoding,
 }
 
@@ -88,7 +88,7 @@ impl Frame<'_> {
         self.y.height
     }
 
-    /// Y, U and V codes seen at a full-resolution pixel.
+    /// Y, U and V codes at a full-resolution pixel.
     #[inline]
     pub fn yuv_at(&self, x: usize, y: usize) -> [u8; 3] {
         let (cx, cy) = (x >> self.shift_x, y >> self.shift_y);

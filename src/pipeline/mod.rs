@@ -6,18 +6,18 @@
 //!
 //! | stage | input | output | file | METHOD |
 //! |---|---|---|---|---|
-//! | camera | photos of a board | [`camera::Camera`] | `camera/` | 1 |
-//! | segmentation | [`frame::Frame`] | labelled cells | `segmentation/` | 2 |
-//! | blob | labelled cells | one band candidate per tool | `blob/` | 3.1 |
+//! | camera | photos of a checkerboard | [`camera::Camera`] | `camera/` | 1 |
+//! | segmentation | [`frame::Frame`] | cells with a class | `segmentation/` | 2 |
+//! | blob | cells with a class | one band candidate per tool | `blob/` | 3.1 |
 //! | edges | band candidate, luma and chroma | borders, midline, band ends (sub-pixel) | `edges/` | 3.2–3.5 |
 //! | pose | borders, ends, tube diameter | tip, axis, covariance | `pose/` | 4 |
 //! | filter | poses on real time stamps | causal and smoothed states | `filter/` | 5 |
 //! | trajectory | states | [`trajectory::Trajectory`] | `trajectory.rs` | 5 |
 //! | features | trajectory | [`features::Feature`] values with units | `features/` | 6 |
-//! | evidence | features, the motions they were measured on | the seconds that made each | `evidence/` | 6 |
-//! | quality | trajectories, counts and reasons | figures and a [`quality::Verdict`] | `quality/` | 6, 8 |
-//! | self-test | frames of a known board, trajectory | a box's traffic light | `self_test/` | 1, 8 |
-//! | score | features | places in a cohort, judgements, learning curves, alarms, levels of skill | `score/` | 7 |
+//! | evidence | features and their motion | the stretches of time that determined each | `evidence/` | 6 |
+//! | quality | trajectories, frame counts, reasons | figures and a [`quality::Verdict`] | `quality/` | 6, 8 |
+//! | self-test | frames of a known board, trajectory | traffic light of the box | `self_test/` | 1, 8 |
+//! | score | features | cohort ranks, judgements, learning curves, alarms, levels of skill | `score/` | 7 |
 
 pub mod assessment;
 pub mod blob;
@@ -39,6 +39,6 @@ pub mod tracker;
 pub mod trajectory;
 pub mod tube;
 
-/// Version of the whole chain from pixels to features. Raised whenever the same input gives other numbers;
-/// stored with every result, so that results of different versions are never mixed unknowingly.
+/// Version of the whole chain from pixels to features. Raised whenever the same input gives other numbers. Stored with
+/// every result, so that results of different versions are never compared by mistake.
 pub const PIPELINE_VERSION: &str = "11";

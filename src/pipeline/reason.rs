@@ -1,4 +1,4 @@
-//! Why something was not seen or was rejected: a closed set, so that a page can explain each.
+//! Reasons why a tool was not seen or its measurement was rejected: a closed set, so that pages can explain each one.
 
 /// Why a tool has no observation on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -1,4 +1,4 @@
-//! The flow: what happens to each frame, and what a whole recording becomes.
+//! Tracks the tools: processes each frame, and turns a whole recording into paths and quality figures.
 
 mod assignment;
 mod blocks;
@@ -46,7 +46,8 @@ use motion::{Instant, PastPose};
 use record::PackedRecords;
 use tool::{Scene, Seen, ToolTracker};
 
-/// Frames that are rehearsed: enough edges to tell how they look, and views to tell a band's length.
+/// Number of frames for [`Tracker::warm_up`]: enough edges to learn their appearance, and enough views to learn a
+/// band's length.
 pub const MOST_REHEARSED: usize = 12;
 
 /// Follows the tools through a recording or a live feed, frame by frame.
@@ -54,19 +55,19 @@ pub struct Tracker {
     settings: TrackerSettings,
     table: ColourTable,
     tools: Vec<ToolTracker>,
-    /// Tools that share a colour, the left hand's first.
+    /// Pairs of tools that share a colour; the left hand's tool comes first.
     pairs: Vec<[usize; 2]>,
     instants: Vec<Instant>,
     light: LightWatch,
-    /// Where each tool was last.
+    /// The last known position of each tool.
     last: Vec<Option<Sample>>,
 }
 
 impl Tracker {
-    /// A tracker for frames of this size and encoding.
+    /// Creates a tracker for frames of this size and encoding.
     ///
     /// # Errors
-    /// Settings that cannot work: see [`SettingsProblem`].
+    /// [`SettingsProblem`] if the settings cannot work.
     pub fn new(
         settings: TrackerSettings,
         width: u32,
@@ -86,11 +87,11 @@ impl Tracker {
         Ok(Self { tools, pairs, table, settings, instants: Vec::new(), light: LightWatch::default(), last })
     }
 
-    /// Looks at the first frames of a recording only to learn how its edges look and how long its bands are, so that the
-    /// first second is measured as well as the rest. Call before [`Tracker::observe`], with [`MOST_REHEARSED`] frames if
-    /// there are so many.
+    /// Tracks the first frames of a recording only to learn how edges look and how long the bands are. The first
+    /// second is then measured as well as the rest. Call it before [`Tracker::observe`], with [`MAX_WARM_UP_FRAMES`]
+    /// frames if the recording has that many.
     pub fn rehearse(&mut self, frames: &[Frame<'_>]) {
-        const ROUNDS: u32 = 2; // what the second learns of lengths needs what the first learned of edges
+        const ROUNDS: u32 = 2; // round 2 learns lengths with the edge appearance from round 1
         for _ in 0..ROUNDS {
             for frame in frames {
                 self.observe(frame);
@@ -102,25 +103,26 @@ impl Tracker {
         }
     }
 
-    /// Forgets what only hindsight needs: a feed that goes on for hours takes no more memory than one of minutes. What is
-    /// told of the frames to come stays the same; [`Self::finish`] then knows only these.
+    /// Drops everything that only [`Self::finish`] needs, so that a live feed of many hours needs no more memory than
+    /// one of minutes. Reports of later frames do not change, but [`Self::finish`] then covers only the frames after
+    /// this call.
     pub fn forget_past(&mut self) {
         self.instants.clear();
         self.light.forget_past();
         self.tools.iter_mut().for_each(|tool| tool.records = PackedRecords::default());
     }
 
-    /// The scene's light when it was looked at last.
+    /// The latest sample of the scene's light.
     pub fn light(&self) -> Option<LightSample> {
         self.light.last()
     }
 
-    /// Where each tool passes through the box's wall, as far as it is known well by now.
+    /// The fulcrum of each tool; `None` while it is not known well.
     pub fn fulcrums(&self) -> Vec<Option<Fulcrum>> {
         self.tools.iter().map(|tool| tool.fulcrum()?.stated(STATED_SHARE)).collect()
     }
 
-    /// Looks at the next frame.
+    /// Tracks the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) -> FrameReport {
         self.instants.push((frame.index, frame.time_s));
         self.light.look(frame);
@@ -130,11 +132,11 @@ impl Tracker {
         for i in self.nearest_first(&outlines) {
             let scene = Scene { frame, table, settings, obstacles: &others(&outlines, i) };
             let tool = &mut self.tools[i];
-            let of_tool = tool.observe(&scene);
-            if of_tool.advance.observed {
-                outlines[i] = tool.outline(); // what it hides of those behind it, it hides where it is, not where it was expected
+            let result = tool.observe(&scene);
+            if result.advance.observed {
+                outlines[i] = tool.outline(); // hide others by the measured position, no longer by the expected one
             }
-            seen.push((i, of_tool));
+            seen.push((i, result));
         }
         for pair in &self.pairs {
             let obstacles = pair.map(|i| others(&outlines, i));
@@ -150,8 +152,8 @@ impl Tracker {
         FrameReport { frame: frame.index, time_s: frame.time_s, tools }
     }
 
-    /// As [`Self::observe`], and tells what was looked at on the way: to find out why a frame failed. A full look at the
-    /// frame's colours takes several times as long as the frame itself.
+    /// Like [`Self::observe`], and also records each step of the search, to find out why a frame failed. Classifying
+    /// every cell of the frame takes several times as long as tracking it.
     pub fn observe_traced(&mut self, frame: &Frame<'_>) -> (FrameReport, FrameTrace) {
         self.tools.iter_mut().for_each(|tool| tool.tracing.begin());
         let report = self.observe(frame);
@@ -160,7 +162,7 @@ impl Tracker {
         (report, FrameTrace { classes, columns, tools })
     }
 
-    /// Ends the recording: every frame again with hindsight.
+    /// Ends the recording: processes all frames again, now with knowledge of the whole recording.
     pub fn finish(mut self) -> Tracking {
         for pair in &self.pairs {
             if let Ok(tools) = self.tools.get_disjoint_mut(*pair) {
@@ -183,19 +185,19 @@ impl Tracker {
         Tracking { quality, motions, frame_times_s }
     }
 
-    /// One camera recorded all tools: what they tell together of how light was mixed, all are told.
+    /// Decides from all tools together whether blur mixed light or codes: one camera recorded them all.
     fn share_mixing(&mut self) {
         let mixing = mixing::of_recording(self.tools.iter().filter_map(|tool| tool.edges.chroma_shift_px()));
         self.tools.iter_mut().for_each(|tool| tool.edges.believe(mixing));
     }
 
-    /// Where each tool is expected to stand, so that the others know what hides them.
+    /// The expected outline of each tool, so that the other tools know what may hide them.
     fn expected_outlines(&self, time_s: f64) -> Vec<Option<Outline>> {
-        let thread = self.settings.motion.thread();
-        self.tools.iter().map(|tool| tool.expected_tube(time_s, &thread).and_then(|(tube, _)| tube.outline())).collect()
+        let motion = self.settings.motion.thread();
+        self.tools.iter().map(|tool| tool.expected_tube(time_s, &motion).and_then(|(tube, _)| tube.outline())).collect()
     }
 
-    /// The tools that are followed each on its own, the nearest to the camera first: it may hide the others.
+    /// The tools that share no colour with another, the nearest to the camera first because it may hide the others.
     fn nearest_first(&self, outlines: &[Option<Outline>]) -> Vec<usize> {
         let is_alone = |tool: &usize| !self.pairs.iter().flatten().any(|paired| paired == tool);
         let depth_mm = |tool: &usize| outlines[*tool].map_or(f64::INFINITY, |outline| outline.rim(0.0, 0.0).z);
@@ -243,7 +245,7 @@ impl Tracker {
         })
     }
 
-    /// Both borders and the distal end as they are drawn over the frame.
+    /// Both borders and the distal end, as drawn over the frame.
     fn drawing(&self, measurement: &Measurement) -> Option<([[Pixel; 2]; 2], Pixel)> {
         let outline = measurement.estimate.tube.outline()?;
         let pixel = |point| self.settings.camera.project(CameraPoint(point));
@@ -253,7 +255,7 @@ impl Tracker {
     }
 }
 
-/// What may hide a tool: the outlines of all others.
+/// The outlines of all other tools: they may hide this tool.
 fn others(outlines: &[Option<Outline>], tool: usize) -> Vec<Outline> {
     outlines.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, outline)| *outline).collect()
 }

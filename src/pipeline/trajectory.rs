@@ -1,14 +1,14 @@
-//! Where each tool was at each frame: the product of the tracker, the input of the features.
+//! Position of each tool at each frame: the product of the tracker and the input of the features.
 
 use nalgebra::{Point2, Point3, Vector3};
 
-/// Which estimate a trajectory holds.
+/// The kind of estimate in a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// Each frame's own measurement, unfiltered.
     Raw,
-    /// Kalman filter forwards over poses that are steadied with what the whole recording tells of fulcrum and shared errors: a
-    /// live watcher, who lacks that, sees a little more noise.
+    /// Kalman filter, forwards in time, over poses steadied with the fulcrum and shared errors of the whole recording.
+    /// A live feed lacks that knowledge and is slightly noisier.
     Filtered,
     /// Rauch–Tung–Striebel smoother over the whole recording: the default for scores.
     Smoothed,
@@ -48,47 +48,48 @@ pub struct Sample {
     pub state: SampleState,
 }
 
-/// The path of every tool of a session, ordered by frame, then tool. A frame without a row for a tool means
-/// that the tool was not tracked there.
+/// The path of every tool of a session, ordered by frame, then tool. A frame without a sample of a tool means that the
+/// tool was not tracked there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// Names of the tools; [`Sample::tool`] counts in it.
+    /// Names of the tools; [`Sample::tool`] is an index into this list.
     pub tools: Vec<String>,
-    /// Rows.
+    /// The samples.
     pub samples: Vec<Sample>,
-    /// Presentation time of every decoded frame, s, where known (empty when read from a file of rows).
+    /// Presentation time of every decoded frame, s; empty if unknown (when read from a file of samples).
     pub frame_times_s: Vec<f64>,
-    /// Where somebody has said that a path goes on as another tool's.
+    /// Where an edit by a person says that the path continues as another tool's.
     pub cuts: Vec<Cut>,
 }
 
-/// Between two rows of a name that are not of one tool: nothing may be bridged there, for nothing moved from the one to the other.
+/// Separates two samples under one name that belong to different tools. Nothing may be interpolated across it: no tool
+/// moved from one sample to the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {
     /// Index into [`Trajectory::tools`].
     pub tool: usize,
-    /// Time of the first row behind it, s.
+    /// Time of the first sample after the cut, s.
     pub time_s: f64,
 }
 
 impl Trajectory {
-    /// The rows of one tool, in time order.
+    /// The samples of one tool, in time order.
     pub fn of_tool(&self, tool: usize) -> impl Iterator<Item = &Sample> {
         self.samples.iter().filter(move |s| s.tool == tool)
     }
 
-    /// Where the path of one tool is cut, s.
+    /// Times of one tool's cuts, s.
     pub fn cuts_of(&self, tool: usize) -> Vec<f64> {
         self.cuts.iter().filter(|cut| cut.tool == tool).map(|cut| cut.time_s).collect()
     }
 }
 
-/// Does a cut lie behind the first of two times and not behind the second, s?
+/// Is there a cut after the first of two times and not after the second, s?
 pub fn is_cut(cuts_s: &[f64], [before_s, time_s]: [f64; 2]) -> bool {
     cuts_s.iter().any(|cut_s| before_s < *cut_s && *cut_s <= time_s)
 }
 
-/// What can make each path of a tool again, for those who look at one of them at a time: an hour of samples takes 15 MiB.
+/// Source of one tool's path at a time, for users that need only one in memory: an hour of samples takes 15 MiB.
 pub trait Paths: std::fmt::Debug {
     /// One path of one tool, in time order.
     fn path(&self, kind: Kind, tool: usize) -> Vec<Sample>;

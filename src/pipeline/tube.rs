@@ -1,9 +1,9 @@
 //! The tool as a solid: a cylinder of known radius, and its exact outline as the camera sees it.
 //!
-//! With the axis `d` (unit, from the hand to the tip), the axis's point nearest to the camera `N` and the radius `r`, the
+//! Let the axis be `d` (unit, from the hand to the tip), its point nearest to the camera `N`, and the radius `r`. The
 //! two planes through the camera that touch the cylinder have unit normals `n₁`, `n₂` with `n·d = 0` and `n·N = r`
-//! (METHOD 4). Each touches it along a line; both lines are the borders of the tube in the picture. A circle round the
-//! axis shows its *near* half between the two lines of touch.
+//! (METHOD 4). Each plane touches the cylinder along a line; these two lines are the borders of the tube in the
+//! picture. Of a circle round the axis, the camera sees the *near* half between the two lines.
 
 use nalgebra::{Point3, Vector3};
 
@@ -18,11 +18,12 @@ pub struct Tube {
     pub radius: f64,
 }
 
-/// What a tube shows to the camera: fixed for all points of its outline, so worked out once.
+/// Outline of a tube as the camera sees it. The parts that are the same for all points of the outline are computed
+/// once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outline {
     tube: Tube,
-    /// Unit normals of the two touching planes, both pointing to the side where the tube is.
+    /// Unit normals of the two tangent planes, both pointing to the side of the tube.
     pub normals: [Vector3<f64>; 2],
     towards_camera: Vector3<f64>,
     sideways: Vector3<f64>,
@@ -30,12 +31,12 @@ pub struct Outline {
 }
 
 impl Tube {
-    /// The axis's point nearest to the camera.
+    /// The point of the axis nearest to the camera.
     pub fn nearest(&self) -> Vector3<f64> {
         self.tip.coords - self.axis * self.tip.coords.dot(&self.axis)
     }
 
-    /// The outline; `None` where the camera would be inside the tube or the tube behind it.
+    /// The outline; `None` if the camera would be inside the tube or the tube behind the camera.
     pub fn outline(&self) -> Option<Outline> {
         let nearest = self.nearest();
         let distance = nearest.norm();
@@ -56,18 +57,18 @@ impl Tube {
     }
 }
 
-/// How far jaws reach beyond a tube's tip, mm; generous, because what they hide is only left out.
+/// Reach of the jaws beyond the tip, mm. Generous, because points that the jaws may hide are only left out.
 const JAWS_MM: f64 = 30.0;
 
 impl Outline {
-    /// Does the tube, with its jaws, stand before a point `depth_mm` away that is seen along `sight`? `margin` widens it
-    /// on both sides, radians.
+    /// Does the tube, with its jaws, hide a point `depth_mm` away in direction `sight`? `margin` widens the tube on
+    /// both sides, radians.
     pub fn hides(&self, sight: Vector3<f64>, depth_mm: f64, margin: f64) -> bool {
         let ray = sight.normalize();
         if self.normals.iter().any(|normal| normal.dot(&ray) < -margin) {
             return false;
         }
-        // Where the axis passes behind the ray: along the axis, in the plane of both.
+        // Point of the axis nearest to the ray.
         let axis = self.tube.axis;
         let (along, tip) = (ray.dot(&axis), self.tube.tip.coords);
         let apart = 1.0 - along * along;
@@ -79,12 +80,12 @@ impl Outline {
         ahead_mm < JAWS_MM && there.z > 0.0 && there.z < depth_mm
     }
 
-    /// Where border 0 or 1 touches the tube, `back_mm` behind the tip.
+    /// Point of border 0 or 1 on the tube, `back_mm` behind the tip.
     pub fn border(&self, side: usize, back_mm: f64) -> Point3<f64> {
         self.tube.tip - self.tube.axis * back_mm - self.normals[side] * self.tube.radius
     }
 
-    /// A point on the near half of the circle `back_mm` behind the tip; `across` runs from −1 (border 0) through 0
+    /// Point on the near half of the circle `back_mm` behind the tip. `across` goes from −1 (border 0) through 0
     /// (midline) to 1 (border 1).
     pub fn rim(&self, back_mm: f64, across: f64) -> Point3<f64> {
         let (sin, cos) = (across * self.half_angle).sin_cos();
@@ -125,8 +126,8 @@ mod tests {
         let outline = tube.outline().unwrap();
         let seen = |x: f64, y: f64| Vector3::new(x, y, 150.0);
         assert!(outline.hides(seen(-20.0, 1.0), 200.0, 0.0));
-        assert!(!outline.hides(seen(-20.0, 1.0), 120.0, 0.0), "it lies before the tube");
-        assert!(!outline.hides(seen(-20.0, 6.0), 200.0, 0.0), "it lies beside the tube");
-        assert!(!outline.hides(seen(50.0, 0.0), 200.0, 0.0), "it lies beyond the jaws");
+        assert!(!outline.hides(seen(-20.0, 1.0), 120.0, 0.0), "in front of the tube");
+        assert!(!outline.hides(seen(-20.0, 6.0), 200.0, 0.0), "beside the tube");
+        assert!(!outline.hides(seen(50.0, 0.0), 200.0, 0.0), "beyond the jaws");
     }
 }

@@ -5,7 +5,7 @@ use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::segmentation::region_of_interest::{CellBox, class_at};
 
-/// Touching cells of one class.
+/// A region of touching cells of one class.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Component {
     /// Area, centroid and spread, in pixels.
@@ -14,7 +14,7 @@ pub struct Component {
     pub bounds: CellBox,
 }
 
-/// Finds components; keeps its memory between frames.
+/// Finds components; keeps its buffers between frames.
 #[derive(Default)]
 pub struct ComponentFinder {
     mask: Vec<bool>,
@@ -35,7 +35,7 @@ impl ComponentFinder {
         self.find_where(frame, table, class, search, least_cells, |_, _| true)
     }
 
-    /// The same among the cells (column, row) that count.
+    /// The same, using only the cells (column, row) for which `counts` is true.
     pub fn find_where(
         &mut self,
         frame: &Frame<'_>,

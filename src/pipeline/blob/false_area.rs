@@ -1,10 +1,10 @@
-//! What of a marked frame has a tool's colour and is not the tool: the frame's own confusion, which samples cannot show
-//! where nobody marked the peg that looks like the tape.
+//! Measures the parts of a marked frame that have a tool's colour but are not the tool. The samples alone cannot show
+//! this if the peg that looks like the tape was not marked.
 //!
-//! In: a frame, its colour table, the rectangles that mark one tool's band on it. Regions that reach into the rectangle
-//! around those marks are the band; all others are false. A false region that touches the band counts with it. Where
-//! several tools wear the colour, each region with a mark on it is a band, and as many of the largest others as bands are
-//! then missing are theirs whom nobody marked on this frame.
+//! Input: a frame, its colour table, and the rectangles that mark one tool's band on it. Regions that reach into the
+//! rectangle around those marks are the band; all others are false. A false region that touches the band counts as
+//! band. If several tools share the colour, each region with a mark on it is a band. If there are fewer such regions
+//! than tools, the largest other regions count as the missing bands, which were not marked on this frame.
 
 use super::components::{Component, ComponentFinder};
 use crate::pipeline::frame::Frame;
@@ -13,19 +13,19 @@ use crate::pipeline::segmentation::palette::FalseArea;
 use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::pipeline::segmentation::samples::Rectangle;
 
-/// The false area of the colour of this class, which so many tools wear; `None` where no mark lies on a region of it, so
-/// that no band is known.
+/// The false area of a class whose colour `tool_count` tools share; `None` if no mark lies on a region of that colour,
+/// so that no band is known.
 pub fn false_area(
     frame: &Frame<'_>,
     table: &ColourTable,
     class: u8,
     marks: &[&Rectangle],
-    wearers: usize,
+    tool_count: usize,
 ) -> Option<FalseArea> {
     let whole = CellBox::whole(frame);
     let mut marked: Vec<CellBox> = marks.iter().map(|mark| cells_of(mark)).collect();
     let around = marked.iter().copied().reduce(|a, b| a.joined(&b))?;
-    if wearers == 1 {
+    if tool_count == 1 {
         marked = vec![around];
     }
     let found = ComponentFinder::default().find(frame, table, class, whole, 1);
@@ -35,10 +35,10 @@ pub fn false_area(
         return None;
     }
     others.sort_by_key(|region| std::cmp::Reverse(region.moments.cells()));
-    let unmarked = wearers.saturating_sub(bands.len()).min(others.len());
+    let unmarked = tool_count.saturating_sub(bands.len()).min(others.len());
     let others = others.split_off(unmarked);
     let cells = |of: &[Component]| of.iter().map(|c| c.moments.cells()).sum::<usize>() as f64;
-    let band = cells(&bands) / wearers.min(bands.len()) as f64;
+    let band = cells(&bands) / tool_count.min(bands.len()) as f64;
     let outside = (whole.width() * whole.height()) as f64 - cells(&bands);
     Some(FalseArea {
         tool: marks[0].label.clone(),
@@ -67,7 +67,7 @@ mod tests {
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
     /// A picture of cells: `#` has the tape's colour.
-    fn of_picture(cells: &[&str], marks: &[Rectangle], wearers: usize) -> Option<FalseArea> {
+    fn of_picture(cells: &[&str], marks: &[Rectangle], tool_count: usize) -> Option<FalseArea> {
         let samples = ColourSamples {
             encoding: ENCODING,
             labels: vec!["orange".into(), "background".into()],
@@ -85,7 +85,7 @@ mod tests {
         let plane = |data| Plane { data, stride: width, width, height };
         let (y, u, v) = (plane(&y), plane(&u), plane(&v));
         let frame = Frame { index: 7, time_s: 0.0, y, u, v, shift_x: 0, shift_y: 0, encoding: ENCODING };
-        false_area(&frame, &table, 1, &marks.iter().collect::<Vec<_>>(), wearers)
+        false_area(&frame, &table, 1, &marks.iter().collect::<Vec<_>>(), tool_count)
     }
 
     fn mark(x: usize, y: usize) -> Rectangle {

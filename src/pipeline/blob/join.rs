@@ -1,10 +1,10 @@
-//! Parts of one band that a crease, glare or the other tool has split are joined when they lie on one line.
+//! Joins parts of one band that a crease, glare or the other tool has split, if they lie on one line.
 
 use super::components::Component;
 use super::moments::Rectangle;
 
 /// Joins to the first (largest) component every other that continues it: on its axis within half a width, no wider
-/// than it, and no farther than its own length. Returns the band and the parts that belong elsewhere.
+/// than it, and no farther away than its own length. Returns the band, and the parts that belong elsewhere.
 pub fn join_collinear(mut parts: Vec<Component>) -> (Option<Component>, Vec<Component>) {
     if parts.is_empty() {
         return (None, parts);
@@ -25,7 +25,7 @@ pub fn join_collinear(mut parts: Vec<Component>) -> (Option<Component>, Vec<Comp
 
 fn continues(band: &Rectangle, part: &Rectangle) -> bool {
     let gap = part.centre - band.centre;
-    // A short stump's own axis says little; then the line through both centres must fit both.
+    // The axis of a short stump is unreliable; then the line through both centres must fit both.
     let axis = if band.length_px > 1.5 * band.width_px { band.axis } else { gap.normalize() };
     let across = (gap.x * axis.y - gap.y * axis.x).abs();
     let along = gap.dot(&axis).abs();

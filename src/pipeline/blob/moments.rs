@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::pipeline::segmentation::region_of_interest::CELL_PX;
 
-/// Sums over a region's cells, in pixels of the recorded frame. Sums add, so that parts can be joined.
+/// Sums over a region's cells, in pixels of the recorded frame. Sums can be added, so that parts can be joined.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: f64,
@@ -22,7 +22,7 @@ impl Moments {
         self.squares = [self.squares[0] + x * x, self.squares[1] + x * y, self.squares[2] + y * y];
     }
 
-    /// Both regions as one.
+    /// The moments of both regions together.
     pub fn joined(&self, other: &Self) -> Self {
         Self {
             count: self.count + other.count,
@@ -69,12 +69,12 @@ impl Moments {
     }
 }
 
-/// A rectangle that stands for a region.
+/// The rectangle with a region's centre and second moments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
     /// Centre, pixels.
     pub centre: Vector2<f64>,
-    /// Unit vector along the longer side; its sign means nothing.
+    /// Unit vector along the longer side; its sign has no meaning.
     pub axis: Vector2<f64>,
     /// Longer side, pixels.
     pub length_px: f64,

@@ -1,15 +1,15 @@
-//! Equations with a symmetric, positive definite matrix of a few unknowns, by Cholesky's factors.
+//! Solves small linear systems with a symmetric, positive definite matrix by Cholesky factorisation.
 //!
-//! For the tracker's inmost loop: the lengths of all loops are known beforehand, nothing is moved, and all of it becomes part
-//! of its caller, to be compiled for the registers that the machine has.
+//! Made for the tracker's innermost loop: all loop lengths are known at compile time, no row is exchanged, and
+//! everything is inlined into the caller, so that it is compiled for the widest registers of the machine.
 
-/// The lower factor of a matrix.
+/// The lower Cholesky factor of a matrix.
 pub struct Factor<const N: usize> {
     lower: [[f64; N]; N],
 }
 
 impl<const N: usize> Factor<N> {
-    /// Factors a matrix, of which the lower half is looked at; `None` if it is not positive definite.
+    /// Factors a matrix, reading only its lower half; `None` if it is not positive definite.
     #[inline(always)]
     pub fn of(mut matrix: [[f64; N]; N]) -> Option<Self> {
         for column in 0..N {
@@ -25,8 +25,8 @@ impl<const N: usize> Factor<N> {
                 matrix[row][column] *= per_root;
                 below[row] = matrix[row][column];
             }
-            // Rows as a whole, so that several of their numbers are worked on at once: those before are less 0, and what is made
-            // of the upper half nobody looks at.
+            // Whole rows are processed, so that several numbers are computed at once. Earlier columns subtract 0, and
+            // the upper half is computed but never read.
             for row in column + 1..N {
                 let factor = below[row];
                 for (of, other) in matrix[row].iter_mut().zip(below) {
@@ -37,7 +37,7 @@ impl<const N: usize> Factor<N> {
         Some(Self { lower: matrix })
     }
 
-    /// What the equations with this right side have as their answer.
+    /// Solves the system for this right side.
     #[inline(always)]
     pub fn solve(&self, mut right: [f64; N]) -> [f64; N] {
         for row in 0..N {
@@ -53,7 +53,7 @@ impl<const N: usize> Factor<N> {
         right
     }
 
-    /// What is known of the last unknown, everything else being free: its inverse variance.
+    /// Information (inverse variance) on the last unknown, with all other unknowns free.
     #[inline(always)]
     pub fn information_on_last(&self) -> f64 {
         self.lower[N - 1][N - 1].powi(2)

@@ -1,42 +1,42 @@
-//! How a blurred edge looks: a step, a limb's shading and a ramp, blurred by a lens and by motion, tabled.
+//! Tabulated shapes of a blurred edge: a step, the shading of a limb and a ramp, blurred by the lens and by motion.
 //!
-//! A lens blurs by a Gaussian, motion during the exposure by a box. Each table is for one share of the box in the whole
-//! variance, and counts distance in standard deviations of the whole.
+//! A lens blurs by a Gaussian, motion during the exposure by a box. Each table is for one share of the box in the
+//! total variance, with distance in total standard deviations.
 
 use std::sync::OnceLock;
 
 use super::lanes::{LANES, Lanes};
 
-const STEPS_PER_SIGMA: f32 = 16.0; // between them, straight lines are within 2e-4
+const STEPS_PER_SIGMA: f32 = 16.0; // linear interpolation is within 2e-4
 const TABLE_REACH: f32 = 8.0;
 const STEPS: usize = (2.0 * TABLE_REACH * STEPS_PER_SIGMA) as usize;
-/// Shares of motion in the blur's variance that are tabled; a share of 1 would be a box with corners.
+/// Tabulated shares of motion in the blur's variance; at 1 the blur would be a box with corners.
 const SHARES: [f64; 6] = [0.0, 0.3, 0.55, 0.75, 0.88, 0.96];
 
-/// What blur makes of the parts of an edge at one place, `z` standard deviations outside of it: the share of the inside,
-/// the root of the depth inside, the distance outside; and by how much the share and the root fall per standard deviation
-/// outwards.
+/// Values of the blurred parts of an edge at one place, `z` standard deviations outside: the share of the inside, the
+/// root of the depth inside, the distance outside; then the decrease of the share and of the root per standard
+/// deviation outwards.
 pub type Curves = [Lanes; 5];
 
-/// All of them for `z` from −8 to 8.
+/// All curves for `z` from −8 to 8.
 pub struct EdgeCurves {
-    /// Each curve at each step.
+    /// The value of each curve at each step.
     low: Box<[Lanes; STEPS]>,
-    /// And by how much more it is at the next.
+    /// The increase of each curve to the next step.
     rise: Box<[Lanes; STEPS]>,
 }
 
 static EDGE_CURVES: [OnceLock<EdgeCurves>; SHARES.len()] = [const { OnceLock::new() }; SHARES.len()];
 
 impl EdgeCurves {
-    /// The table nearest to this share of motion in the blur's variance.
+    /// The table with the nearest share of motion in the blur's variance.
     pub fn of(motion_share: f64) -> &'static Self {
         let far = |i: &usize| (SHARES[*i] - motion_share).abs();
         let nearest = (0..SHARES.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0);
         EDGE_CURVES[nearest].get_or_init(|| Self::new(SHARES[nearest]))
     }
 
-    /// Works the table out by integration.
+    /// Computes a table by numerical integration.
     fn new(motion_share: f64) -> Self {
         let kernel = kernel(motion_share);
         let place = |i: usize| i as f64 / f64::from(STEPS_PER_SIGMA) - f64::from(TABLE_REACH);
@@ -46,7 +46,7 @@ impl EdgeCurves {
             let z = place(i);
             let (low, high) = (i.saturating_sub(1), (i + 1).min(STEPS));
             let limb_fall = (limb[low] - limb[high]) / (place(high) - place(low));
-            let half = 0.5 * KERNEL_STEP; // each of the kernel's points stands for that much on both sides
+            let half = 0.5 * KERNEL_STEP; // each kernel point covers this much on both sides
             let share = mean(&|x| (0.5 - x / KERNEL_STEP).clamp(0.0, 1.0), z);
             let density = mean(&|x| if x.abs() < half { 1.0 / KERNEL_STEP } else { 0.0 }, z);
             Lanes([share, limb[i], mean(&|x| x.max(0.0), z), density, limb_fall, 0.0, 0.0, 0.0].map(|c| c as f32))
@@ -59,10 +59,10 @@ impl EdgeCurves {
         Self { low, rise }
     }
 
-    /// The curves at some places; interpolated.
+    /// The interpolated curves at these places.
     #[inline(always)]
     pub fn at(&self, z: Lanes) -> Curves {
-        // Added to a number, it leaves the nearest whole one in the last bits: one step for all lanes.
+        // Adding this constant to a number leaves the nearest integer in the last bits: one instruction for all lanes.
         const TO_WHOLE: f32 = 1.5 * (1 << 23) as f32;
         const LAST: f32 = STEPS as f32 - 0.01;
         let at = ((z + TABLE_REACH) * STEPS_PER_SIGMA).at_least(0.0).at_most(LAST);
@@ -85,7 +85,7 @@ impl EdgeCurves {
 
 const KERNEL_STEP: f64 = 1.0 / 16.0;
 
-/// Places and weights of a Gaussian blurred by a box, of variance 1 together.
+/// Points and weights of a Gaussian convolved with a box, with a total variance of 1.
 fn kernel(motion_share: f64) -> Vec<(f64, f64)> {
     let (sigma, half_width) = ((1.0 - motion_share).sqrt(), (3.0 * motion_share).sqrt());
     let upper = |x: f64| 0.5 * libm::erfc(x / sigma * std::f64::consts::FRAC_1_SQRT_2);

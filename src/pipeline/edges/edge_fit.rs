@@ -1,11 +1,12 @@
-//! One edge in all three planes: light on both sides, mixed by blur, coded, and compared with the samples.
+//! Fits one edge in all three planes: light on both sides is mixed by blur, encoded, and compared with the pixels.
 //!
-//! **In** the samples about a chord, an assumed offset, how blurred the edge is. **Out** by how much the edge lies farther
-//! out, how sure that is, what both sides look like. **Method** Gauss–Newton. Per channel (R, G, B) light is
-//! `base + limb·cos θ` inside, where `θ` is how far the tube's surface has turned away, and `out + ramp·distance` outside;
-//! at a tape's end, where nothing turns away, it changes steadily inside instead. Without the limb its darkening pulls the
-//! border inwards by up to a pixel; without the ramp the soft shadow beside a tube pushes it outwards by 0.4. Shadow is the
-//! same share of all channels, and one ramp for the three loses nothing; one limb for the three does, by 0.4 mm of depth.
+//! **In** the profiles across a chord, an initial offset, the edge's expected blur. **Out** the offset of the edge,
+//! its certainty, the light on both sides. **Method** Gauss–Newton. Per channel (R, G, B) the light is `base +
+//! limb·cos θ` inside, with `θ` the angle between the tube's surface normal and the camera, and `out + ramp·distance`
+//! outside. At a tape's end no surface turns away; the light then changes steadily inside. Without the limb term, the
+//! limb's darkening would pull the border inwards by up to a pixel; without the ramp, the soft shadow beside a tube
+//! would push it outwards by 0.4. Shadow has the same share in all channels, so one ramp for all three loses nothing;
+//! one limb for all three would cost 0.4 mm of depth.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -16,42 +17,43 @@ use super::probe::Shading;
 use super::profile::Profile;
 use super::tone::Tone;
 
-/// Depth inside a cut edge over which its shading is counted, pixels.
+/// Unit of depth inside a cut edge for its shading term, pixels.
 const CUT_DEPTH_PX: f64 = 10.0;
-/// How far the light inside may be from a guess, and from what the recording has taught, as a share of it: base, limb.
+/// How far the light inside may be from a guess, and from the learned light, as a share of it: base, limb.
 const GUESSED_WITHIN: (f64, f64) = (0.7, 1.0);
 const LEARNED_WITHIN: (f64, f64) = (0.3, 0.3);
-/// How much the background may brighten or darken per pixel outwards, as a share of its light.
+/// Change of the background per pixel outwards, as a share of its light: standard deviation.
 const RAMP_WITHIN: f64 = 0.1;
-/// Light outside is only kept from running away.
+/// A very wide prior: it only keeps the light outside from diverging.
 const ANY_LIGHT: f64 = 30.0;
-/// No side is darker than this as far as shares of it go.
+/// Minimum light of a side when shares of it are computed.
 const DARKEST: f64 = 0.01;
-/// How far the offset may be from the guess, pixels: keeps edges that hardly show from leaping about, moves no other.
+/// How far the offset may be from the guess, pixels. Keeps hardly visible edges from jumping about; no other edge is
+/// affected.
 const GUESS_WITHIN_PX: f64 = 3.0;
 
-/// Share of what the limb adds that there is some pixels inside.
+/// Share of the limb term that is present some pixels inside.
 pub(super) const LIMB_INSIDE: f64 = 0.6;
 
-/// A step that makes the squares this much larger is too long.
+/// A step that increases the squared residuals by more than this factor is too long.
 const WORSE: f64 = 1.05;
 
-/// How an edge is blurred and shaded.
+/// Expected blur and shading of an edge.
 #[derive(Clone, Copy)]
 pub struct EdgeLook<'a> {
     /// Standard deviation of the blur of light: lens and motion, pixels.
     pub light_blur_px: f64,
-    /// What the lens alone does, pixels.
+    /// Part of it due to the lens alone, pixels.
     pub lens_px: f64,
-    /// Standard deviation of what blurs chroma's codes besides: larger pixels and compression, pixels.
+    /// Additional blur of the chroma codes, by larger pixels and compression: standard deviation, pixels.
     pub chroma_blur_px: f64,
     /// How the surface inside shades.
     pub shading: Shading,
-    /// What [`EdgeFit::taught`] is asked for.
+    /// The parameter for [`EdgeFit::learned_evidence`].
     pub taught: Option<Taught>,
-    /// Light to codes.
+    /// Curve from light to codes.
     pub tone: &'a Tone,
-    /// Gamma-coded `[R', G', B']` to codes of Y, U, V, and the codes of black.
+    /// Matrix from gamma-coded `[R', G', B']` to codes of Y, U, V.
     pub codes_from_rgb: Matrix3<f64>,
     /// Codes of black.
     pub black: Vector3<f64>,
@@ -60,25 +62,25 @@ pub struct EdgeLook<'a> {
 /// One channel's light inside an edge.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InsideLight {
-    /// But for what the limb adds.
+    /// Light inside without the limb term.
     pub base: f64,
-    /// What the limb adds where the surface faces the camera.
+    /// The limb term where the surface faces the camera.
     pub limb: f64,
-    /// What the first guess was made from.
+    /// Mean light inside that was used for the first guess.
     pub guessed: f64,
 }
 
 /// One number for each unknown.
 type Unknowns = [f64; UNKNOWNS];
 
-/// An edge as it is believed to be.
+/// Current estimate of an edge.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeFit {
     /// Light of each channel.
     pub light: [Light<f64>; 3],
-    /// Light inside that the first guess was made from, the mean of what is clear of the edge.
+    /// Mean light inside, clear of the edge: the basis of the first guess.
     guessed: [f64; 3],
-    /// By how much more than guessed the inside shades, and the outside rises per pixel: shares of the light there.
+    /// Shading inside and ramp outside beyond the guess: shares of the light there.
     shared: [f64; 4],
     /// Distance from the chord, pixels.
     pub offset_px: f64,
@@ -86,18 +88,18 @@ pub struct EdgeFit {
     pub variance: [f64; 3],
     /// Information on the offset, px⁻².
     pub information: f64,
-    /// Gradient and information, with everything else free, on what was asked for.
+    /// Gradient and information on the learned parameter, with all other unknowns free.
     pub taught: (f64, f64),
-    /// By how much farther out the edge lies in chroma than in luma, pixels: 0 unless looked for.
+    /// How much farther out the edge lies in chroma than in luma, pixels; 0 unless it is estimated.
     pub chroma_px: f64,
     /// Squared residuals before the last step, codes², and that step.
     before: Option<(f64, Unknowns)>,
-    /// How far the inside's light may be from the first guess, as a share of it: base, and limb beside it.
+    /// Expected deviation of the light inside from the first guess, as a share of it: base, limb.
     expected_within: (f64, f64),
 }
 
 impl EdgeFit {
-    /// A first guess from both sides' light.
+    /// First guess from the light of both sides.
     pub fn between(inside: [f64; 3], outside: [f64; 3], offset_px: f64, shading: Shading) -> Self {
         let (base, limb) = match shading {
             Shading::Limb { .. } => (0.6, 0.6),
@@ -124,8 +126,8 @@ impl EdgeFit {
         }
     }
 
-    /// Takes the inside's light from what is usual there, as bright as it is here: like is compared with like, for the
-    /// first guess is no mean of base and limb.
+    /// Replaces the light inside by the usual light there, scaled to the brightness of this edge. For the scale,
+    /// guesses are compared with guesses, because a guess is not a mean of base and limb.
     pub fn expect_inside(&mut self, usual: [InsideLight; 3]) {
         let unsaturated = |light: f64| light < 0.9;
         let (here, there) =
@@ -140,7 +142,7 @@ impl EdgeFit {
         self.expected_within = LEARNED_WITHIN;
     }
 
-    /// What it tells of each channel's light inside.
+    /// The fitted light inside, per channel.
     pub fn told(&self) -> [InsideLight; 3] {
         std::array::from_fn(|c| {
             let Light { base, limb, .. } = self.light[c];
@@ -172,7 +174,7 @@ impl EdgeFit {
         self.offset_px += share * step[OFFSET];
     }
 
-    /// Adds what is believed before looking: light about as it was `first`, shading and ramp about as guessed.
+    /// Adds the priors: light about as in the first guess, shading and ramp about as guessed.
     fn add_beliefs(&self, first: &Self, normal: &mut [Unknowns; UNKNOWNS], right: &mut Unknowns) {
         let (base_within, limb_within) = first.expected_within;
         let mut believe = |at: usize, sigma: f64, now: f64| {
@@ -190,17 +192,18 @@ impl EdgeFit {
     }
 }
 
-/// What the normal equations of one edge tell.
+/// Solution of the normal equations of one edge.
 struct Answers {
-    /// By how much each unknown is to be moved.
+    /// The step of each unknown.
     step: Unknowns,
-    /// On the offset, everything else being free.
+    /// Information on the offset, with all other unknowns free.
     information: f64,
-    /// How each unknown goes with what is taught besides, where something is.
+    /// Dependence of each unknown on the learned parameter, if there is one.
     through: Option<Unknowns>,
 }
 
-/// Solves the normal equations for the residuals, and for what is taught besides. The same in every instruction set.
+/// Solves the normal equations for the residuals and for the learned parameter. The same result with every instruction
+/// set.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn answers(normal: [Unknowns; UNKNOWNS], residuals: Unknowns, taught: Option<Unknowns>) -> Option<Answers> {
     let factor = Factor::of(normal)?;
@@ -213,14 +216,14 @@ fn answers(normal: [Unknowns; UNKNOWNS], residuals: Unknowns, taught: Option<Unk
 }
 
 impl EdgeLook<'_> {
-    /// The codes of some light.
+    /// The codes of this light.
     pub fn codes(&self, light: [f64; 3]) -> [f64; 3] {
         let coded = Vector3::from(light.map(|l| self.tone.code(l)));
         (self.codes_from_rgb * coded + self.black).into()
     }
 
-    /// One step, planes weighed by these variances, or half the last one back where it made things worse; returns how far
-    /// the offset moved.
+    /// Makes one Gauss–Newton step with planes weighted by these variances, or takes half of the last step back if it
+    /// made things worse. Returns how far the offset moved.
     pub fn improve(
         &self,
         luma: &Profile<1>,

@@ -1,10 +1,10 @@
-//! How edges look in one recording, learned while tracking: blur, noise of each plane, exposure.
+//! Appearance of one tool's edges in one recording, learned while tracking: blur, noise of each plane, exposure.
 //!
-//! **In** the fits of the edges along every tube that is believed ([`EdgeModel::learn`]). **Out** what the next frame's
-//! edges are expected to look like. **Method** lens and exposure follow the gradient of the residuals at the band's ends, the
-//! blur of chroma that at its borders, each by a Kalman filter of one state; light inside each part of the outline is a mean
-//! over its last edges; noise follows the median; whether light or codes were mixed, all tools of a recording tell together
-//! ([`super::mixing`]).
+//! **In** the edge fits along every accepted tube ([`EdgeModel::learn`]). **Out** the expected appearance of the next
+//! frame's edges. **Method** Lens blur and exposure are learned from the residuals at the band's ends, chroma blur
+//! from those at its borders, each by a Kalman filter with one state. The light inside each part of the outline is a
+//! mean over recent edges; noise follows the median. Whether blur mixed light or codes is decided by all tools of a
+//! recording together ([`super::blur_domain`]).
 
 use std::ops::Range;
 
@@ -17,42 +17,42 @@ use super::probe::{Probe, Shading};
 use super::tone::{Mixing, Tone};
 use crate::pipeline::frame::{ColourEncoding, Frame};
 
-/// How edges look in this recording: blur and noise of each plane, learned while tracking.
+/// Appearance of edges in this recording: blur and noise of each plane, learned while tracking.
 #[derive(Clone)]
 pub struct EdgeModel {
     /// Blur of light by the lens: standard deviation, pixels.
     pub lens_px: f64,
-    /// Variance of pixels about the model in Y, U, V, codes²: the median of the edges', which creases and patterns beside
-    /// some of them do not raise.
+    /// Variance of pixels about the model in Y, U, V, codes². The median over edges, so that creases and patterns
+    /// beside some of them do not raise it.
     pub(super) noise: [f64; 3],
     /// The tape's usual chroma, codes.
     pub(super) tape: Vector2<f64>,
-    /// What blur mixes.
+    /// What blur mixes: light or codes.
     pub mixing: Mixing,
     encoding: ColourEncoding,
     codes_from_rgb: Matrix3<f64>,
     black: Vector3<f64>,
-    /// How long the shutter is open, s; learned from how much moving edges are smeared.
+    /// Exposure time, s; learned from the motion blur of moving edges.
     pub exposure_s: f64,
-    /// Blur of chroma's codes beyond that of light, pixels of luma per halving.
+    /// Additional blur of the chroma codes, pixels of luma per halving.
     pub(super) chroma_blur_px: f64,
     lens: Learned,
     chroma_blur: Learned,
     exposure: Learned,
-    /// Edges, and those among them whose residuals exceed the noise, plane by plane.
+    /// Per plane: number of edges, and number of those with more residual variance than the noise.
     noisier: [(f64, f64); 3],
-    /// Light inside each of the outline's parts, as it usually is.
+    /// Usual light inside each part of the outline.
     inside: [UsualInside; 4],
     trial: Trial,
     frames: u32,
-    /// Edges of this frame.
+    /// The edges found on this frame.
     pub(super) found: Vec<(Probe, EdgeFit)>,
 }
 
-/// What is known of a number that a recording teaches: a Kalman filter of one state.
+/// Estimate of one number learned from a recording: a Kalman filter with one state.
 #[derive(Clone, Copy, Debug)]
 struct Learned {
-    /// Variance of the number now, and before anything was seen.
+    /// Variance of the number now, and before any evidence.
     variance: f64,
     usual_variance: f64,
     gradient: f64,
@@ -60,22 +60,22 @@ struct Learned {
 }
 
 impl Learned {
-    /// Share of the evidence that is believed: the edges of a frame, and of the next, err alike.
+    /// Share of the evidence that is counted: edges of one frame, and of consecutive frames, have similar errors.
     const TRUST: f64 = 0.2;
-    /// Frames after which a number may be another by its usual spread.
+    /// Number of frames after which the number may have changed by its usual spread.
     const MEMORY: f64 = 20_000.0;
 
     fn new(sigma: f64) -> Self {
         Self { variance: sigma * sigma, usual_variance: sigma * sigma, gradient: 0.0, information: 0.0 }
     }
 
-    /// Takes a gradient and its information into the evidence.
+    /// Adds a gradient and its information to the evidence.
     fn see(&mut self, gradient: f64, information: f64) {
         self.gradient += gradient;
         self.information += information;
     }
 
-    /// The number after all that was seen.
+    /// The updated number, from the evidence since the last update.
     fn settle(&mut self, value: f64) -> f64 {
         let (gradient, information) = (std::mem::take(&mut self.gradient), std::mem::take(&mut self.information));
         self.variance = 1.0 / (1.0 / self.variance + Self::TRUST * information);
@@ -85,7 +85,7 @@ impl Learned {
     }
 }
 
-/// Light inside one part of an outline: the mean of each channel, and over how many edges that was learned.
+/// Usual light inside one part of an outline: the mean of each channel, and the number of edges it was learned from.
 #[derive(Clone, Copy, Debug, Default)]
 struct UsualInside {
     light: [InsideLight; 3],
@@ -93,9 +93,9 @@ struct UsualInside {
 }
 
 impl UsualInside {
-    /// Edges after which it is known.
+    /// Minimum number of edges to use the light.
     const ENOUGH: f64 = 8.0;
-    /// Edges that it remembers.
+    /// Number of edges in the running mean.
     const MEMORY: f64 = 200.0;
 
     fn known(&self) -> Option<&Self> {
@@ -104,29 +104,29 @@ impl UsualInside {
 
     fn learn(&mut self, fit: &EdgeFit) {
         self.edges = (self.edges + 1.0).min(Self::MEMORY);
-        for (mean, told) in self.light.iter_mut().zip(fit.told()) {
-            mean.base += (told.base - mean.base) / self.edges;
-            mean.limb += (told.limb - mean.limb) / self.edges;
-            mean.guessed += (told.guessed - mean.guessed) / self.edges;
+        for (mean, seen) in self.light.iter_mut().zip(fit.told()) {
+            mean.base += (seen.base - mean.base) / self.edges;
+            mean.limb += (seen.limb - mean.limb) / self.edges;
+            mean.guessed += (seen.guessed - mean.guessed) / self.edges;
         }
     }
 }
 
 /// The first parts of an outline are limbs, the others are ends.
 const LIMBS: usize = 2;
-/// Mean light from which some of it was cut off.
+/// Mean light above this was partly cut off.
 const OVEREXPOSED: f64 = 0.85;
 /// Usual blur of a lens, pixels.
 const USUAL_LENS_PX: f64 = 0.7;
-/// Usual exposure, and how short and long one can be, s.
+/// Usual exposure time and its limits, s.
 const USUAL_EXPOSURE_S: f64 = 0.012;
 const EXPOSURES_S: (f64, f64) = (0.0005, 0.04);
-/// How sharp and soft a lens can be, pixels.
+/// Limits of the lens blur, pixels.
 const LENSES_PX: (f64, f64) = (0.3, 4.0);
-/// Blur of chroma's codes beyond that of light, in pixels of luma per halving: the mean of two pixels has 0.5, and
-/// compression takes a little.
+/// Additional blur of the chroma codes, in pixels of luma per halving. The mean of two pixels has 0.5; compression
+/// adds a little.
 const USUAL_CHROMA_BLUR_PX: f64 = 0.8;
-/// How little and how much that can be.
+/// Limits of that blur.
 const CHROMA_BLURS_PX: (f64, f64) = (0.1, 1.5);
 
 impl EdgeModel {
@@ -154,12 +154,12 @@ impl EdgeModel {
         }
     }
 
-    /// How an edge at a probe is expected to look.
+    /// Expected appearance of an edge at a probe.
     pub(super) fn look(&self, probe: &Probe, chroma_halvings: u8) -> EdgeLook<'static> {
         self.look_in(self.mixing, probe, chroma_halvings)
     }
 
-    /// The same if this was mixed.
+    /// The same, assuming this blur domain.
     pub(super) fn look_in(&self, mixing: Mixing, probe: &Probe, chroma_halvings: u8) -> EdgeLook<'static> {
         EdgeLook {
             light_blur_px: self.light_blur_px(probe),
@@ -177,18 +177,19 @@ impl EdgeModel {
         }
     }
 
-    /// The light that usually lies inside this part of an outline, where it is known. What is overexposed at a tape's end is
-    /// taken from the limbs, where the same tape turns into the shade: else the end would seem to lie farther out the more
-    /// it is smeared.
+    /// The usual light inside this part of an outline, if known. At a tape's end, overexposed channels are taken from
+    /// the limbs, where the same tape is less bright. Otherwise the end would seem to lie farther out the more it is
+    /// blurred.
     pub(super) fn usual_inside(&self, part: usize) -> Option<[InsideLight; 3]> {
         let mut light = self.inside[part].known()?.light;
-        /// Light of the other channels that tells how bright an end is beside the limbs, and how much it may differ.
+        /// Minimum light of the other channels to compare an end's brightness with the limbs', and limits of that
+        /// ratio.
         const TELLS: f64 = 0.05;
         const BRIGHTER: (f64, f64) = (0.5, 2.0);
         let overexposed = |l: &InsideLight| l.guessed > OVEREXPOSED;
         if let Some(facing) = self.facing_light().filter(|_| part >= LIMBS) {
-            let told = light.iter().zip(facing).filter(|(l, _)| !overexposed(l));
-            let (here, there) = told.fold((0.0, 0.0), |sum, (l, facing)| (sum.0 + l.base, sum.1 + facing));
+            let usable = light.iter().zip(facing).filter(|(l, _)| !overexposed(l));
+            let (here, there) = usable.fold((0.0, 0.0), |sum, (l, facing)| (sum.0 + l.base, sum.1 + facing));
             let brighter = if there > TELLS { (here / there).clamp(BRIGHTER.0, BRIGHTER.1) } else { 1.0 };
             for (l, facing) in light.iter_mut().zip(facing).filter(|(l, _)| overexposed(l)) {
                 let expected = facing * brighter;
@@ -200,39 +201,39 @@ impl EdgeModel {
         Some(light)
     }
 
-    /// Light of each channel where the tape faces the camera, as both limbs have it.
+    /// Light of each channel where the tape faces the camera: the mean of both limbs.
     fn facing_light(&self) -> Option<[f64; 3]> {
         let [one, other] = [self.inside[0].known()?, self.inside[1].known()?];
         Some(std::array::from_fn(|c| [one, other].map(|i| i.light[c].base + i.light[c].limb).iter().sum::<f64>() / 2.0))
     }
 
-    /// The light that has these codes, if this was mixed.
+    /// The light with these codes, assuming this blur domain.
     pub(super) fn light(&self, mixing: Mixing, codes: [f64; 3]) -> [f64; 3] {
         let tone = Tone::of(mixing);
         self.encoding.rgb_of_codes(codes).map(|code| tone.light(code.max(0.0))).into()
     }
 
-    /// Blur of light across a probe: the lens's, and the motion's during the exposure.
+    /// Blur of light across a probe: by the lens, and by motion during the exposure.
     fn light_blur_px(&self, probe: &Probe) -> f64 {
         let moved = probe.motion_px_s * self.exposure_s;
-        (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform smear of length a: variance a²/12
+        (self.lens_px * self.lens_px + moved * moved / 12.0).sqrt() // a uniform blur of length a has variance a²/12
     }
 
-    /// How much farther out its limbs lie in chroma than in luma if light was mixed, pixels, once enough were seen: tells what
-    /// a recording mixed ([`super::mixing::of_recording`]).
+    /// How much farther out the limbs lie in chroma than in luma if blur mixes light, pixels; `None` until enough
+    /// edges were seen. Shows which blur domain a recording has ([`super::blur_domain::decide`]).
     pub fn chroma_shift_px(&self) -> Option<f32> {
         self.trial.told_px()
     }
 
-    /// From now on, this was mixed.
+    /// Sets what blur mixes, from now on.
     pub fn believe(&mut self, mixing: Mixing) {
         if mixing != self.mixing {
             self.mixing = mixing;
-            self.inside = Default::default(); // light of another kind
+            self.inside = Default::default(); // learned in the other blur domain
         }
     }
 
-    /// Takes what the frame's edges taught of blur and noise into the model. Call once per frame.
+    /// Updates blur and noise from the frame's edges. Call once per frame.
     pub fn settle(&mut self) {
         self.found.clear();
         self.frames += 1;
@@ -249,13 +250,13 @@ impl EdgeModel {
         }
     }
 
-    /// How many edges of this frame have been found so far: they are counted to tell those of one tube from others.
+    /// Number of edges found on this frame so far. Two such counts delimit the edges of one tube.
     pub fn found(&self) -> usize {
         self.found.len()
     }
 
-    /// Takes some of the edges that were found on this frame into the evidence: those of the tube that is believed. Edges
-    /// along a false tube would teach what keeps it.
+    /// Adds some of the edges found on this frame to the evidence: those of the accepted tube. Edges along a false
+    /// tube would teach the model to find that tube again.
     pub fn learn(&mut self, frame: &Frame<'_>, believed: Range<usize>) {
         let found = std::mem::take(&mut self.found);
         for (probe, fit) in found.get(believed).unwrap_or_default() {
@@ -275,7 +276,7 @@ impl EdgeModel {
         if probe.shading == Shading::Cut {
             let blur = self.light_blur_px(probe);
             let (gradient, information) = fit.taught;
-            // Lens and motion blur add in squares; each learns by its own share of the whole.
+            // The variances of lens and motion blur add up; each parameter learns by its share of the total.
             let (lens, motion) = (self.lens_px / blur, probe.motion_px_s.powi(2) * self.exposure_s / 12.0 / blur);
             self.lens.see(gradient * lens, information * lens * lens);
             self.exposure.see(gradient * motion, information * motion * motion);
@@ -288,14 +289,14 @@ impl EdgeModel {
         }
     }
 
-    /// Is this a frame of those that teach the blur? All are at first; later, some are enough.
+    /// Is blur learned on this frame? At first on all frames, later on some.
     fn is_learning(&self) -> bool {
         const ALL_UNTIL: u32 = 40;
         const THEN_EVERY: u32 = 4;
         self.frames < ALL_UNTIL || self.frames.is_multiple_of(THEN_EVERY)
     }
 
-    /// How far one frame moves the noise: quickly at first, then as a mean of the last fifty frames.
+    /// Learning rate of the noise: fast at first, later a mean over the last fifty frames.
     fn pace(&self) -> f64 {
         f64::max(0.02, 1.0 / (f64::from(self.frames) + 3.0))
     }

@@ -1,37 +1,39 @@
-//! The equations of one edge: what each bin of its profiles says of light on both sides and of the edge's place.
+//! The equations of one edge: what each bin of its profiles contributes on the light of both sides and on the edge's
+//! offset.
 //!
-//! **In** an edge as it is assumed, and its profiles. **Out** all products of the columns of the weighed Jacobian and the
-//! residuals: the normal equations of [`super::edge_fit`]. **Method** light is worked out where each bin lies, coded, and
-//! mixed into the planes; chroma's own blur, which acts on codes, is the mean of two places. The tracker spends most of
-//! its time here: [`LANES`] bins are worked on at once, in single precision, in the widest registers that the machine has.
+//! **In** the current estimate of an edge, and its profiles. **Out** all products of the columns of the weighted
+//! Jacobian and the residuals: the normal equations of [`super::edge_fit`]. **Method** Light is computed at each bin,
+//! encoded, and mixed into the planes. The additional blur of chroma acts on codes and is approximated by the mean of
+//! two places. The tracker spends most of its time here, so [`LANES`] bins are processed at once, in single precision,
+//! in the widest registers of the machine.
 
 use super::edge_curves::EdgeCurves;
 use super::lanes::{LANES, Lanes};
 use super::profile::Profile;
 use super::tone::Tone;
 
-/// Heights of light: inside `base` of three channels, outside `out` of three, by how much more the inside shades in each
-/// of them, and by how much more the outside rises in all, as shares of the light there.
+/// Unknowns of the light: `base` inside for three channels, `out` outside for three, additional shading inside for
+/// each of them, and one additional ramp outside for all; the last two as shares of the light there.
 pub const HEIGHTS: usize = 10;
-/// The first height of the shading, and the one of the ramp.
+/// Index of the first shading unknown.
 pub const SHADE: usize = 6;
-/// See [`SHADE`].
+/// Index of the ramp unknown.
 pub const RAMP: usize = 9;
-/// With the offset.
+/// Number of unknowns: light and offset.
 pub const UNKNOWNS: usize = HEIGHTS + 1;
-/// With the residual, and what only many edges teach together.
+/// Number of columns: unknowns, residual, and the learned parameter.
 pub const COLUMNS: usize = UNKNOWNS + 2;
 /// Column of the edge's offset.
 pub const OFFSET: usize = HEIGHTS;
 /// Column of the residuals.
 pub const RESIDUAL: usize = HEIGHTS + 1;
-/// Column of what only many edges teach: see [`Taught`].
+/// Column of the learned parameter, see [`LearnedParameter`].
 pub const TAUGHT: usize = HEIGHTS + 2;
 
-/// Residuals beyond so many standard deviations count less.
+/// Residuals beyond this many standard deviations get less weight.
 const ROBUST: f32 = 2.0;
 
-/// Sums, over all bins and planes, of products of two columns of the weighed equations.
+/// Products of all pairs of columns of the weighted equations, summed over bins and planes.
 pub struct Products {
     of: [[f32; COLUMNS]; COLUMNS],
     /// Squared residuals of each plane, summed over its pixels.
@@ -44,7 +46,7 @@ impl Products {
         f64::from(self.of[one.max(other)][one.min(other)])
     }
 
-    /// Those of all unknowns: the lower half of the normal equations' matrix.
+    /// The products of the unknowns: the lower half of the normal equations' matrix.
     pub fn normal(&self) -> [[f64; UNKNOWNS]; UNKNOWNS] {
         let mut normal = [[0.0; UNKNOWNS]; UNKNOWNS];
         for (to, from) in normal.iter_mut().zip(&self.of) {
@@ -56,40 +58,40 @@ impl Products {
     }
 }
 
-/// What only many edges teach together.
+/// A parameter that many edges together determine, not one alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taught {
     /// The blur of light.
     LightBlur,
-    /// The blur of chroma's codes besides.
+    /// The additional blur of the chroma codes.
     ChromaBlur,
     /// How much farther out the edge lies in chroma.
     ChromaShift,
 }
 
-/// What does not change from bin to bin, in single precision.
+/// Values that are the same for all bins, in single precision.
 pub struct Constants<'a> {
-    /// Blurred step, limb and ramp.
+    /// Tables of the blurred step, limb and ramp.
     pub curves: &'a EdgeCurves,
-    /// Light to codes.
+    /// Curve from light to codes.
     pub tone: &'a Tone,
-    /// Of the edge from the chord, pixels.
+    /// Distance of the edge from the chord, pixels.
     pub offset: f32,
     /// How much farther out it lies in chroma, pixels.
     pub chroma: f32,
-    /// Blur of chroma's codes besides that of light, pixels.
+    /// Additional blur of the chroma codes, pixels.
     pub chroma_blur: f32,
     /// Blur of light, pixels.
     pub blur: f32,
-    /// Does the surface turn away?
+    /// Does the surface turn away from the camera?
     pub limb: bool,
-    /// `√(2·blur/radius)` and `blur/radius` of a limb; `blur/depth` of a cut.
+    /// For a limb: `√(2·blur/radius)` and `blur/radius`. For a cut: `blur/depth` as the second value.
     pub shading: (f32, f32),
     /// Light of each channel.
     pub light: [Light<f32>; 3],
-    /// What besides is asked of the edge.
+    /// The parameter to be learned, if any.
     pub taught: Option<Taught>,
-    /// Gamma-coded channels to codes.
+    /// Matrix from gamma-coded channels to codes.
     pub codes_from_rgb: [[f32; 3]; 3],
     /// Codes of black.
     pub black: [f32; 3],
@@ -100,15 +102,15 @@ pub struct Constants<'a> {
 /// One channel's light on both sides of an edge.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Light<T> {
-    /// Inside, but for what the limb adds.
+    /// Inside, without the limb term.
     pub base: T,
-    /// What the limb adds where the surface faces the camera.
+    /// The limb term where the surface faces the camera.
     pub limb: T,
     /// Just outside.
     pub out: T,
-    /// How much more per pixel outwards.
+    /// Increase per pixel outwards.
     pub ramp: T,
-    /// The light inside and outside that shading and ramp are shares of.
+    /// Reference light inside and outside: shading and ramp are shares of it.
     pub of: (T, T),
 }
 
@@ -121,7 +123,7 @@ impl Light<f64> {
     }
 }
 
-/// The products of all columns of an edge's equations. The same in every instruction set, to the last bit.
+/// The products of all columns of an edge's equations. The same with every instruction set, to the last bit.
 pub fn products(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> Products {
     match constants.taught {
         None => untaught(constants, luma, chroma),
@@ -139,15 +141,16 @@ fn taught(constants: &Constants<'_>, luma: &Profile<1>, chroma: &Profile<2>) -> 
     of_planes::<{ blocks(COLUMNS) }, { pair(blocks(COLUMNS), 0) }>(constants, constants.taught, luma, chroma)
 }
 
-/// Columns are multiplied in blocks of so many with as many others, which registers hold.
+/// Columns are multiplied in square blocks of this size, which fit into the registers.
 const BLOCK: usize = 4;
 
-/// Blocks that so many columns take.
+/// Number of blocks for this many columns.
 const fn blocks(columns: usize) -> usize {
     columns.div_ceil(BLOCK)
 }
 
-/// Where the products of two blocks are, the first no lower than the second; of one more than the last: how many pairs.
+/// Index of the products of two blocks, with `low` ≤ `high`. With `low` 0 and `high` one past the last block: the
+/// number of pairs.
 const fn pair(high: usize, low: usize) -> usize {
     high * (high + 1) / 2 + low
 }
@@ -171,14 +174,14 @@ fn of_planes<const USED: usize, const PAIRS: usize>(
     Products { of, squares: sums.squares }
 }
 
-/// [`Products`] while they grow, lane by lane.
+/// [`Products`] while they are being summed, lane by lane.
 struct Sums<const PAIRS: usize> {
     of: [[[Lanes; BLOCK]; BLOCK]; PAIRS],
     squares: [f32; 3],
 }
 
 impl<const PAIRS: usize> Sums<PAIRS> {
-    /// Adds the products of all pairs of some lanes' columns.
+    /// Adds the products of all pairs of columns for one set of lanes.
     #[inline(always)]
     fn add<const USED: usize>(&mut self, row: &[[Lanes; BLOCK]; USED]) {
         for high in 0..USED {
@@ -194,7 +197,7 @@ impl<const PAIRS: usize> Sums<PAIRS> {
     }
 }
 
-/// Adds the equations of planes of one size, from plane number `first` on.
+/// Adds the equations of planes of one size; `first` is the number of the first plane.
 #[inline(always)]
 fn add<const USED: usize, const PAIRS: usize, const N: usize>(
     constants: &Constants<'_>,
@@ -209,7 +212,8 @@ fn add<const USED: usize, const PAIRS: usize, const N: usize>(
     let is_luma = first == 0;
     for bin in (0..profile.len()).step_by(LANES) {
         let (distances, pixels) = (profile.distances(bin), profile.pixels(bin));
-        // Channel by channel by hand: what a library's function calls for each is not compiled for wide registers.
+        // The channels are written out by hand: closures passed to library functions would not be compiled for wide
+        // registers.
         let Constants { light: [r, g, b], tone, .. } = constants;
         let lit = if is_luma {
             let at = Curves::at(constants, distances);
@@ -260,7 +264,7 @@ fn add<const USED: usize, const PAIRS: usize, const N: usize>(
     }
 }
 
-/// Coded value of one channel, and how it depends on light inside and outside, shading, ramp, offset and blur.
+/// Coded value of one channel, and its derivatives by light inside and outside, shading, ramp, offset and blur.
 #[derive(Clone, Copy)]
 struct Lit {
     code: Lanes,
@@ -273,19 +277,19 @@ struct Lit {
     by_chroma_blur: Lanes,
 }
 
-/// What does not depend on the channel at some distances from the edge.
+/// Terms at some distances from the edge that are the same for all channels.
 struct Curves {
     /// Distances from the edge, in standard deviations of the blur.
     z: Lanes,
     /// Shares of the inside and the outside.
     inside: Lanes,
     outside: Lanes,
-    /// What is outside, times the distance from the edge, pixels; and the same in standard deviations.
+    /// The part outside times the distance from the edge, in pixels, and in standard deviations.
     ramp_px: Lanes,
     ramp: Lanes,
-    /// How fast the inside's share falls, px⁻¹.
+    /// Decrease of the inside's share, px⁻¹.
     density: Lanes,
-    /// Limb, or shading of a cut; and how it depends on offset and blur, px⁻¹.
+    /// Limb, or shading of a cut, and its derivatives by offset and blur, px⁻¹.
     limb: Lanes,
     limb_by_offset: Lanes,
     limb_by_blur: Lanes,
@@ -323,7 +327,7 @@ impl Curves {
 }
 
 impl Lit {
-    /// One channel's light there.
+    /// One channel's code and derivatives at these distances.
     #[inline(always)]
     fn by(curves: &Curves, light: &Light<f32>, tone: &Tone) -> Self {
         let &Light { base, limb: shade, out, ramp: rise, of } = light;
@@ -342,7 +346,7 @@ impl Lit {
         }
     }
 
-    /// Half of each, where the second lies farther out; and how that depends on how far apart the two are.
+    /// The mean of two places, `outer` lying farther out, and its derivative by the distance between them.
     #[inline(always)]
     fn mean(inner: &Self, outer: &Self) -> Self {
         Self {

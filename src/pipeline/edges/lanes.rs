@@ -1,14 +1,14 @@
-//! Numbers that are worked on at once: the widest registers that a machine is likely to have hold [`LANES`] of them.
+//! Numbers that are processed together: [`LANES`] of them, as many as the widest registers of most machines hold.
 //!
-//! Plain loops of fixed length, which compilers turn into one instruction each where the function around them is compiled for
-//! such registers. No step is fused with another, so that all machines reckon the same to the last bit.
+//! Plain loops of fixed length. Compilers turn each into one instruction if the surrounding function is compiled for
+//! such registers. Operations are not fused, so that all machines compute the same to the last bit.
 
 use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
-/// How many.
+/// Number of lanes.
 pub const LANES: usize = 8;
 
-/// Some numbers in single precision.
+/// One number in single precision per lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(32))]
 pub struct Lanes(pub [f32; LANES]);
@@ -17,13 +17,13 @@ impl Lanes {
     /// All 0.
     pub const ZERO: Self = Self([0.0; LANES]);
 
-    /// The same in all lanes.
+    /// The same value in all lanes.
     #[inline(always)]
     pub fn all(value: f32) -> Self {
         Self([value; LANES])
     }
 
-    /// What a function makes of each.
+    /// Applies a function to each lane.
     #[inline(always)]
     pub fn map(self, of: impl Fn(f32) -> f32) -> Self {
         let mut to = Self::ZERO;
@@ -33,7 +33,7 @@ impl Lanes {
         to
     }
 
-    /// What a function makes of each and its other.
+    /// Applies a function to each lane and the same lane of another.
     #[inline(always)]
     pub fn with(self, other: Self, of: impl Fn(f32, f32) -> f32) -> Self {
         let mut to = Self::ZERO;
@@ -43,25 +43,25 @@ impl Lanes {
         to
     }
 
-    /// No less than this.
+    /// Each lane, but at least this.
     #[inline(always)]
     pub fn at_least(self, least: f32) -> Self {
         self.map(|value| if value > least { value } else { least })
     }
 
-    /// No more than this.
+    /// Each lane, but at most this.
     #[inline(always)]
     pub fn at_most(self, most: f32) -> Self {
         self.map(|value| if value < most { value } else { most })
     }
 
-    /// Their square roots.
+    /// The square root of each lane.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
         self.map(f32::sqrt)
     }
 
-    /// Their sum.
+    /// The sum of all lanes.
     #[inline(always)]
     pub fn sum(self) -> f32 {
         let [a, b, c, d, e, f, g, h] = self.0;

@@ -1,4 +1,5 @@
-//! A straight line through points, some of which may lie: least squares after Huber, reweighted (METHOD 3.3).
+//! Robust line fit through points with outliers: iteratively reweighted least squares with Geman–McClure weights
+//! (METHOD 3.3).
 
 use nalgebra::{Matrix2, Point2, Vector2};
 
@@ -18,8 +19,8 @@ impl Line {
     }
 }
 
-/// Fits a line; points farther than a few times the median distance hardly count. `None` below three points or where
-/// they do not spread.
+/// Fits a line; points farther from it than a few times the median distance get little weight. `None` for fewer than
+/// three points, or if all lie in one place.
 pub fn fit(points: &[Point2<f64>]) -> Option<Line> {
     const ROUNDS: usize = 8;
     if points.len() < 3 {
@@ -36,7 +37,7 @@ pub fn fit(points: &[Point2<f64>]) -> Option<Line> {
         let scale = (1.4826 * distances[distances.len() / 2]).max(1e-9);
         for weight in &mut weights {
             let ratio = *weight / (2.5 * scale);
-            *weight = 1.0 / (1.0 + ratio * ratio).powi(2); // Geman–McClure: far points end up without a say
+            *weight = 1.0 / (1.0 + ratio * ratio).powi(2); // Geman–McClure: far points lose their weight
         }
         line = weighted(points, &weights)?;
     }

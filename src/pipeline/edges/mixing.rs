@@ -1,12 +1,12 @@
-//! Was light mixed, or were codes? A recording tells within its first second.
+//! Decides whether blur mixed light or codes in a recording, within its first second.
 //!
-//! A lens mixes light. Pictures that were drawn are often shaded and blurred as codes instead, and an edge that is then
-//! taken for one in light lies 0.2 to 0.3 pixel off. **Method** the limb of a tube is looked at widely, as if light had been
-//! mixed, with one more unknown: how much farther out it lies in chroma than in luma. Medians: −0.25 to 0.19 pixel on 19
-//! ray-traced tools, 0.30 on one of dark violet; 0.31 to 0.57 on five drawn ones, and in hard light 0.11 and 0.37 to 0.40. One
-//! camera recorded all tools of a recording, so that their mean decides ([`of_recording`]): −0.08 to 0.19 and 0.24 to 0.51.
-//! **Assumes** nothing of how wide the edge is, so that a sharp lens and a resting tool do. Until a tool has told, light is
-//! believed, as cameras make it.
+//! A lens mixes light. Rendered pictures are often shaded and blurred as codes instead; an edge model for light is
+//! then off by 0.2 to 0.3 pixel. **Method** The limbs of a tube are fitted over a wide window, as if light had been
+//! mixed, with one more unknown: how much farther out the limb lies in chroma than in luma. Medians: −0.25 to 0.19
+//! pixel on 19 ray-traced tools, 0.30 on a ray-traced one of dark violet; 0.31 to 0.57 on five drawn tools, and in
+//! hard light 0.11 and 0.37 to 0.40. One camera recorded all tools, so their mean decides ([`decide`]): −0.08 to 0.19
+//! for light, 0.24 to 0.51 for codes. **Assumes** nothing about the width of the edge, so it also works with a sharp
+//! lens and a resting tool. Until the first tool has a result, light is assumed, as with a camera.
 
 use super::edge_fit::{EdgeFit, EdgeLook};
 use super::edge_model::EdgeModel;
@@ -16,25 +16,25 @@ use super::profile;
 use super::tone::Mixing;
 use crate::pipeline::frame::Frame;
 
-/// Edges that are looked at.
+/// Number of edges that are fitted.
 const ENOUGH: usize = 160;
-/// Mean shift from which codes were mixed, pixels: between what was measured of both kinds.
+/// A recording with a mean shift above this mixed codes, pixels; the value lies between those measured for both kinds.
 const CODES_FROM_PX: f32 = 0.21;
-/// How far to look on both sides, pixels.
+/// Window on both sides of the edge, pixels.
 const REACH_PX: f64 = 5.5;
 
-/// What a recording mixed, from how much farther out the limbs of each of its tools lie in chroma, pixels.
+/// The blur domain of a recording, from how much farther out the limbs of each of its tools lie in chroma, pixels.
 pub fn of_recording(shifts_px: impl Iterator<Item = f32>) -> Mixing {
     let (tools, sum) = shifts_px.fold((0.0, 0.0), |(tools, sum), shift| (tools + 1.0, sum + shift));
     if sum > CODES_FROM_PX * tools { Mixing::Codes } else { Mixing::Light }
 }
 
-/// The edges of one tool, looked at until they are enough.
+/// Measures the chroma shift of one tool over enough of its edges.
 #[derive(Clone)]
 pub enum Trial {
-    /// How much farther out each of them so far lies in chroma, pixels.
+    /// The chroma shift of each edge so far, pixels.
     Goes(Vec<f32>),
-    /// The median of all.
+    /// The median of all edges, pixels.
     Told(f32),
 }
 
@@ -45,7 +45,7 @@ impl Default for Trial {
 }
 
 impl Trial {
-    /// Looks at an edge that was found, unless enough were seen.
+    /// Measures an edge, unless enough were measured.
     pub(super) fn look(&mut self, model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &EdgeFit) {
         let Self::Goes(shifts_px) = self else { return };
         shifts_px.extend(chroma_shift_px(model, frame, probe, found).map(|shift| shift as f32));
@@ -55,7 +55,7 @@ impl Trial {
         }
     }
 
-    /// The median of enough edges, pixels.
+    /// The median chroma shift, pixels, once enough edges were measured.
     pub(super) fn told_px(&self) -> Option<f32> {
         match self {
             Self::Goes(_) => None,
@@ -64,12 +64,13 @@ impl Trial {
     }
 }
 
-/// How much farther out a limb lies in chroma than in luma, if light was mixed; `None` where it is too faint to tell.
+/// How much farther out a limb lies in chroma than in luma if light was mixed, pixels; `None` if the limb is too
+/// faint.
 fn chroma_shift_px(model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &EdgeFit) -> Option<f64> {
     const PASSES: usize = 6;
     const LEAST_INFORMATION: f64 = 4.0;
     const FARTHEST_PX: f64 = 1.5;
-    /// Usual variances: every edge shall count alike.
+    /// Usual variances, so that all edges have the same weight.
     const NOISE: [f64; 3] = [4.0, 2.25, 2.25];
     let Shading::Limb { radius_px } = probe.shading else { return None };
     let wide = Probe { inwards_px: f64::min(REACH_PX, 0.9 * radius_px), outwards_px: REACH_PX, ..*probe };

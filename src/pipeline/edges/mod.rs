@@ -1,9 +1,9 @@
 //! Band candidate in; borders, midline and band ends out, to a fraction of a pixel (METHOD 3.2–3.5).
 //!
-//! First coarsely, from the colour table: scan lines across the region ([`scan_lines`]) and robust lines through what
-//! they meet ([`line_fit`]). Then finely: short chords laid along the outline of the tube that the coarse lines gave
-//! ([`outline_probes`]), each moved onto the edge that the pixels show ([`subpixel`], all planes at once in [`edge_fit`]), as
-//! edges look in this recording ([`edge_model`]).
+//! First coarsely, with the colour table: scan lines across the region ([`scan_lines`]) and robust lines through their
+//! border points ([`line_fit`]). Then finely: short chords along the outline of the tube fitted to the coarse lines
+//! ([`outline_probes`]), each moved onto the edge in the pixels ([`subpixel`], all planes at once in [`edge_fit`]),
+//! using the learned appearance of edges in this recording ([`edge_model`]).
 
 mod definite;
 mod edge_curves;

@@ -1,4 +1,4 @@
-//! Probes along the outline of a tube that is roughly known: both borders of its band, and the near rims of both ends.
+//! Lays probes along the outline of a roughly known tube: both borders of its band, and the near rims of both ends.
 
 use nalgebra::{Point3, Vector2};
 
@@ -7,27 +7,27 @@ use crate::pipeline::camera::Camera;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tube::Outline;
 
-/// Which part of a band's outline a probe lies on.
+/// A point on a band's outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
-    /// Border 0 or 1, this far behind the tip, mm.
+    /// On border 0 or 1.
     Border {
-        /// Which border.
+        /// The border, 0 or 1.
         side: usize,
         /// Distance behind the tip, mm.
         back_mm: f64,
     },
-    /// The circle this far behind the tip (0: distal end), at this place across (−1 … 1).
+    /// On the circle at this distance behind the tip (0: distal end).
     Rim {
         /// Distance behind the tip, mm.
         back_mm: f64,
-        /// Place across, as [`Outline::rim`] counts.
+        /// Position across (−1 … 1), as in [`Outline::rim`].
         across: f64,
     },
 }
 
 impl Place {
-    /// The place on an outline, camera frame, mm.
+    /// The position of this point on an outline, camera frame, mm.
     pub fn on(&self, outline: &Outline) -> Point3<f64> {
         match *self {
             Place::Border { side, back_mm } => outline.border(side, back_mm),
@@ -35,7 +35,7 @@ impl Place {
         }
     }
 
-    /// Which of the outline's four parts it lies on: both borders, the distal end, the other end.
+    /// The part of the outline: 0 and 1 for the borders, 2 for the distal end, 3 for the proximal end.
     pub fn part(&self) -> usize {
         match *self {
             Place::Border { side, .. } => side,
@@ -44,25 +44,26 @@ impl Place {
     }
 }
 
-/// How densely and how far to look.
+/// Spacing and reach of the probes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProbeLayout {
     /// Length of a chord along a border, pixels.
     pub chord_px: f64,
-    /// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
+    /// Maximum number of chords along one border: errors of an edge come from background and light, and more edges
+    /// hardly average them out.
     pub most_chords: f64,
-    /// How far from the predicted outline to look, pixels.
+    /// Search distance from the predicted outline, pixels.
     pub reach_px: f64,
-    /// How the tube moves in the picture, pixels/s.
+    /// Motion of the tube in the picture, pixels/s.
     pub motion_px_s: Vector2<f64>,
-    /// How long it does so while the shutter is open, s: edges are looked for that much farther away.
+    /// Exposure time, s: the search distance grows with the motion blur.
     pub exposure_s: f64,
 }
 
 /// Share of the half circle that is probed: nearer to the borders the rim turns along the line of sight.
 const RIM_SHARE: f64 = 0.75;
 
-/// Probes of both borders between two distances behind the tip.
+/// Adds probes of both borders between two distances behind the tip.
 pub fn border_probes(
     outline: &Outline,
     camera: &Camera,
@@ -90,7 +91,7 @@ pub fn border_probes(
     }
 }
 
-/// Probes of the near rim of the band's end that lies `back_mm` behind the tip; `inner_mm` is a place inside the band.
+/// Adds probes of the near rim at the band's end `back_mm` behind the tip; `inner_mm` is a position inside the band.
 pub fn rim_probes(
     outline: &Outline,
     camera: &Camera,
@@ -118,8 +119,8 @@ fn pixel_of(camera: &Camera, point: Point3<f64>) -> Option<Pixel> {
     camera.project(CameraPoint(point))
 }
 
-/// A probe on the chord from the first to the third pixel; the fourth lies inside the tape: on the other border, if the
-/// edge is a `limb`.
+/// A probe on the chord from the first to the third pixel. The fourth lies inside the tape; for a border, on the
+/// opposite border.
 fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Option<Probe> {
     let [Some(from), Some(middle), Some(to), Some(inner)] = chord else { return None };
     let along = to.0 - from.0;
@@ -132,10 +133,10 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Opt
     let outward = if outward.dot(&inwards) > 0.0 { -outward } else { outward };
     let depth = inwards.dot(&outward).abs();
     let window = match place {
-        // Along the rows or columns of pixels: more of the background's texture averages out than straight across.
+        // Along the rows or columns of pixels: averages out more of the background's texture than straight across.
         Place::Border { .. } if outward.x.abs() >= outward.y.abs() => Vector2::x(),
         Place::Border { .. } => Vector2::y(),
-        // Along the tube, which the window else leaves sideways.
+        // Along the tube, which the window would otherwise leave sideways.
         Place::Rim { .. } => inwards,
     };
     let motion_px_s = layout.motion_px_s.dot(&outward);
@@ -155,9 +156,9 @@ fn probe_of(chord: [Option<Pixel>; 4], layout: ProbeLayout, place: Place) -> Opt
     })
 }
 
-/// How far a window in this direction leans: see [`Probe::lean`].
+/// The lean of a window in this direction: see [`Probe::lean`].
 fn lean(window: &Vector2<f64>, outward: &Vector2<f64>) -> f64 {
-    const LEAST: f64 = 0.3; // beyond that it would hardly cross the edge
+    const LEAST: f64 = 0.3; // below it, the window would hardly cross the edge
     let across = window.dot(outward);
     if across.abs() < LEAST * window.norm() { 0.0 } else { window.dot(&Vector2::new(-outward.y, outward.x)) / across }
 }

@@ -1,44 +1,44 @@
-//! Where to look for an edge, and what is found there.
+//! The search window for an edge, and the edge found in it.
 
 use nalgebra::Vector2;
 
 use crate::pipeline::space::Pixel;
 
-/// Where to look for an edge.
+/// A search window for an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// Middle of the chord.
     pub middle: Pixel,
     /// Unit normal, out of the tube.
     pub outward: Vector2<f64>,
-    /// How the edge bends: `s` pixels along the chord it lies `bend·s²` farther out, px⁻¹.
+    /// Curvature of the edge: `s` pixels along the chord it lies `bend·s²` farther out, px⁻¹.
     pub bend_per_px: f64,
-    /// How far the window leans: so many pixels along the chord per pixel outwards, counted in the direction of the normal
-    /// turned from x towards y.
+    /// Lean of the window: pixels along the chord per pixel outwards, positive in the direction of the normal turned
+    /// from x towards y.
     pub lean: f64,
     /// Half the chord's length, pixels.
     pub half_length_px: f64,
-    /// How far to look inwards, pixels.
+    /// Search distance inwards, pixels.
     pub inwards_px: f64,
-    /// How far to look outwards, pixels.
+    /// Search distance outwards, pixels.
     pub outwards_px: f64,
     /// Speed across the chord, along the normal, pixels/s.
     pub motion_px_s: f64,
-    /// Which of an outline's four parts it lies on: each is lit in its own way.
+    /// The outline's part, 0 to 3: each part has its own lighting.
     pub part: usize,
-    /// How the surface inside shades towards the edge.
+    /// Shading of the surface inside towards the edge.
     pub shading: Shading,
 }
 
-/// How a surface shades towards its edge.
+/// Shading of a surface towards its edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shading {
-    /// A round one that turns away from the camera: a tube of this radius in the picture, pixels.
+    /// A round surface that turns away from the camera: a tube of this radius in the picture.
     Limb {
         /// Radius, pixels.
         radius_px: f64,
     },
-    /// One that ends without turning away: a tape's end. Light changes steadily towards it.
+    /// A surface that ends without turning away, as at a tape's end. Light changes steadily towards it.
     Cut,
 }
 
@@ -47,6 +47,6 @@ pub enum Shading {
 pub struct Edge {
     /// Distance from the probe's chord along its normal, pixels.
     pub offset_px: f64,
-    /// Standard deviation of that, pixels: from the noise, and from what the model leaves out.
+    /// Its standard deviation, pixels: from the noise, and from what the model leaves out.
     pub sigma_px: f64,
 }

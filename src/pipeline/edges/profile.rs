@@ -1,83 +1,83 @@
-//! What planes show across a chord: raw pixels, averaged in narrow bins of their distance from it.
+//! Profiles of the planes across a chord: raw pixels, averaged in narrow bins by their distance from the chord.
 //!
-//! Nothing is resampled: a bin holds whole pixels and their mean distance, so that its noise is that of their mean. Where
-//! the edge bends along the chord, distances are counted from the bent line.
+//! Nothing is resampled: a bin holds whole pixels and their mean distance, so its noise is that of their mean. If the
+//! edge bends along the chord, distances are measured from the bent line.
 
 use super::lanes::{LANES, Lanes};
 use super::probe::Probe;
 use crate::pipeline::frame::{Frame, Plane};
 
-/// Most bins of a profile.
+/// Maximum number of bins of a profile.
 pub const MOST_BINS: usize = 48;
-/// Width of a bin in pixels of the plane, where they suffice.
+/// Usual width of a bin, in pixels of the plane.
 const BIN_PX: f64 = 0.5;
-/// By how much wider they may be.
+/// Maximum factor of a wider bin.
 const WIDER: f64 = 1.5;
-/// A plane of half the resolution is looked at over a window that much wider: three of its pixels cannot show both
-/// sides of an edge.
+/// A plane of half the resolution gets a window wider by this factor: three of its pixels cannot show both sides of an
+/// edge.
 const COARSE_PLANE_REACH: f64 = 1.25;
 
-/// Planes of one size across a chord.
+/// The profile of planes of one size across a chord.
 #[derive(Clone, Copy)]
 pub struct Profile<const N: usize> {
     distances: [f32; MOST_BINS],
     values: [[f32; MOST_BINS]; N],
     pixels: [f32; MOST_BINS],
-    /// Bins in use.
+    /// Number of bins in use.
     len: usize,
-    /// Pixels in all bins.
+    /// Number of pixels in all bins.
     pub count: f32,
-    /// Squared distances of each plane's pixels from their bin's mean, summed.
+    /// Squared deviations of each plane's pixels from their bin's mean, summed.
     pub scatter: [f32; N],
 }
 
 impl<const N: usize> Profile<N> {
-    /// Bins in use.
+    /// Number of bins in use.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Mean distance outwards of the pixels in [`LANES`] bins from `bin` on, pixels of luma.
+    /// Mean outward distance of the pixels in [`LANES`] bins from `bin` on, pixels of luma.
     #[inline(always)]
     pub fn distances(&self, bin: usize) -> Lanes {
         lanes(&self.distances, bin)
     }
 
-    /// Mean code of one plane in each of them.
+    /// Mean code of one plane in each of these bins.
     #[inline(always)]
     pub fn values(&self, plane: usize, bin: usize) -> Lanes {
         lanes(&self.values[plane], bin)
     }
 
-    /// Number of pixels in each of them: none in bins beyond the last.
+    /// Number of pixels in each of these bins; 0 beyond the last bin.
     #[inline(always)]
     pub fn pixels(&self, bin: usize) -> Lanes {
         lanes(&self.pixels, bin)
     }
 
-    /// Mean distance and number of the pixels of each bin, with the mean code of one plane.
+    /// Per bin: mean distance, number of pixels, and mean code of one plane.
     pub fn bins(&self, plane: usize) -> impl Iterator<Item = (f32, f32, f32)> {
         let values = self.values[plane].iter();
         let bins = self.distances.iter().zip(&self.pixels).zip(values).take(self.len);
         bins.map(|((distance, pixels), value)| (*distance, *pixels, *value))
     }
 
-    /// Collects the pixels in the parallelogram along which the chord moves through its window, row by row where the chord is
-    /// upright, else column by column. `shift` halves the planes' size so many times.
+    /// Collects the pixels of the parallelogram that the chord covers when moved through its window: row by row if the
+    /// chord is upright, else column by column. `shift` halves the planes' size this many times.
     #[inline(always)]
     fn gather(planes: [&Plane<'_>; N], shift: (u8, u8), probe: &Probe) -> Self {
         let scale = [f64::from(1u32 << shift.0), f64::from(1u32 << shift.1)];
-        let first = scale.map(|s| (s - 1.0) / 2.0); // a chroma sample sits amid the pixels it stands for
+        let first = scale.map(|s| (s - 1.0) / 2.0); // a chroma sample lies in the middle of its pixels
         let sizes = [planes[0].width, planes[0].height];
         let middle = [probe.middle.u(), probe.middle.v()];
         let normal = [probe.outward.x, probe.outward.y];
-        let run = if normal[0].abs() >= normal[1].abs() { 0 } else { 1 }; // the direction that crosses the chord
+        let run = if normal[0].abs() >= normal[1].abs() { 0 } else { 1 }; // the direction across the chord
         let rows = 1 - run;
         let wider = if scale[run] > 1.0 { COARSE_PLANE_REACH } else { 1.0 };
         let (inwards, outwards) = (probe.inwards_px * wider, probe.outwards_px * wider);
-        // A place lies `across` the chord, and `beside` the line through its middle along which the window runs.
+        // `across`: distance from the chord. `beside`: distance from the line through its middle along the window.
         let lean = if run == 0 { probe.lean } else { -probe.lean };
-        let across_by = [normal[run], normal[rows]]; // per pixel along a row, and from row to row
+        let across_by = [normal[run], normal[rows]]; // per pixel along a row, and per row
         let beside_by = [-normal[rows] - lean * normal[run], normal[run] - lean * normal[rows]];
         let rows_by_across = -beside_by[0];
         let (inmost, outmost) = ordered(-inwards * rows_by_across, outwards * rows_by_across);
@@ -111,19 +111,19 @@ impl<const N: usize> Profile<N> {
     }
 }
 
-/// What luma shows about a chord.
+/// The luma profile across a chord.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 pub fn of_luma(frame: &Frame<'_>, probe: &Probe) -> Profile<1> {
     Profile::gather([&frame.y], (0, 0), probe)
 }
 
-/// What both planes of chroma show about a chord.
+/// The profile of both chroma planes across a chord.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 pub fn of_chroma(frame: &Frame<'_>, probe: &Probe) -> Profile<2> {
     Profile::gather([&frame.u, &frame.v], (frame.shift_x, frame.shift_y), probe)
 }
 
-/// Where `start + slope · x` is between two bounds.
+/// The range of `x` where `start + slope · x` lies between two bounds.
 #[inline(always)]
 fn within(low: f64, high: f64, start: f64, slope: f64) -> (f64, f64) {
     const LEVEL: f64 = 1e-9;
@@ -145,7 +145,7 @@ fn lanes(all: &[f32; MOST_BINS], from: usize) -> Lanes {
     lanes
 }
 
-/// Sums over the pixels of each bin: distances, their number, and the codes of up to two planes.
+/// Sums over the pixels of each bin: distances, number, and the codes of up to two planes.
 struct Bins<const N: usize> {
     sums: [[f32; 4]; MOST_BINS],
     squares: [f32; N],
@@ -155,7 +155,7 @@ struct Bins<const N: usize> {
 }
 
 impl<const N: usize> Bins<N> {
-    /// Bins of about this width, wider where they would else begin another group of [`LANES`] that is hardly filled.
+    /// Bins of about this width; wider if that avoids another group of [`LANES`] bins that would be hardly filled.
     fn over(inwards: f64, outwards: f64, width: f64) -> Self {
         let reach = inwards + outwards;
         let groups = (reach / (width * WIDER * LANES as f64)).ceil();
@@ -225,7 +225,7 @@ mod tests {
     const SIZE: usize = 64;
     const MIDDLE: f64 = 32.0;
 
-    /// A chord across a straight band that the window follows when it leans by `lean`.
+    /// A chord across a straight band; the window follows the band if it leans by `lean`.
     fn probe(outward: Vector2<f64>, lean: f64) -> Probe {
         Probe {
             middle: Pixel::new(MIDDLE, MIDDLE),
@@ -241,7 +241,7 @@ mod tests {
         }
     }
 
-    /// What a window over a band in direction `along`, ten pixels wide, has of the band and of what lies beside it.
+    /// Profile of a window over a band in direction `along`, ten pixels wide, and its surroundings.
     fn of_band(along: Vector2<f64>, probe: &Probe) -> Profile<1> {
         let on_band = |i: usize| {
             let from_middle = Vector2::new((i % SIZE) as f64, (i / SIZE) as f64) - Vector2::repeat(MIDDLE);

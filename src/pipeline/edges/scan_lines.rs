@@ -1,5 +1,5 @@
-//! Coarse borders and ends: scan lines across a band, perpendicular to *its* axis (T 6.4 pays in accuracy for the
-//! image's axes), read through the colour table.
+//! Coarse borders and ends: scan lines across a band, perpendicular to *its* axis (with the image's axes, T 6.4 loses
+//! accuracy), read through the colour table.
 //!
 //! Each scan line is walked from outside inwards on both sides until tape begins, so that glare and creases inside the
 //! band do no harm. Whole pixels only: [`super::subpixel`] does the rest.
@@ -11,23 +11,23 @@ use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::colour_table::ColourTable;
 use crate::pipeline::space::Pixel;
 
-/// What scan lines met.
+/// Result of the scan lines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoarseBand {
     /// Points on the border to the right of `axis` (looking along it, y down) and to its left.
     pub borders: [Vec<Pixel>; 2],
-    /// Where the midline enters and leaves the tape: at the back and at the front of `axis`.
+    /// Points where the midline enters and leaves the tape: at the back and at the front of `axis`.
     pub ends: [Pixel; 2],
-    /// Unit vector along the band; its sign means nothing yet.
+    /// Unit vector along the band; its sign has no meaning yet.
     pub axis: Vector2<f64>,
     /// Distance between the borders, pixels.
     pub width_px: f64,
 }
 
-/// Scan lines across one band.
+/// Number of scan lines across one band.
 const LINES: usize = 24;
 
-/// Scans a band; `None` where fewer than a third of the lines met tape on both sides inside the frame.
+/// Scans a band. `None` if fewer than a third of the lines found tape on both sides, or an end was not found.
 pub fn scan(frame: &Frame<'_>, table: &ColourTable, class: u8, band: &Rectangle) -> Option<CoarseBand> {
     let across = Vector2::new(-band.axis.y, band.axis.x);
     let reach = 0.75 * band.width_px + 6.0;
@@ -55,7 +55,7 @@ pub fn scan(frame: &Frame<'_>, table: &ColourTable, class: u8, band: &Rectangle)
     Some(CoarseBand { borders, ends: [back, front], axis: band.axis, width_px: widths[widths.len() / 2] })
 }
 
-/// Walks from `from` until two pixels running are tape; the border lies half a step before them.
+/// Walks from `from` until two consecutive pixels are tape; the border lies half a step before them.
 fn walk_in(
     frame: &Frame<'_>,
     table: &ColourTable,

@@ -1,7 +1,7 @@
-//! Which end of a band is the hand's: the one from which the dark shaft goes on (METHOD 3.4, *beyond*).
+//! Finds the hand's end of a band: the dark shaft continues beyond it (METHOD 3.4, *beyond*).
 //!
-//! Beyond the distal end there are thin jaws and the scene, beyond the other a tube as wide as the band. Tubes are dark:
-//! the thesis finds them by `sqrt(R² + G² + B²)` (T 4.2.1.2); luma and both colour differences measure the same.
+//! Beyond the distal end there are thin jaws and the scene, beyond the other a tube as wide as the band. Tubes are
+//! dark: the thesis finds them by `sqrt(R² + G² + B²)` (T 4.2.1.2); luma and both colour differences measure the same.
 
 use nalgebra::{Point3, Vector2};
 
@@ -11,10 +11,10 @@ use crate::pipeline::frame::Frame;
 use crate::pipeline::space::{CameraPoint, Pixel};
 use crate::pipeline::tube::Tube;
 
-/// Least contrast between both ends that tells a shaft: below it, what lies beyond them is alike.
+/// Minimum contrast between both ends to identify the shaft: below it, they look alike.
 const LEAST_CONTRAST: f64 = 0.15;
 
-/// Is the shaft beyond the first of the band's two ends? `None` where it is as dark beyond one as beyond the other.
+/// Is the shaft beyond the first of the band's two ends? `None` if both ends are about equally dark.
 pub fn is_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> Option<bool> {
     let [back, front] = band.ends;
     let lights = [light_beyond(frame, band, back, -band.axis), light_beyond(frame, band, front, band.axis)];
@@ -22,8 +22,8 @@ pub fn is_beyond_first(frame: &Frame<'_>, band: &CoarseBand) -> Option<bool> {
     (contrast >= LEAST_CONTRAST).then_some(lights[0] < lights[1])
 }
 
-/// By how much it is darker beyond the hand's end of a tube's band than beyond its tip: −1 to 1, negative where the tube lies the
-/// wrong way round. `None` where too little of either is in sight.
+/// How much darker it is beyond the hand's end of a tube's band than beyond its tip: −1 to 1, negative if the tube
+/// lies the wrong way round. `None` if too little of either is in sight.
 pub fn contrast(
     frame: &Frame<'_>,
     camera: &Camera,
@@ -54,13 +54,13 @@ pub fn contrast(
 
 const STEPS: usize = 12;
 
-/// How far beyond an end a step of the strip lies, in widths: from a third, past the rim's bulge, to one and a half.
+/// Distance of a step of the strip beyond an end, in widths: from a third, past the rim's bulge, to one and a half.
 fn beyond_end(step: usize) -> f64 {
     0.35 + 1.2 * step as f64 / STEPS as f64
 }
 
-/// Mean distance from black over a strip beyond an end, as wide as the band's core; dark where nothing is in the frame,
-/// because only a shaft leaves it.
+/// Mean distance from black over a strip beyond an end, as wide as the band's core. 0 if the strip is outside the
+/// frame, because only a shaft leaves the frame.
 fn light_beyond(frame: &Frame<'_>, band: &CoarseBand, end: Pixel, outwards: Vector2<f64>) -> f64 {
     let across = Vector2::new(-outwards.y, outwards.x);
     let (mut sum, mut count) = (0.0, 0.0);

@@ -1,15 +1,15 @@
-//! Where exactly an edge lies: a model of the blurred border of a lit tube, fitted to raw pixels.
+//! Locates an edge to a fraction of a pixel: fits a model of the blurred border of a lit tube to raw pixels.
 //!
-//! **In** a [`Probe`]: a short chord of a predicted border with its outward normal, ± a few pixels. **Out** how far the
-//! edge lies from it along the normal, with its standard deviation, pixels.
+//! **In** a [`Probe`]: a short chord of a predicted border with its outward normal, ± a few pixels. **Out** the
+//! distance of the edge from the chord along the normal, with its standard deviation, pixels.
 //!
-//! **Method.** First to half a pixel: where a plain step explains the pixels best ([`Fineness::Step`]). Then light on both
-//! sides of the edge, mixed by the lens and by motion and coded by the camera, is fitted to the pixels of all three planes
-//! at once ([`super::edge_fit`]), so that whichever has contrast decides. The inside starts from what the recording has
-//! taught of that part of the outline, which tells what overexposed tape hides.
+//! **Method.** First to half a pixel: the position where a plain step explains the pixels best ([`Fineness::Step`]).
+//! Then the light on both sides, mixed by lens and motion and encoded by the camera, is fitted to the pixels of all
+//! three planes at once ([`super::edge_fit`]), so that any plane with contrast contributes. The light inside starts
+//! from the learned light of that part of the outline, which is also known where the tape is overexposed.
 //!
-//! **Assumes** that the background is even along one chord and changes steadily, if at all, across the window. **Gives
-//! up** where no plane has contrast, where the offset leaves the window, or where the inside is less like the tape than
+//! **Assumes** that the background is even along one chord, and changes steadily, if at all, across the window.
+//! **Gives up** if no plane has contrast, if the offset leaves the window, or if the inside is less like the tape than
 //! the outside.
 
 use nalgebra::{Vector2, Vector3};
@@ -21,38 +21,39 @@ use super::profile::{self, Profile};
 use super::tone::Mixing;
 use crate::pipeline::frame::Frame;
 
-/// Where a plain step is tried.
+/// Positions tried for a plain step.
 const STEPS_PER_PX: f64 = 2.0;
 const MOST_STEPS: usize = 40;
-/// Softest edge that still tells where it is, pixels.
+/// Maximum standard deviation of an edge that is kept, pixels.
 const WORST_SIGMA_PX: f64 = 1.0;
-/// Farthest that the finer model may move from the sharpest plain step, pixels.
+/// Maximum distance between the finer model's result and the best plain step, pixels.
 const FARTHEST_FROM_STEP_PX: f64 = 1.3;
-/// What the model leaves out (texture, creases, gloss, compression, how colours mix) moves an edge as the noise does, the
-/// more the less contrast it has, but by so many times as much: from edges about true outlines, over scenes of three
-/// renderers.
+/// Factor from noise alone to all errors. What the model leaves out (texture, creases, gloss, compression, colour
+/// mixing) shifts an edge as noise does, more at low contrast, but this many times as much. Measured on edges about
+/// true outlines, over scenes of three renderers.
 const MODEL_ERROR: f64 = 3.0;
-/// Passes of the finer model: it is nearly linear.
+/// Maximum number of passes of the finer model: it is nearly linear.
 const MOST_PASSES: usize = 8;
 
-/// Colours within an edge that are not the tape's own are so much nearer to it than those outside: over 24 clips, most of them of
-/// trembling hands, a sixth less error than with any that are nearer at all.
+/// If the colour inside an edge is not classified as tape, its distance from the tape's colour must be less than this
+/// share of the distance outside. Over 24 clips, most of them of trembling hands, this gave a sixth less error than a
+/// factor of 1.
 const SURELY_NEARER: f64 = 0.5;
 
-/// How closely to look.
+/// Precision of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fineness {
-    /// To half a pixel: where a step explains the pixels best.
+    /// To half a pixel: the position where a step explains the pixels best.
     Step,
     /// To a fraction of a pixel.
     Fine,
 }
 
-/// Standard deviation of an edge that was found as a step, pixels.
+/// Standard deviation of an edge found as a step, pixels.
 const STEP_SIGMA_PX: f64 = 0.7;
 
 impl EdgeModel {
-    /// Moves onto the edge near a probe; `is_tape` tells whether codes are the tape's colour.
+    /// Locates the edge near a probe; `is_tape` returns whether codes have the tape's colour.
     pub fn locate(
         &mut self,
         frame: &Frame<'_>,
@@ -73,8 +74,9 @@ impl EdgeModel {
         let is_border = |fit: &EdgeFit| {
             let [inside, outside] = [fit.inside(), fit.outside()].map(|light| look.codes(light));
             let is_tape = |codes: [f64; 3]| is_tape(codes.map(|code| code.round().clamp(0.0, 255.0) as u8));
-            // Else there is no tape within, the edge of a shadow or of the mat's print; or there is on both sides, a highlight or
-            // a crease. Glare and shade take tape's colour away: then it is as this part of the outline usually is.
+            // Otherwise there is no tape inside (the edge of a shadow or of the mat's print), or tape on both sides (a
+            // highlight or a crease). Glare and shade can hide the tape's colour; then the inside must look as this
+            // part of the outline usually does.
             let is_usual = || usual.is_none_or(|usual| apart(inside, usual) < SURELY_NEARER * apart(outside, usual));
             let is_surely_tape =
                 || is_tape(inside) || off_tape(inside) < SURELY_NEARER * off_tape(outside) || is_usual();
@@ -87,11 +89,11 @@ impl EdgeModel {
         let mut noise = self.noise;
         for pass in 0..MOST_PASSES {
             if pass > 1 {
-                noise = std::array::from_fn(|p| self.noise[p].max(fit.variance[p])); // before, it tells of the guess
+                noise = std::array::from_fn(|p| self.noise[p].max(fit.variance[p])); // earlier, it reflects the guess
             }
             let moved = look.improve(&luma, &chroma, noise, &mut fit, &first)?;
             if (fit.offset_px - guess).abs() > FARTHEST_FROM_STEP_PX * (1.5 * look.light_blur_px).max(1.0) {
-                return None; // another optimum, where the shading stands in for the edge
+                return None; // another optimum: the shading term imitates the edge
             }
             if pass > 0 && moved.abs() < f64::max(0.1, 0.2 * MODEL_ERROR / fit.information.sqrt()) {
                 break;
@@ -109,7 +111,7 @@ impl EdgeModel {
         Some(Edge { offset_px: fit.offset_px, sigma_px: MODEL_ERROR / fit.information.sqrt() })
     }
 
-    /// Both sides' light beside a guessed step.
+    /// First guess: the mean light on both sides of a guessed step.
     pub(super) fn first(
         &self,
         mixing: Mixing,
@@ -128,8 +130,8 @@ impl EdgeModel {
         Some(EdgeFit::between(inside, outside, guess, probe.shading))
     }
 
-    /// Where one plain step explains the samples best, to half a pixel: the start, so that the finer model cannot settle
-    /// where its shading term imitates the edge.
+    /// Position where one plain step explains the pixels best, to half a pixel. Starting there keeps the finer model
+    /// from settling where its shading term imitates the edge.
     fn sharpest_step(&self, luma: &Profile<1>, chroma: &Profile<2>, probe: &Probe) -> Option<f64> {
         let first = ((1.0 - probe.inwards_px) * STEPS_PER_PX).ceil();
         let count = ((probe.outwards_px - 1.0) * STEPS_PER_PX).floor() - first + 1.0;
@@ -143,12 +145,13 @@ impl EdgeModel {
     }
 }
 
-/// How far colours lie apart, codes.
+/// Distance of two colours, codes.
 fn apart(one: [f64; 3], other: [f64; 3]) -> f64 {
     (Vector3::from(one) - Vector3::from(other)).norm()
 }
 
-/// Adds counts and sums of the codes clear of a guessed step, inside and outside of it, for planes from `first` on.
+/// Adds counts and sums of the codes on both sides of a guessed step, leaving out pixels near it. The planes have the
+/// numbers from `first` on.
 fn add_sides<const N: usize>(profile: &Profile<N>, first: usize, guess: f64, sums: &mut [[(f32, f32); 3]; 2]) {
     const CLEAR_PX: f32 = 1.0;
     for plane in 0..N {
@@ -162,8 +165,8 @@ fn add_sides<const N: usize>(profile: &Profile<N>, first: usize, guess: f64, sum
     }
 }
 
-/// Adds for each place of a step, from `first` outwards, how much two means explain, inside and outside of it, times
-/// each plane's weight.
+/// Adds, for each position of a step from `first` outwards, how much of the variance two means (inside and outside)
+/// explain, times each plane's weight.
 fn explain_by_step<const N: usize>(profile: &Profile<N>, first: f32, weights: &[f32], into: &mut [f32]) {
     for (plane, weight) in weights.iter().enumerate() {
         let level = profile.bins(plane).map(|(_, pixels, value)| pixels * value).sum::<f32>() / profile.count.max(1.0);
@@ -172,7 +175,7 @@ fn explain_by_step<const N: usize>(profile: &Profile<N>, first: f32, weights: &[
             let place = (distance * STEPS_PER_PX as f32 - first + 1.0).clamp(0.0, into.len() as f32) as usize;
             between[place] = (between[place].0 + pixels, between[place].1 + pixels * (value - level));
         }
-        let (mut count, mut sum) = (0.0, 0.0); // the sum of all is none
+        let (mut count, mut sum) = (0.0, 0.0); // the sum of all is 0
         for (explained, (own_count, own_sum)) in into.iter_mut().zip(between) {
             (count, sum) = (count + own_count, sum + own_sum);
             let others = profile.count - count;

@@ -1,31 +1,33 @@
-//! How light became codes: blur and motion mix *light*, but a file holds codes that rise about as its 1/2.2nd power.
+//! Curves from light to codes. Blur and motion mix *light*, but a file holds codes, which are about the 1/2.2nd power
+//! of light.
 //!
-//! Across a blurred edge the codes are therefore no blend of both sides' codes: the brighter side seems to reach too far,
-//! by 0.2 pixel for a sharp border and by a whole one for a smeared one. An edge model must mix light and code it then.
+//! Across a blurred edge the codes are therefore not a blend of both sides' codes: the brighter side seems to reach
+//! too far, by 0.2 pixel for a sharp border and by a whole pixel for a strongly blurred one. An edge model must
+//! therefore mix light and then encode it.
 
 use super::lanes::Lanes;
 
-/// What is mixed by blur.
+/// What blur mixes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mixing {
-    /// Light, as every lens and shutter does; codes follow it by the curve of sRGB (IEC 61966-2-1).
+    /// Light, as in every lens and shutter; codes follow from it by the sRGB curve (IEC 61966-2-1).
     Light,
-    /// The codes themselves, as pictures that were drawn and blurred afterwards.
+    /// The codes themselves, as in pictures that were rendered and blurred afterwards.
     Codes,
 }
 
-/// A curve from light (1: the brightest that is recorded) to gamma-coded value (0..1), and its slope: below
-/// [`Tone::straight_until`] a straight line, above a polynomial of the light's fourth root, which takes two square roots
-/// and no branch.
+/// A curve from light (1: the brightest that is recorded) to gamma-coded value (0..1), with its slope. It is a
+/// straight line below [`Tone::straight_until`], and a polynomial of the light's fourth root above, which takes two
+/// square roots and no branch.
 pub struct Tone {
     mixing: Mixing,
     straight_until: f32,
     straight_slope: f32,
-    /// Of the fourth root, from the constant on.
+    /// Coefficients for the fourth root, the constant first.
     polynomial: [f32; 5],
 }
 
-/// The curve of sRGB, within 3.5e-5 of the standard's.
+/// The sRGB curve, within 3.5e-5 of the standard's.
 static LIGHT: Tone = Tone {
     mixing: Mixing::Light,
     straight_until: 0.003_130_8,
@@ -36,7 +38,7 @@ static CODES: Tone =
     Tone { mixing: Mixing::Codes, straight_until: 0.01, straight_slope: 1.0, polynomial: [0.0, 0.0, 0.0, 0.0, 1.0] };
 
 impl Tone {
-    /// The one curve for this way of mixing.
+    /// The curve for this blur domain.
     pub fn of(mixing: Mixing) -> &'static Self {
         match mixing {
             Mixing::Light => &LIGHT,
@@ -44,8 +46,9 @@ impl Tone {
         }
     }
 
-    /// Codes and slopes of some lights. More than 1 is cut off. For solvers' sake the slope fades out beyond and does not
-    /// end at once, and less than no light goes on straight. Lane by lane without branches: the tracker's inmost loop.
+    /// Codes and slopes of light. Light above 1 is cut off, but the slope fades out beyond it instead of ending at
+    /// once, which helps solvers; below 0 the straight line continues. Lane by lane without branches, for the
+    /// tracker's innermost loop.
     #[inline(always)]
     pub fn codes(&self, light: Lanes) -> [Lanes; 2] {
         const FADED_OUT: f32 = 1.5;
@@ -60,12 +63,12 @@ impl Tone {
         [code + (light - curved) * self.straight_slope, slope]
     }
 
-    /// Code of this much light.
+    /// Code of this light.
     pub fn code(&self, light: f64) -> f64 {
         f64::from(self.codes(Lanes::all(light as f32))[0].0[0])
     }
 
-    /// The light that has this code.
+    /// Light of this code.
     pub fn light(&self, code: f64) -> f64 {
         match self.mixing {
             Mixing::Codes => code,

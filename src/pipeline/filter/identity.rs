@@ -1,8 +1,9 @@
-//! One tool's thread through time: which measurements belong to it, when it is lost, and when another place is believed.
+//! The track of one tool through time: which measurements belong to it, when it is lost, and when it restarts
+//! elsewhere.
 //!
-//! A measurement outside the gate is refused, but not for ever: refused measurements that agree with each other for
-//! [`ThreadSettings::reacquire_s`] start the thread anew there. A tool unseen for longer than
-//! [`ThreadSettings::longest_prediction_s`] is lost until it is seen again.
+//! A measurement outside the gate is rejected, but not for ever: rejected measurements that agree with each other for
+//! [`TrackSettings::reacquire_s`] restart the track at their position. A tool unseen for longer than
+//! [`TrackSettings::max_prediction_s`] is lost until it is seen again.
 
 use super::kalman::State;
 use super::liveliness::{Liveliness, Step};
@@ -10,24 +11,24 @@ use super::smoother::Position;
 use crate::pipeline::pose::TubeEstimate;
 use crate::pipeline::reason::Reason;
 
-/// The part of the tracker's motion settings that a thread needs; units as there.
+/// Settings of a track: a part of the tracker's motion settings, in the same units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadSettings {
     /// Density of a steady hand's white acceleration, mm²/s³.
     pub noise_density: f64,
     /// Speed that a newly seen tool may have, mm/s.
     pub first_speed_mm_s: f64,
-    /// Largest believed squared Mahalanobis distance.
+    /// Largest squared Mahalanobis distance of an accepted measurement.
     pub gate: f64,
-    /// How long refused measurements must agree to be believed, s.
+    /// For how long rejected measurements must agree to be accepted, s.
     pub reacquire_s: f64,
-    /// Longest bridged gap, s.
+    /// Longest gap that is bridged, s.
     pub longest_prediction_s: f64,
-    /// Least and greatest depth of a tip, mm.
+    /// Smallest and largest depth of a tip, mm.
     pub depth_mm: (f64, f64),
 }
 
-/// A thread through time.
+/// The track of one tool.
 #[derive(Clone, Debug, Default)]
 pub struct Thread {
     current: Option<Followed>,
@@ -40,7 +41,7 @@ struct Followed {
     time_s: f64,
     began_s: f64,
     seen_s: f64,
-    /// Measurements believed so far.
+    /// Number of measurements accepted so far.
     believed: u32,
     liveliness: Liveliness,
 }
@@ -55,13 +56,13 @@ impl Followed {
         self.liveliness.ahead(&self.state, time_s - self.time_s, settings.noise_density)
     }
 
-    /// The step to a measurement; `None` where that is outside the gate.
+    /// Predicts the state at a measurement's time; `None` if the measurement is outside the gate.
     fn towards(&self, time_s: f64, measured: &Position, settings: &ThreadSettings) -> Option<Step> {
         let dt_s = time_s - self.time_s;
         self.liveliness.towards(&self.state, dt_s, settings.noise_density, measured, settings.gate)
     }
 
-    /// Takes a measurement that a step led to.
+    /// Updates the state with a measurement that [`Self::predict_towards`] accepted.
     fn see(&mut self, time_s: f64, step: &Step, (tip, covariance): Position) {
         self.liveliness.learn(step, time_s - self.time_s);
         self.state = step.state.updated(tip, covariance);
@@ -70,40 +71,40 @@ impl Followed {
     }
 }
 
-/// A thread of fewer measurements than this is no more to be believed than the one that contradicts it: of two places
-/// in a row, one false, neither is known to be the false one, and the speed between them is nobody's.
+/// A track with fewer measurements than this is no more credible than a measurement that contradicts it. If one of two
+/// consecutive positions is false, it is unknown which one, and the speed between them is meaningless.
 const YOUNG: u32 = 4;
 
-/// What became of one frame.
+/// Outcome of one frame for a track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Advance {
     /// The filter's state; `None` where the tool is not tracked.
     pub state: Option<State>,
-    /// Density of the acceleration that it reckoned with since the frame before, mm²/s³; none where a thread begins.
+    /// Acceleration density used for the prediction since the previous frame, mm²/s³; 0 if a new track starts.
     pub noise_density: f64,
-    /// A new thread begins with this state.
+    /// True if a new track starts with this state.
     pub begins: bool,
-    /// The thread before it was young and is contradicted: it was none.
+    /// True if the previous track was young and is contradicted: all of its frames are discarded.
     pub disowns: bool,
-    /// The measurement was believed.
+    /// True if the measurement was accepted.
     pub observed: bool,
-    /// Why the measurement was refused.
+    /// Why the measurement was rejected.
     pub refused: Option<Reason>,
 }
 
 impl Thread {
-    /// Where the tip is expected at a time; `None` where the tool is not tracked.
+    /// The predicted state at a time; `None` if the tool is not being tracked.
     pub fn expected(&self, time_s: f64, settings: &ThreadSettings) -> Option<State> {
         Some(self.tracked(time_s, settings)?.ahead(time_s, settings).state)
     }
 
-    /// Would a position pass the gate?
+    /// Would this pose pass the gate?
     pub fn would_believe(&self, time_s: f64, pose: &TubeEstimate, settings: &ThreadSettings) -> bool {
         let measured = (pose.tube.tip, pose.tip_covariance());
         self.tracked(time_s, settings).is_some_and(|followed| followed.towards(time_s, &measured, settings).is_some())
     }
 
-    /// Takes one frame's measurement, or its absence.
+    /// Advances the track by one frame, with its measurement if there is one.
     pub fn advance(&mut self, time_s: f64, measured: Option<Position>, settings: &ThreadSettings) -> Advance {
         let out_of_bounds =
             measured.is_some_and(|(tip, _)| !(settings.depth_mm.0..=settings.depth_mm.1).contains(&tip.z));
@@ -138,7 +139,7 @@ impl Thread {
         Advance::along(&step, step.state, false, refused)
     }
 
-    /// What is followed, if it was seen lately.
+    /// The current track, if it was measured recently enough.
     fn tracked(&self, time_s: f64, settings: &ThreadSettings) -> Option<Followed> {
         self.current.filter(|followed| time_s - followed.seen_s <= settings.longest_prediction_s)
     }
@@ -149,7 +150,8 @@ impl Thread {
         Advance { state, noise_density, begins: true, disowns: false, observed: true, refused: None }
     }
 
-    /// Follows refused measurements; what they show once they have agreed for long enough.
+    /// Tracks the rejected measurements as a rival. Returns the rival once its measurements have agreed for long
+    /// enough.
     fn believe_rival(&mut self, time_s: f64, measured: Position, settings: &ThreadSettings) -> Option<Followed> {
         let agreeing = self.rival.and_then(|mut rival| {
             let step = rival.towards(time_s, &measured, settings)?;
@@ -173,7 +175,7 @@ impl Advance {
 pub(super) mod testing {
     use super::ThreadSettings;
 
-    /// The tracker's own.
+    /// The tracker's default settings.
     pub const SETTINGS: ThreadSettings = ThreadSettings {
         noise_density: 8000.0,
         first_speed_mm_s: 150.0,
@@ -196,26 +198,26 @@ mod tests {
     }
 
     fn settled() -> Thread {
-        let mut thread = Thread::default();
+        let mut track = Thread::default();
         for k in 0..10 {
-            assert!(thread.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS).observed);
+            assert!(track.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS).observed);
         }
-        thread
+        track
     }
 
     #[test]
     fn one_wild_measurement_is_refused_and_the_thread_goes_on() {
-        let mut thread = settled();
-        let wild = thread.advance(0.40, at(60.0), &SETTINGS);
+        let mut track = settled();
+        let wild = track.advance(0.40, at(60.0), &SETTINGS);
         assert_eq!((wild.observed, wild.refused), (false, Some(Reason::GateRejected)));
-        assert!(thread.advance(0.44, at(0.0), &SETTINGS).observed);
+        assert!(track.advance(0.44, at(0.0), &SETTINGS).observed);
     }
 
     #[test]
     fn a_false_first_place_does_not_set_the_speed() {
-        let mut thread = Thread::default();
-        thread.advance(0.0, at(14.0), &SETTINGS);
-        let followed: Vec<Advance> = (1..8).map(|k| thread.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS)).collect();
+        let mut track = Thread::default();
+        track.advance(0.0, at(14.0), &SETTINGS);
+        let followed: Vec<Advance> = (1..8).map(|k| track.advance(f64::from(k) * 0.04, at(0.0), &SETTINGS)).collect();
         assert!(followed.iter().any(|a| a.disowns), "the false start is given up");
         let last = followed.last().and_then(|a| a.state).unwrap();
         assert!((last.tip().x).abs() < 0.5 && last.velocity().norm() < 20.0, "{:?}", last.mean);
@@ -223,17 +225,17 @@ mod tests {
 
     #[test]
     fn measurements_that_agree_elsewhere_are_not_refused_for_ever() {
-        let mut thread = settled();
+        let mut track = settled();
         let taken =
-            (0..6).map(|k| thread.advance(0.40 + f64::from(k) * 0.04, at(60.0), &SETTINGS)).position(|a| a.begins);
+            (0..6).map(|k| track.advance(0.40 + f64::from(k) * 0.04, at(60.0), &SETTINGS)).position(|a| a.begins);
         assert!(taken.is_some_and(|k| k >= 3), "{taken:?}");
     }
 
     #[test]
     fn a_gap_is_bridged_up_to_its_limit_and_not_beyond() {
-        let mut thread = settled();
-        let bridged = (1..=10).filter(|k| thread.advance(0.36 + f64::from(*k) * 0.03, None, &SETTINGS).state.is_some());
+        let mut track = settled();
+        let bridged = (1..=10).filter(|k| track.advance(0.36 + f64::from(*k) * 0.03, None, &SETTINGS).state.is_some());
         assert_eq!(bridged.count(), 6);
-        assert!(thread.advance(0.80, at(90.0), &SETTINGS).begins);
+        assert!(track.advance(0.80, at(90.0), &SETTINGS).begins);
     }
 }

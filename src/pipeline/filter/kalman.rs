@@ -1,10 +1,10 @@
-//! Kalman filter of a tip's position and velocity. The gain has the inverse that T 4.31 lost in print.
+//! Kalman filter of a tip's position and velocity. The gain contains the inverse that is missing in print in T 4.31.
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, Vector3, Vector6};
 
 use super::motion_model;
 
-/// What is known of a tip at one instant.
+/// Estimate of a tip's position and velocity at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
     /// `[x ẋ y ẏ z ż]`, mm and mm/s.
@@ -14,7 +14,7 @@ pub struct State {
 }
 
 impl State {
-    /// A tip just seen, of unknown velocity.
+    /// State of a tip just seen, with unknown velocity.
     pub fn first_seen(tip: Point3<f64>, covariance: Matrix3<f64>, speed_mm_s: f64) -> Self {
         let mut mean = Vector6::zeros();
         let mut spread = Matrix6::zeros();
@@ -59,13 +59,13 @@ impl State {
         (self.tip_covariance() + covariance).cholesky().map_or(f64::INFINITY, |c| miss.dot(&c.solve(&miss)))
     }
 
-    /// The state after a measurement; unchanged where the measurement's covariance is no covariance.
+    /// The state after a measurement; unchanged if the measurement's covariance is not positive definite.
     pub fn updated(&self, tip: Point3<f64>, covariance: Matrix3<f64>) -> Self {
         let see = observation();
         let Some(innovation) = (see * self.covariance * see.transpose() + covariance).cholesky() else { return *self };
         let gain = (innovation.solve(&(see * self.covariance))).transpose();
         let left = Matrix6::identity() - gain * see;
-        // Joseph's form stays symmetric and positive over an hour of frames, which (I − K H) P does not.
+        // Joseph's form stays symmetric and positive over an hour of frames; (I − K H) P does not.
         let spread = left * self.covariance * left.transpose() + gain * covariance * gain.transpose();
         Self { mean: self.mean + gain * (tip - self.tip()), covariance: (spread + spread.transpose()) * 0.5 }
     }

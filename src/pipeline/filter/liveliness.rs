@@ -1,26 +1,27 @@
-//! How lively a hand is: process noise of an adjustable level (Bar-Shalom, Li & Kirubarajan 2001, section 11.2).
+//! Process noise that adapts to how lively a hand is (Bar-Shalom, Li & Kirubarajan 2001, section 11.2).
 //!
-//! A filter that reckons with a steady hand takes a beginner's tremor for errors of measuring: it refuses every seventh place,
-//! bridges it, and errs there by several times what it states. So a step whose measurement a steady hand does not explain is taken
-//! with as much more process noise as explains it, up to what hands can do; where that happens again and again, steps without a
-//! measurement are reckoned with alike.
+//! A filter with the process noise of a steady hand takes a beginner's tremor for measurement error: it rejects every
+//! seventh position, bridges it, and is then off by several times the stated error. So a measurement that a steady
+//! hand does not explain is accepted with as much more process noise as explains it, up to what hands can do. If that
+//! happens repeatedly, predictions without a measurement use more process noise too.
 
 use super::kalman::State;
 use super::smoother::Position;
 
-/// By how many times the usual density of acceleration a step may be livelier.
+/// Factors on the usual acceleration density, from a steady hand to the liveliest.
 const LEVELS: [f64; 4] = [1.0, 4.0, 16.0, 64.0];
 
-/// A measurement within this squared Mahalanobis distance of a prediction is explained by it: three degrees of freedom, 95 %.
+/// A measurement within this squared Mahalanobis distance of a prediction is explained by it: three degrees of
+/// freedom, 95 %.
 const EXPLAINED: f64 = 7.8;
 
-/// For how long a hand is taken for as lively as it was, s.
+/// Time constant of the mean level, s.
 const MEMORY_S: f64 = 1.0;
 
-/// How lively a hand was lately.
+/// How lively a hand was recently.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Liveliness {
-    /// Mean level, 1 for a steady hand.
+    /// Mean factor on the acceleration density; 1 for a steady hand.
     level: f64,
 }
 
@@ -30,23 +31,24 @@ impl Default for Liveliness {
     }
 }
 
-/// A state that was predicted.
+/// A predicted state.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
     /// The state.
     pub state: State,
-    /// The density of acceleration, mm²/s³, that was reckoned with.
+    /// The acceleration density used, mm²/s³.
     pub noise_density: f64,
     level: f64,
 }
 
 impl Liveliness {
-    /// The state so much later, by a hand that is as lively as it was.
+    /// Predicts the state `dt_s` later, with the recent mean level.
     pub fn ahead(&self, state: &State, dt_s: f64, usual_density: f64) -> Step {
         self.at_level(state, dt_s, usual_density, self.level)
     }
 
-    /// The state when something was measured: by a hand as lively as explains that; `None` where no hand does within the gate.
+    /// Predicts the state at a measurement, with the lowest level that explains the measurement; `None` if the
+    /// measurement is outside the gate at every level.
     pub fn towards(
         &self,
         state: &State,
@@ -67,7 +69,7 @@ impl Liveliness {
         liveliest
     }
 
-    /// Takes a step as an instance of how lively the hand is.
+    /// Updates the mean level with a step to a measurement.
     pub fn learn(&mut self, step: &Step, dt_s: f64) {
         self.level += (step.level - self.level) * -(-dt_s / MEMORY_S).exp_m1();
     }
@@ -91,7 +93,7 @@ mod tests {
     const FRAMES: u32 = 400;
     const SIGMA_MM: f64 = 0.15;
 
-    /// Where a hand is that trembles by so much, mm (RMS), at a frame.
+    /// Position at a frame of a hand that trembles by this much, mm (RMS).
     fn place(tremor_mm: f64, frame: u32) -> Point3<f64> {
         let time_s = f64::from(frame) * FRAME_S;
         let wave = |hertz: f64| (std::f64::consts::TAU * hertz * time_s).sin() * tremor_mm;
@@ -102,14 +104,14 @@ mod tests {
         (place(tremor_mm, frame) + dice.gauss3() * SIGMA_MM, Matrix3::identity() * (SIGMA_MM * SIGMA_MM))
     }
 
-    /// Share of the measurements of such a hand that are believed, and the smoothed path's mean squared error in units of what is
-    /// stated for it, per coordinate.
+    /// Share of the accepted measurements of such a hand, and the smoothed path's mean squared error relative to its
+    /// stated variance, per coordinate.
     fn followed(tremor_mm: f64) -> (f64, f64) {
-        let (mut thread, mut run, mut dice) = (Thread::default(), Run::default(), Dice::new(9, "a hand"));
+        let (mut track, mut run, mut dice) = (Thread::default(), Run::default(), Dice::new(9, "a hand"));
         let mut believed = 0;
         for frame in 0..FRAMES {
             let (time_s, at) = (f64::from(frame) * FRAME_S, measured(tremor_mm, frame, &mut dice));
-            let advance = thread.advance(time_s, Some(at), &SETTINGS);
+            let advance = track.advance(time_s, Some(at), &SETTINGS);
             believed += u32::from(advance.observed);
             run.push(time_s, &advance.state.unwrap(), advance.noise_density, advance.observed.then_some(at));
         }
@@ -131,11 +133,11 @@ mod tests {
     #[test]
     fn a_wild_measurement_is_refused_however_much_the_hand_trembles() {
         for tremor_mm in [0.0, 0.6] {
-            let (mut thread, mut dice) = (Thread::default(), Dice::new(3, "a hand"));
+            let (mut track, mut dice) = (Thread::default(), Dice::new(3, "a hand"));
             for frame in 0..FRAMES {
                 let (mut at, is_wild) = (measured(tremor_mm, frame, &mut dice), frame % 50 == 49);
                 at.0.x += if is_wild { 40.0 } else { 0.0 };
-                let advance = thread.advance(f64::from(frame) * FRAME_S, Some(at), &SETTINGS);
+                let advance = track.advance(f64::from(frame) * FRAME_S, Some(at), &SETTINGS);
                 assert!(!(is_wild && advance.observed), "{tremor_mm} mm, frame {frame}");
             }
         }

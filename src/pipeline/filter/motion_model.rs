@@ -1,12 +1,12 @@
-//! How a tool moves between frames: constant velocity, disturbed by white acceleration (T 4.25, 4.27).
+//! Motion model between frames: constant velocity, disturbed by white acceleration (T 4.25, 4.27).
 //!
-//! The state is `[x ẋ y ẏ z ż]`, mm and mm/s. The noise is that of *continuous* white acceleration of spectral density `q`
-//! (mm²/s³), so that two steps of Δt are exactly one of 2Δt and uneven or missing frames cost no consistency; the
-//! piecewise constant acceleration of the thesis's T 4.27 has not that property.
+//! The state is `[x ẋ y ẏ z ż]`, mm and mm/s. The noise is that of *continuous* white acceleration of spectral density
+//! `q` (mm²/s³), so that two steps of Δt equal one of 2Δt exactly, and uneven or missing frames cause no
+//! inconsistency. The piecewise constant acceleration of T 4.27 does not have that property.
 
 use nalgebra::{Matrix6, SMatrix};
 
-/// Transition over `dt_s` seconds.
+/// Transition matrix over `dt_s` seconds.
 pub fn transition(dt_s: f64) -> Matrix6<f64> {
     let mut matrix = Matrix6::identity();
     for axis in 0..3 {

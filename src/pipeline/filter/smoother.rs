@@ -1,18 +1,18 @@
-//! Rauch–Tung–Striebel smoother: what the whole recording says of each instant, without the filter's lag.
+//! Rauch–Tung–Striebel smoother: the estimate for each instant from the whole recording, without the filter's lag.
 //!
-//! A run may last for an hour, and a state takes 336 bytes. So a run keeps what was measured, and the filter's state at
-//! every [`BLOCK`]th instant only; those between are worked out again, block by block, when the smoother comes to them: the
-//! same sums, and so the same to the last bit.
+//! A run may last for an hour, and a state takes 336 bytes. So a run keeps the measurements, and the filter's state
+//! only at every [`BLOCK`]th instant. The states in between are recomputed block by block when the smoother needs
+//! them, with the same operations and so the same to the last bit.
 
 use nalgebra::{Matrix3, Point3};
 
 use super::kalman::State;
 use super::motion_model;
 
-/// Instants from one kept state to the next: a run of an hour keeps as many states as a block has.
+/// Instants between two kept states: a run of an hour then keeps as many states as a block has instants.
 const BLOCK: usize = 300;
 
-/// A measured position, mm, and its covariance, mm², the same on both sides of its diagonal.
+/// A measured position, mm, and its covariance, mm² (exactly symmetric).
 pub type Position = (Point3<f64>, Matrix3<f64>);
 
 /// One unbroken run of the filter.
@@ -36,7 +36,7 @@ struct Instant {
     believed: Option<Believed>,
 }
 
-/// A [`Position`], one half of the covariance left out.
+/// A [`MeasuredPosition`] with one half of the covariance left out.
 #[derive(Clone, Copy, Debug)]
 struct Believed {
     tip: Point3<f64>,
@@ -57,8 +57,8 @@ impl From<Believed> for Position {
 }
 
 impl Run {
-    /// Takes the next instant: the filter's state there, the density of acceleration that it reckoned with since the one before,
-    /// mm²/s³, and the measurement that it believed, if there was one.
+    /// Adds the next instant: the filter's state, the acceleration density that it used since the previous instant,
+    /// mm²/s³, and the accepted measurement, if any.
     pub fn push(&mut self, time_s: f64, state: &State, noise_density: f64, believed: Option<Position>) {
         let instant = Instant { time_s, noise_density, believed: believed.map(Believed::from) };
         match self.blocks.last_mut().filter(|block| block.instants.len() < BLOCK) {
@@ -67,17 +67,17 @@ impl Run {
         }
     }
 
-    /// The measurements that it believed; `None` where there was none.
+    /// The accepted measurements; `None` for an instant without one.
     pub fn believed(&self) -> impl Iterator<Item = Option<Position>> {
         self.blocks.iter().flat_map(|block| &block.instants).map(|instant| instant.believed.map(Position::from))
     }
 
-    /// What the filter knew at each instant.
+    /// The filter's state at each instant.
     pub fn filtered(&self) -> impl Iterator<Item = State> {
         self.blocks.iter().flat_map(Block::filtered)
     }
 
-    /// What the whole run says of each instant; the last one first.
+    /// The smoothed state at each instant, from the last to the first.
     pub fn smoothed(&self) -> impl Iterator<Item = State> {
         let states = |block: &'_ Block| {
             let times = block.instants.iter().map(|instant| (instant.time_s, instant.noise_density));
@@ -94,7 +94,7 @@ impl Run {
 }
 
 impl Block {
-    /// The filter's states, worked out again.
+    /// The filter's states, recomputed.
     fn filtered(&self) -> Vec<State> {
         let mut states = vec![self.first];
         for pair in self.instants.windows(2) {
@@ -106,7 +106,7 @@ impl Block {
     }
 }
 
-/// What a state becomes by the smoothed one `dt_s` seconds later.
+/// Smooths a state with the smoothed state `dt_s` seconds later.
 fn backwards(own: &State, dt_s: f64, later: &State, noise_density: f64) -> State {
     let (step, ahead) = (motion_model::transition(dt_s), own.predicted(dt_s, noise_density));
     let Some(factor) = ahead.covariance.cholesky() else { return *own };

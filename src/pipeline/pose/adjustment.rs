@@ -1,12 +1,13 @@
-//! All poses of a session at once: the fulcrum, and by how much each part of the outline lies off in all of them
-//! (bundle adjustment).
+//! Joint adjustment of all poses of a session: estimates the fulcrum, and by how much each part of the outline is off
+//! in all of them (bundle adjustment).
 //!
-//! One pose cannot tell an offset of its borders from its depth: at 5 mm and 720 lines a tenth of a pixel is a millimetre.
-//! Many poses can, for the band's length and the one point that every axis passes through bind them together.
-//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own nine unknowns ([`super::evidence`]); eliminated
-//! (Schur complement), they leave seven that all poses share: the fulcrum's three, and four offsets. **Assumes** that a
-//! pose's offsets differ from the shared ones by what its evidence says, alike in like poses, which therefore count as one
-//! ([`weights`]). **Gives up** where the axes turn too little to meet anywhere, or meet before the tips.
+//! One pose cannot separate an offset of its borders from its depth: for a 5 mm tool at 720 lines, a tenth of a pixel
+//! is a millimetre. Many poses can, because they share the band's length and the point that every axis passes through.
+//! **Method** Gauss–Newton. Each pose's edges are a quadratic cost of its own nine unknowns
+//! ([`super::normal_equations`]). Eliminating these (Schur complement) leaves seven that all poses share: three of the
+//! fulcrum, and four offsets. **Assumes** that a pose's offsets differ from the shared ones within its stated priors,
+//! and alike in similar poses, which therefore count as one ([`weights`]). **Gives up** if the axes turn too little to
+//! meet anywhere, or meet ahead of the tips.
 
 use nalgebra::{Matrix2, Matrix3, Matrix5, SMatrix, SVector, Vector3, Vector5};
 
@@ -15,33 +16,33 @@ use super::fulcrum::{Constraint, Fulcrum, NEAREST_RADII, PLAY_MM, nearest_point}
 use super::{TubeEstimate, turned};
 use crate::pipeline::tube::Tube;
 
-/// Unknowns that all poses share: the fulcrum, then the offsets.
+/// Number of unknowns that all poses share: the fulcrum, then the offsets.
 const SHARED: usize = 7;
 type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
 type SharedVector = SVector<f64, SHARED>;
 type OwnVector = SVector<f64, OWN>;
 
-/// How well a band's length that nobody measured is known before all poses are looked at together: a share of it.
+/// Prior standard deviation of a band's length that was not measured, as a share of it.
 const LENGTH_WITHIN: f64 = 0.1;
 
-/// By how much a pose may turn towards the fulcrum, radians: beyond, nothing is linear.
+/// Maximum turn of a pose towards the fulcrum, radians: beyond it, the linearisation is invalid.
 const MOST_TURN: f64 = 0.35;
 
-/// What a session's poses share.
+/// The unknowns that a session's poses share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adjustment {
     /// The point that all axes pass through.
     pub fulcrum: Fulcrum,
-    /// What its edges are off by, pixels; the last in mm beyond [`Adjustment::length_mm`] where nobody measured the
-    /// band.
+    /// By how much its edges are off, pixels. If the band was not measured, the last is in mm beyond
+    /// [`Adjustment::length_mm`].
     pub offsets: Offsets,
-    /// The band's length that they are counted from, mm.
+    /// Reference length of the band for the offsets, mm.
     pub length_mm: f64,
     /// Covariance of fulcrum and offsets.
     covariance: SharedMatrix,
 }
 
-/// What all poses share; `None` where they turn too little to show it, or are too few.
+/// Estimates the shared unknowns; `None` if the poses are too few or turn too little.
 pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     const FEWEST: usize = 10;
     const ROUNDS: usize = 30;
@@ -74,11 +75,11 @@ pub fn estimate(poses: &[TubeEstimate]) -> Option<Adjustment> {
     None
 }
 
-/// Do the axes meet in a point before the tips, where no trocar can be? Then the poses lie the wrong way round.
+/// Do the axes meet in a point ahead of the tips, where no trocar can be? Then the poses lie the wrong way round.
 pub fn meet_before_the_tips(poses: &[TubeEstimate]) -> bool {
     const FEWEST: usize = 16;
-    /// How far a tip is from its trocar at most, mm; how near to one point axes pass that meet in it, and how far the tips must be
-    /// apart to tell: root mean squares, mm.
+    /// Largest distance from a tip to that point, mm; largest distance of the axes from it, and smallest spread of the
+    /// tips that is conclusive: root mean squares, mm.
     const FARTHEST_MM: f64 = 400.0;
     const MEET_MM: f64 = 4.0;
     const APART_MM: f64 = 8.0;
@@ -98,14 +99,14 @@ pub fn meet_before_the_tips(poses: &[TubeEstimate]) -> bool {
     apart_mm > APART_MM && beside_mm < MEET_MM && poses.iter().all(is_before)
 }
 
-/// The pose that is most likely when the session's fulcrum and offsets are known so well; `None` for one that would have to
-/// turn by more than [`MOST_TURN`]: its edges were taken for others'.
+/// Steadies a pose: returns the most likely pose given the session's fulcrum and offsets and their uncertainty. `None`
+/// if the pose would have to turn by more than [`MAX_TURN_RAD`]: its edges then belong to something else.
 pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> {
     const ROUNDS: usize = 4;
     let evidence = &pose.evidence;
     let (own_px, share) = (evidence.own_px(), evidence.share());
-    // Both the fulcrum's error and the play keep the axis from it; both the shared offsets' error and the pose's own
-    // the edges from theirs.
+    // The axis may miss the fulcrum by the fulcrum's error and the play. The edges' offsets may differ from the shared
+    // ones by the shared offsets' error and the pose's own offsets.
     let apart_px: [f64; 4] =
         std::array::from_fn(|part| own_px[part].hypot(share[part] * shared.covariance[(3 + part, 3 + part)].sqrt()));
     let information = evidence.information();
@@ -117,7 +118,7 @@ pub fn steady(pose: &TubeEstimate, shared: &Adjustment) -> Option<TubeEstimate> 
         let equations = Equations::at(pose, &information, &change, shared, &play, &apart_px)?;
         let inverse = equations.own.cholesky()?.inverse();
         change = inverse * equations.right;
-        // The edges' own noise passes from frame to frame; offsets, play, and errors of what is shared last.
+        // The edges' own noise changes from frame to frame; offsets, play, and errors of the shared unknowns last.
         let through = inverse * equations.cross;
         let passing = inverse * information * inverse;
         let differing = inverse * equations.differing(&own_px, &apart_px) * inverse;
@@ -151,7 +152,7 @@ impl Adjustment {
         })
     }
 
-    /// What is believed before any pose is looked at: offsets are about none, the fulcrum is anywhere.
+    /// Priors: the offsets are about 0, the fulcrum is anywhere.
     fn beliefs(&self, is_of_unknown_length: bool) -> (SharedMatrix, SharedVector) {
         let mut sigmas = SHARED_OFFSETS_PX;
         if is_of_unknown_length {
@@ -165,7 +166,7 @@ impl Adjustment {
         (matrix, right)
     }
 
-    /// How far outwards both borders lie, pixels, and its standard deviation.
+    /// Outward offset of both borders, pixels, and its standard deviation.
     pub fn border_offset_px(&self) -> (f64, f64) {
         (self.offsets[0], self.covariance[(3, 3)].sqrt())
     }
@@ -176,19 +177,19 @@ impl Adjustment {
         self.offsets += step.fixed_rows::<4>(3);
     }
 
-    /// Does the fulcrum lie behind a tube's band? Axes that hardly turn meet where their errors make them meet.
+    /// Does the fulcrum lie behind the tube's band? If the axes hardly turn, their errors decide where they meet.
     fn is_behind(&self, tube: &Tube) -> bool {
         (tube.tip - self.fulcrum.at).dot(&tube.axis) > NEAREST_RADII * tube.radius
     }
 }
 
-/// One pose while all are being adjusted.
+/// One pose during the adjustment.
 struct Solved<'a> {
     pose: &'a TubeEstimate,
     information: Information,
-    /// From where its edges were solved.
+    /// Change of its own unknowns since its edges were fitted.
     change: OwnVector,
-    /// What the change becomes with the shared unknowns as they are, and by how much less with each step of theirs.
+    /// The change with the current shared unknowns, and its decrease per step of each shared unknown.
     alone: OwnVector,
     through: SMatrix<f64, OWN, SHARED>,
 }
@@ -199,7 +200,7 @@ impl<'a> Solved<'a> {
         Self { pose, information: pose.evidence.information(), change, alone: change, through }
     }
 
-    /// What the pose says of the shared unknowns, its own being as they then have to be: information, and pull.
+    /// Information and right side that the pose contributes to the shared unknowns, with its own unknowns eliminated.
     fn solve(&mut self, shared: &Adjustment) -> Option<(SharedMatrix, SharedVector)> {
         let play = Matrix2::identity() * square(PLAY_MM);
         let own_px = self.pose.evidence.own_px();
@@ -216,7 +217,7 @@ impl<'a> Solved<'a> {
     }
 }
 
-/// One pose's equations, linearised: of its own unknowns, of the shared ones, and of both.
+/// The linearised equations of one pose: for its own unknowns, for the shared ones, and mixed.
 struct Equations {
     own: Information,
     right: OwnVector,
@@ -228,8 +229,8 @@ struct Equations {
 }
 
 impl Equations {
-    /// Of a pose moved by `change` from where its edges were solved. `play` is how far its axis may pass beside the fulcrum
-    /// (covariance), `apart_px` how far its offsets may be from the shared ones.
+    /// The equations of a pose changed by `change` since its edges were fitted. `play` is the covariance of the axis's
+    /// distance from the fulcrum, `apart_px` the standard deviation of its offsets about the shared ones.
     fn at(
         pose: &TubeEstimate,
         information: &Information,
@@ -240,7 +241,7 @@ impl Equations {
     ) -> Option<Self> {
         let moved = tube_part(change);
         let mut constraint = Constraint::at(&turned(&pose.tube, &moved), shared.fulcrum.at);
-        constraint.missed -= constraint.by_pose * moved; // as seen from where the edges were solved
+        constraint.missed -= constraint.by_pose * moved; // relative to the fitted pose
         let firm = play.try_inverse()?;
         let (to_pose, to_point) = (constraint.by_pose.transpose() * firm, constraint.by_point.transpose() * firm);
         let mut all = Self {
@@ -273,7 +274,8 @@ impl Equations {
         Some(all)
     }
 
-    /// Covariance of the right side by what is the pose's own and lasts: play, and its offsets beside the shared ones.
+    /// Covariance of the right side from the pose's own lasting errors: the play, and its offsets relative to the
+    /// shared ones.
     fn differing(&self, own_px: &[f64; 4], apart_px: &[f64; 4]) -> Information {
         let mut all = Information::zeros();
         let to_pose = self.constraint.by_pose.transpose() * self.firm;
@@ -285,7 +287,7 @@ impl Equations {
     }
 }
 
-/// How much each pose counts: those that are alike err alike, and count as one together.
+/// Weight of each pose: similar poses have similar errors, and count as one together.
 fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
     const ALIKE_MM: f64 = 5.0;
     let likeness = |one: &TubeEstimate, other: &TubeEstimate| {
@@ -294,7 +296,7 @@ fn weights(poses: &[TubeEstimate]) -> Vec<f64> {
     poses.iter().map(|pose| 1.0 / poses.iter().map(|other| likeness(pose, other)).sum::<f64>()).collect()
 }
 
-/// How much a pose counts that disagrees with all others: a false one must not hold them.
+/// Lower weight for a pose that disagrees with all others, so that a false one does little harm.
 fn robust_weight(information: &SharedMatrix, pull: &SharedVector) -> f64 {
     const MOST_SQUARED: f64 = 9.0;
     let of_fulcrum = information.fixed_view::<3, 3>(0, 0) + Matrix3::identity() * 1e-9;

@@ -1,15 +1,15 @@
 //! A tube's lean from the known length of its band (METHOD 4): a start for [`super::joint_fit`].
 //!
-//! Both ends are seen in known directions; at a known mean depth there are two leans that put them the band's length
-//! apart: away from the camera, and towards it.
+//! Both ends are seen in known directions. At a known mean depth two leans put them one band length apart: away from
+//! the camera, and towards it.
 
 use nalgebra::Point3;
 
 use crate::pipeline::space::Normalised;
 use crate::pipeline::tube::Tube;
 
-/// The tube whose band's ends are seen at `[distal, proximal]`, of mean depth `depth_mm`. `sign` 1 puts the distal end
-/// farther away, −1 nearer. Where the ends are seen farther apart than the length allows, the tube does not lean.
+/// The tube whose band's ends are seen at `[distal, proximal]`, with mean depth `depth_mm`. `sign` 1 puts the distal
+/// end farther away, −1 nearer. If the ends are seen farther apart than the length allows, the tube does not lean.
 pub fn leaning(ends: [Normalised; 2], depth_mm: f64, length_mm: f64, radius: f64, sign: f64) -> Option<Tube> {
     let (distal, proximal) = (ends[0].ray(), ends[1].ray());
     let (apart, sum) = ((distal - proximal) * depth_mm, distal + proximal);

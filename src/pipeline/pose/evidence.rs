@@ -1,24 +1,26 @@
-//! What the edges of one pose say, kept for when more is known: of the tube, and of its outline's offsets.
+//! The normal equations of one pose's edges, kept for the joint adjustment: for the tube, and for its outline's
+//! offsets.
 
 use nalgebra::{Matrix5, SMatrix, SVector, Vector4, Vector5};
 
 #[cfg(doc)]
 use crate::pipeline::edges::outline_probes::Place;
 
-/// A pose's own unknowns: five of the tube (see [`super::turned`]), the offsets of its outline's four parts (pixels, see [`Offsets`]).
+/// Number of a pose's own unknowns: five of the tube (see [`super::perturbed`]), and four offsets of its outline,
+/// pixels (see [`Offsets`]).
 pub const OWN: usize = 9;
-/// Information on them.
+/// Information matrix of these unknowns.
 pub type Information = SMatrix<f64, OWN, OWN>;
 const PACKED: usize = OWN * (OWN + 1) / 2;
-/// How many numbers an [`Evidence`] is.
+/// Number of values in [`NormalEquations`].
 pub const NUMBERS: usize = PACKED + 4 + OWN + 4 + 4 + 3;
 
-/// By how much an outline's edges lie off, pixels outwards: both borders alike (the tube seems wider), both towards the
-/// first one (it seems displaced), the distal end, the other end. Light from one side, and where a camera puts its chroma
-/// samples, displace a tube five times as much as they widen it, and depth hangs on its width alone.
+/// Offsets of an outline's edges, pixels outwards: both borders alike (the tube seems wider), both towards the first
+/// one (it seems displaced), the distal end, the proximal end. Light from one side, and the position of a camera's
+/// chroma samples, displace a tube five times as much as they widen it, and only the width affects depth.
 pub type Offsets = Vector4<f64>;
 
-/// The offset of one of the outline's four parts (see [`Place::part`]), pixels outwards.
+/// The offset of one of the outline's four parts (see [`OutlinePoint::part`]), pixels outwards.
 pub fn offset_of_part(offsets: &Offsets, part: usize) -> f64 {
     match part {
         0 => offsets[0] + offsets[1],
@@ -27,12 +29,12 @@ pub fn offset_of_part(offsets: &Offsets, part: usize) -> f64 {
     }
 }
 
-/// Standard deviations of the offsets that a whole session shares, pixels: what lens, light and compression do to an edge
-/// everywhere; at the other end the tape's own thickness shows. RMS over scenes of three renderers.
+/// Standard deviations of the offsets that a whole session shares, pixels: the effect of lens, light and compression
+/// on all edges; at the proximal end also the tape's thickness. RMS over scenes of three renderers.
 pub const SHARED_OFFSETS_PX: [f64; 4] = [0.05, 0.12, 0.2, 0.25];
-/// By how much a pose's own offsets differ from them, pixels: background, shadow and gloss.
+/// Standard deviations of a pose's own offsets about the shared ones, pixels: background, shadow and gloss.
 pub const OWN_OFFSETS_PX: [f64; 4] = [0.06, 0.1, 0.15, 0.25];
-/// Offsets of one pose alone, pixels: both together.
+/// Standard deviations of the offsets of a single pose, pixels: shared and own together.
 pub fn offsets_px() -> [f64; 4] {
     std::array::from_fn(|part| SHARED_OFFSETS_PX[part].hypot(OWN_OFFSETS_PX[part]))
 }
@@ -41,43 +43,43 @@ pub fn offsets_px() -> [f64; 4] {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evidence {
     information: [f32; PACKED],
-    /// Offsets that the pose was solved with, pixels.
+    /// Offsets in the fitted pose, pixels.
     offsets: [f32; 4],
-    /// Where the edges alone would still pull tube and offsets: the right side of the normal equations.
+    /// Right side of the normal equations: how the edges alone would still move tube and offsets.
     pull: [f32; OWN],
-    /// What was believed of the offsets: standard deviations, pixels.
+    /// Priors on the offsets: standard deviations, pixels.
     believed_px: [f32; 4],
-    /// By how much they may differ from those of like poses: standard deviations, pixels.
+    /// Difference of the offsets from those of similar poses: standard deviations, pixels.
     own_px: [f32; 4],
     length_mm: f32,
     px_per_mm: f32,
-    /// Nothing is known but how sure the pose is: then all of it may last.
+    /// Only the pose's covariance is known; all of it may last.
     is_bare: bool,
 }
 
-/// What is believed of a pose's offsets before its edges are looked at: standard deviations, pixels.
+/// Priors on a pose's offsets: standard deviations, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beliefs {
     /// Of each offset.
     pub offsets_px: [f64; 4],
-    /// By how much they differ from those that the session shares.
+    /// Of their difference from the offsets that the session shares.
     pub own_px: [f64; 4],
-    /// The band's length that is reckoned with, mm.
+    /// The assumed length of the band, mm.
     pub length_mm: f64,
-    /// Pixels that one millimetre along the axis takes at the band's other end; 0 where its length was measured.
+    /// Pixels per millimetre along the axis at the band's proximal end; 0 if its length was measured.
     pub px_per_mm: f64,
 }
 
 impl Beliefs {
-    /// The usual ones, of a band of known length.
+    /// The usual priors, for a band of known length.
     pub fn usual(length_mm: f64) -> Self {
         Self { offsets_px: offsets_px(), own_px: OWN_OFFSETS_PX, length_mm, px_per_mm: 0.0 }
     }
 }
 
 impl Evidence {
-    /// Of the edges' normal equations, at the pose and offsets that were found under some beliefs, their noise being `noise`
-    /// times as large as the edges said.
+    /// From the edges' normal equations at the pose and offsets fitted under these priors. `noise` is the factor on
+    /// the edges' stated variances.
     pub fn new(
         information: &Information,
         pull: &SVector<f64, OWN>,
@@ -102,7 +104,7 @@ impl Evidence {
         }
     }
 
-    /// Of a pose of which only the covariance is known.
+    /// For a pose with only a covariance.
     pub fn of_covariance(covariance: &Matrix5<f64>) -> Self {
         let mut information = Information::zeros();
         let of_tube = covariance.try_inverse().unwrap_or_else(Matrix5::zeros);
@@ -111,7 +113,7 @@ impl Evidence {
         Self { is_bare: true, ..bare }
     }
 
-    /// All its numbers, for who keeps them.
+    /// All values, for storage.
     pub fn numbers(&self) -> [f32; NUMBERS] {
         let Self { information, offsets, pull, believed_px, own_px, length_mm, px_per_mm, is_bare } = self;
         let parts: [&[f32]; 5] = [information, offsets, pull, believed_px, own_px];
@@ -122,7 +124,7 @@ impl Evidence {
         numbers
     }
 
-    /// Of its numbers.
+    /// From stored values.
     pub fn of_numbers(numbers: &[f32; NUMBERS]) -> Self {
         fn part<const N: usize>(numbers: &mut impl Iterator<Item = f32>) -> [f32; N] {
             std::array::from_fn(|_| numbers.next().unwrap_or(0.0))
@@ -134,13 +136,13 @@ impl Evidence {
         Self { information, offsets, pull, believed_px, own_px, length_mm, px_per_mm, is_bare: is_bare != 0.0 }
     }
 
-    /// As if the noise's variance were so many times as large.
+    /// The same with the variance of the noise multiplied by `times`.
     pub fn doubted(mut self, times: f64) -> Self {
         self.information.iter_mut().chain(&mut self.pull).for_each(|number| *number /= times as f32);
         self
     }
 
-    /// Information on tube and offsets.
+    /// Information matrix of tube and offsets.
     pub fn information(&self) -> Information {
         Information::from_fn(|i, j| {
             let (low, high) = (i.min(j), i.max(j));
@@ -148,40 +150,40 @@ impl Evidence {
         })
     }
 
-    /// Where the edges alone would pull tube and offsets.
+    /// Right side of the normal equations of the edges alone.
     pub fn pull(&self) -> SVector<f64, OWN> {
         SVector::from(self.pull.map(f64::from))
     }
 
-    /// By how much the offsets may differ from the shared ones: standard deviations, pixels.
+    /// Difference of the offsets from the shared ones: standard deviations, pixels.
     pub fn own_px(&self) -> [f64; 4] {
         self.own_px.map(f64::from)
     }
 
-    /// The band's length that the pose was solved with, mm.
+    /// The band's length in the fit, mm.
     pub fn length_mm(&self) -> f64 {
         f64::from(self.length_mm)
     }
 
-    /// Did nobody measure the band?
+    /// Was the band's length not measured?
     pub fn is_of_unknown_length(&self) -> bool {
         self.px_per_mm > 0.0
     }
 
-    /// By how much the shared offsets show, part by part: those of a band whose length nobody measured are counted in mm of
-    /// that length.
+    /// Effect of each shared offset on this pose. If the band's length was not measured, the last shared offset is in
+    /// mm of that length.
     pub fn share(&self) -> [f64; 4] {
         [1.0, 1.0, 1.0, if self.is_of_unknown_length() { f64::from(self.px_per_mm) } else { 1.0 }]
     }
 
-    /// Offsets as they would be had the pose been solved with a band of this length, pixels.
+    /// The offsets as if the pose had been fitted with this band length, pixels.
     pub fn offsets_at(&self, length_mm: f64) -> Offsets {
         let by_length = f64::from(self.px_per_mm) * (self.length_mm() - length_mm);
         Vector4::from(self.offsets.map(f64::from)) + Vector4::w() * by_length
     }
 
-    /// The tube's covariance, nothing else being known than what was believed, and that part of it which lasts from frame to
-    /// frame: were the offsets known, only the edges' own noise would be left.
+    /// The tube's covariance under the priors alone, and the part that lasts from frame to frame: all but the edges'
+    /// own noise, which would remain if the offsets were known.
     pub fn covariance(&self) -> Option<(Matrix5<f64>, Matrix5<f64>)> {
         let information = self.information();
         let all: Matrix5<f64> = self.with_beliefs().cholesky()?.inverse().fixed_view::<5, 5>(0, 0).into_owned();
@@ -192,7 +194,7 @@ impl Evidence {
         Some((all, all - passing))
     }
 
-    /// By how much the edges alone would move the tube, nothing else being known than what was believed.
+    /// How the edges alone, under the priors, would move the tube.
     pub fn change_by_edges_alone(&self) -> Option<Vector5<f64>> {
         let mut pull = self.pull();
         for offset in 0..4 {

@@ -1,7 +1,7 @@
-//! The fixed point about which a tool turns: its trocar (METHOD 4, *beyond*).
+//! The fulcrum: the fixed point of a tool's rotation, in its trocar (METHOD 4, *beyond*).
 //!
-//! The axis of every pose passes through it, within [`PLAY_MM`]. [`super::adjustment`] finds it from all poses, and
-//! steadies the lean of each with it, and with that, depth.
+//! The axis of every pose passes through it, within [`PLAY_MM`]. [`super::adjustment`] estimates it from all poses,
+//! and uses it to correct the lean, and through that the depth, of each pose.
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix2x5, Matrix3, Point3, Vector2, Vector3};
 
@@ -11,19 +11,20 @@ use crate::pipeline::tube::Tube;
 /// A fulcrum with its covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fulcrum {
-    /// Where, camera frame, mm.
+    /// Position in the camera frame, mm.
     pub at: Point3<f64>,
-    /// How sure, mm².
+    /// Its covariance, mm².
     pub covariance: Matrix3<f64>,
 }
 
 impl Fulcrum {
-    /// With its covariance as xx, xy, xz, yy, yz, zz.
+    /// Creates it from a position and a covariance given as xx, xy, xz, yy, yz, zz.
     pub fn of_upper(at: Point3<f64>, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Self {
         Self { at, covariance: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) }
     }
 
-    /// As it is stated: with this share of its standard deviations; `None` where even so it is not known well.
+    /// The fulcrum as stated in results: with its standard deviations multiplied by `share`; `None` if even then not
+    /// well known.
     pub fn stated(self, share: f64) -> Option<Self> {
         let covariance = self.covariance * (share * share);
         let is_well_known = covariance.diagonal().iter().all(|variance| *variance <= WELL_KNOWN_MM * WELL_KNOWN_MM);
@@ -36,14 +37,14 @@ impl Fulcrum {
     }
 }
 
-/// A fulcrum is known well from here on: the largest standard deviation along an axis, mm. What moves by less than three of
-/// these is not told from chance anyway.
+/// Largest standard deviation along an axis of a well-known fulcrum, mm. A movement below three of these cannot be
+/// distinguished from chance.
 pub const WELL_KNOWN_MM: f64 = 4.0;
 
 /// How far from the fulcrum an axis may pass: the play of a tube in its trocar, mm.
 pub const PLAY_MM: f64 = 0.5;
 
-/// The point nearest to all lines `point + s·axis`, unweighted: the textbook start. `None` where the lines are parallel.
+/// The point nearest to all lines `point + s·axis`, unweighted: the textbook start. `None` if the lines are parallel.
 pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -> Option<Point3<f64>> {
     let (matrix, right) = lines.fold((Matrix3::zeros(), Vector3::zeros()), |(matrix, right), (point, axis)| {
         let projector = Matrix3::identity() - axis * axis.transpose();
@@ -52,17 +53,17 @@ pub fn nearest_point(lines: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>) -
     Some(Point3::from(matrix.try_inverse()? * right))
 }
 
-/// Nearest to a tip that a trocar can be, in radii of the tube: behind the band and a piece of shaft.
+/// Minimum distance from a tip to its trocar, in radii of the tube: the band and a piece of shaft lie between.
 pub(super) const NEAREST_RADII: f64 = 8.0;
 
-/// How many standard deviations the axis passes beside the fulcrum; squared, with two degrees of freedom.
+/// Squared Mahalanobis distance of the axis from the fulcrum, with two degrees of freedom.
 pub fn miss_squared(pose: &TubeEstimate, fulcrum: &Fulcrum) -> f64 {
     let constraint = Constraint::at(&pose.tube, fulcrum.at);
     let spread = constraint.by_pose * pose.covariance * constraint.by_pose.transpose() + constraint.play(fulcrum);
     spread.try_inverse().map_or(f64::INFINITY, |information| constraint.missed.dot(&(information * constraint.missed)))
 }
 
-/// "The axis passes through the fulcrum", linearised: by how much it misses, and how that depends on the unknowns.
+/// The constraint "the axis passes through the fulcrum", linearised: the miss, and its derivatives by the unknowns.
 pub(super) struct Constraint {
     pub(super) missed: Vector2<f64>,
     pub(super) by_pose: Matrix2x5<f64>,
@@ -82,7 +83,7 @@ impl Constraint {
         Self { missed: rows * back, by_pose, by_point: rows }
     }
 
-    /// How far an exact axis may pass beside a fulcrum that is known so well: covariance, mm².
+    /// Covariance of an exact axis's distance from a fulcrum with this uncertainty, mm².
     pub(super) fn play(&self, fulcrum: &Fulcrum) -> Matrix2<f64> {
         Matrix2::identity() * (PLAY_MM * PLAY_MM) + self.by_point * fulcrum.covariance * self.by_point.transpose()
     }

@@ -1,11 +1,11 @@
-//! All measured edges at once: borders, and one or both ends of the band, against five unknowns of the tube
-//! (METHOD 4, *known band length*).
+//! Fits a tube to all measured edges at once: borders, and one or both ends of the band, with five unknowns of the
+//! tube (METHOD 4, *known band length*).
 //!
-//! **In** edges with their place on the outline, their pixel and its standard deviation; a tube close to the truth.
-//! **Out** the tube that fits best, its covariance, the RMS residual. **Method** Gauss–Newton with robust weights (Tukey);
-//! borders and ends also have unknown offsets of their own, zero ± [`Beliefs::offsets_px`]: what light, compression
-//! and sharpening shift a whole edge by is the same along it, and averaging over many pixels does not remove it.
-//! **Gives up** where fewer than [`FEWEST_BORDER_EDGES`] edges support either border, or no end was seen.
+//! **In** edges with their point on the outline, their pixel and its standard deviation; a tube close to the truth.
+//! **Out** the best tube, its covariance, the RMS residual. **Method** Gauss–Newton with robust weights (Tukey).
+//! Borders and ends also have unknown offsets, 0 ± [`OffsetPriors::offsets_px`]: light, compression and sharpening
+//! shift a whole edge alike, and averaging over many pixels does not remove that. **Gives up** if fewer than
+//! [`MIN_BORDER_EDGES`] edges support either border, or no end was seen.
 
 use nalgebra::{Matrix5, SMatrix, SVector, Vector2, Vector5};
 
@@ -20,28 +20,28 @@ use crate::pipeline::tube::{Outline, Tube};
 /// One measured edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredEdge {
-    /// Which part of the outline it belongs to.
+    /// The point of the outline that it belongs to.
     pub place: Place,
-    /// Where it was seen.
+    /// Its pixel.
     pub at: Pixel,
     /// Unit normal out of the tube, pixels.
     pub outward: Vector2<f64>,
     /// Standard deviation along the normal, pixels.
     pub sigma_px: f64,
-    /// Direction of sight.
+    /// Viewing direction.
     sight: Normalised,
-    /// How the direction of sight moves per pixel outwards.
+    /// Change of the viewing direction per pixel outwards.
     sight_per_px: Vector2<f64>,
 }
 
-/// Fewest edges on each border.
+/// Minimum number of edges on each border.
 pub const FEWEST_BORDER_EDGES: usize = 2;
 
-/// Least standard deviation of a single edge: texture and compression that the noise does not show, pixels.
+/// Minimum standard deviation of a single edge, pixels: texture and compression that the noise does not include.
 const LEAST_SIGMA_PX: f64 = 0.1;
 
 impl MeasuredEdge {
-    /// An edge seen at a pixel; `None` where the lens model has no direction for it.
+    /// An edge at a pixel; `None` if the lens model has no direction for it.
     pub fn new(place: Place, at: Pixel, outward: Vector2<f64>, sigma_px: f64, camera: &Camera) -> Option<Self> {
         let sight = camera.normalised_of(at)?;
         let (_, jacobian) = camera.distort_with_jacobian(sight);
@@ -49,7 +49,7 @@ impl MeasuredEdge {
         Some(Self { place, at, outward, sigma_px, sight, sight_per_px: jacobian.try_inverse()? * per_px })
     }
 
-    /// How far outside the outline the edge was seen, pixels.
+    /// Outward distance of the edge from the outline, pixels.
     pub fn residual_px(&self, outline: &Outline, camera: &Camera) -> Option<f64> {
         match self.place {
             Place::Border { side, .. } => {
@@ -65,17 +65,17 @@ impl MeasuredEdge {
     }
 }
 
-/// Which edges may be left out.
+/// Whether edges may be left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trust {
-    /// Edges that disagree with most others count little or nothing: for measured edges.
+    /// Edges that disagree with most others get little or no weight: for measured edges.
     Majority,
-    /// All count: for a rough start, whose one point per end must not be outvoted by its borders.
+    /// All edges count: for a rough start, where one point per end must not be outvoted by the borders.
     All,
 }
 
-/// Fits the tube to the edges, starting from `start`, under what is believed of its parts' offsets. Where the
-/// fulcrum is known, the tube is kept to it, but its evidence and covariance are the edges' alone.
+/// Fits the tube to the edges, starting from `start`, under priors on the offsets of its parts. With a known fulcrum
+/// the tube is constrained to it, but normal equations and covariance are those of the edges alone.
 pub fn fit(
     edges: &[MeasuredEdge],
     start: &Tube,
@@ -123,7 +123,7 @@ struct System {
 }
 
 impl System {
-    /// The step that edges, beliefs and the fulcrum together ask for.
+    /// The step from edges, priors and fulcrum together.
     fn bound(
         &self,
         tube: &Tube,
@@ -157,7 +157,7 @@ impl System {
             .collect::<Option<_>>()?;
         let sigma = |e: &MeasuredEdge| (e.sigma_px * e.sigma_px + LEAST_SIGMA_PX * LEAST_SIGMA_PX).sqrt();
         let scale = median(edges.iter().zip(&residuals).map(|(e, r)| (r / sigma(e)).abs())).max(0.67) / 0.6745;
-        // An edge knows of the tube and of its own part's offset only: nine unknowns, never more than six at once.
+        // Each edge depends on the tube and on its own part's offset only: at most six of the nine unknowns.
         let mut by_tube = Matrix5::zeros();
         let (mut across, mut own) = ([Vector5::zeros(); 4], [0.0; 4]);
         let (mut right, mut right_own) = (Vector5::zeros(), [0.0; 4]);
@@ -171,7 +171,7 @@ impl System {
             let part = edge.place.part();
             let mut row = Vector5::zeros();
             for (i, ahead) in nudged.iter().enumerate() {
-                // The outline moves outwards by as much as the residual falls.
+                // The outline moves outwards by as much as the residual decreases.
                 row[i] = (residual + offset_of_part(offsets, part) - edge.residual_px(ahead, camera)?) / NUDGE[i];
             }
             let weighed = row * information;
@@ -205,7 +205,7 @@ impl System {
     }
 }
 
-/// From an offset of each border to one of both alike and one of both towards the first: see [`Offsets`].
+/// Transforms one offset per border into one of both alike and one of both towards the first: see [`Offsets`].
 fn borders_alike_and_apart(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right: &mut SVector<f64, UNKNOWNS>) {
     const BORDERS: [usize; 2] = [5, 6];
     let [first, second] = BORDERS;
@@ -218,7 +218,7 @@ fn borders_alike_and_apart(matrix: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>, right:
     (right[first], right[second]) = (right[first] + right[second], right[first] - right[second]);
 }
 
-/// Steps of the numeric derivative: mm, mm, mm, rad, rad.
+/// Steps of the numerical derivative: mm, mm, mm, rad, rad.
 const NUDGE: [f64; 5] = [1e-4, 1e-4, 1e-4, 1e-6, 1e-6];
 
 fn nudged_outlines(tube: &Tube) -> Option<[Outline; 5]> {
@@ -259,7 +259,7 @@ mod tests {
         Tube { tip: Point3::new(-30.0, -8.0, 190.0), axis: Vector3::new(0.40, -0.62, 0.675).normalize(), radius: 2.5 }
     }
 
-    /// Edges along the tube's true outline, each moved by noise, and offsets of these standard deviations.
+    /// Edges along the tube's true outline, each shifted by noise, and by offsets with these standard deviations.
     fn edges(random: &mut impl Rng, sigma_px: f64, offsets_px: [f64; 4]) -> Vec<MeasuredEdge> {
         let offsets = Offsets::from(offsets_px.map(|sigma| sigma * gaussian(random)));
         let backs_mm: Vec<f64> = (1..25).map(f64::from).collect();
@@ -296,7 +296,7 @@ mod tests {
         assert!((fitted.tube.tip - tube().tip).norm() < 0.5, "{}", (fitted.tube.tip - tube().tip).norm());
     }
 
-    /// The claim "this is the covariance", validated by sampling.
+    /// Checks the stated covariance by sampling.
     #[test]
     fn ninety_five_of_a_hundred_tips_lie_inside_their_95_percent_region() {
         const TRIALS: usize = 300;

@@ -1,10 +1,9 @@
 //! Borders and ends in, position in space out (METHOD 4).
 //!
-//! [`tangent_planes`] gives the axis in closed form from two border lines, [`band_length`] from a known length,
-//! [`pinhole_width`] is the thesis's reference
-//! method, [`joint_fit`] refines with every edge that was measured and says how sure it is, and [`adjustment`] takes all
-//! poses of a session together: it finds the [`fulcrum`] about which a tool turns and what its edges are off by, and
-//! steadies each pose with both.
+//! [`tangent_planes`] gives the axis in closed form from two border lines; [`band_length`] gives it from a known
+//! length. [`pinhole_width`] is the thesis's reference method. [`joint_fit`] refines the tube with all measured edges
+//! and gives its uncertainty. [`adjustment`] takes all poses of a session together: it estimates the [`fulcrum`] and
+//! the shared offsets of the edges, and *steadies* each pose, that is, corrects it with both.
 
 pub mod adjustment;
 pub mod band_length;
@@ -22,32 +21,33 @@ use nalgebra::{Matrix3, Matrix5, Vector3};
 use self::evidence::Evidence;
 use crate::pipeline::tube::Tube;
 
-/// A tube with how sure its place is.
+/// A tube and its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TubeEstimate {
     /// The tube.
     pub tube: Tube,
-    /// Covariance of the five unknowns: tip (mm), then the axis's turn about two directions (radians, see [`turned`]).
+    /// Covariance of the five unknowns: tip (mm), then the axis's turn about two directions (radians, see
+    /// [`perturbed`]).
     pub covariance: Matrix5<f64>,
-    /// The part of it that stays the same from frame to frame, because light and background hardly change: no filter
-    /// over time removes it.
+    /// The part of the covariance that stays the same from frame to frame, because light and background hardly change.
+    /// No filter over time removes it.
     pub lasting: Matrix5<f64>,
-    /// What its edges say, for all poses together.
+    /// Normal equations of its edges, for the joint adjustment.
     pub evidence: Evidence,
     /// RMS distance of border points from the outline, pixels.
     pub residual_px: f64,
-    /// How many edges agree with it: the sum of their robust weights.
+    /// Number of edges that agree with it: the sum of their robust weights.
     pub support: f64,
 }
 
 impl TubeEstimate {
-    /// Covariance of the tip, mm², the same on both sides of its diagonal.
+    /// Covariance of the tip, mm² (exactly symmetric).
     pub fn tip_covariance(&self) -> Matrix3<f64> {
         let tip = self.covariance.fixed_view::<3, 3>(0, 0);
         (tip + tip.transpose()) * 0.5
     }
 
-    /// The pose as its edges alone have it, without the fulcrum that it may have been kept to.
+    /// The pose as determined by its edges alone, without the fulcrum that may have constrained it.
     pub fn by_edges_alone(&self) -> Self {
         let Some(change) = self.evidence.change_by_edges_alone() else { return *self };
         let (covariance, lasting) = self.evidence.covariance().unwrap_or((self.covariance, self.lasting));
@@ -60,7 +60,8 @@ impl TubeEstimate {
     }
 }
 
-/// A pose as a recording keeps it, for each tool and frame: its covariance can be had from its evidence.
+/// A pose as stored by a recording for each tool and frame; its covariance can be recomputed from its normal
+/// equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeptPose {
     /// The tube.
@@ -78,7 +79,7 @@ impl From<&TubeEstimate> for KeptPose {
 }
 
 impl KeptPose {
-    /// The whole pose again; `None` if its edges determine none.
+    /// The complete pose; `None` if its edges do not determine one.
     pub fn estimate(&self) -> Option<TubeEstimate> {
         let (covariance, lasting) = self.evidence.covariance()?;
         let Self { tube, evidence, residual_px, support } = *self;
@@ -116,7 +117,7 @@ impl KeptPose {
     }
 }
 
-/// A [`KeptPose`] as bits.
+/// A [`StoredPose`] as bits.
 type Words = [u32; WORDS];
 const TUBE_WORDS: usize = 2 * 7;
 const WORDS: usize = TUBE_WORDS + evidence::NUMBERS + 2;
@@ -128,7 +129,7 @@ pub fn across(axis: Vector3<f64>) -> [Vector3<f64>; 2] {
     [first, axis.cross(&first)]
 }
 
-/// The tube moved by five small unknowns: tip by three (mm), axis towards the two [`across`] directions (radians).
+/// The tube changed by five small unknowns: tip by three (mm), axis towards the two [`perpendiculars`] (radians).
 pub fn turned(tube: &Tube, change: &nalgebra::Vector5<f64>) -> Tube {
     let [first, second] = across(tube.axis);
     let axis = tube.axis + first * change[3] + second * change[4];

@@ -1,20 +1,20 @@
-//! Poses as a recording keeps them: an hour of two tools has 180,000, of 340 bytes each.
+//! Compressed poses of a recording: an hour of two tools has 180,000 poses of 340 bytes each.
 //!
-//! From frame to frame a number changes in its last digits only, and most of what was believed not at all. Of each 32 bits
-//! those are kept that differ from the pose before, but for zeros in front, in whole bytes: a third less in all, and to the
-//! last bit the same when they are taken out again. Bytes that change with every frame, as most of a mantissa does, no
-//! method makes less of.
+//! From frame to frame a number changes only in its last digits, and most of the priors not at all. Each 32-bit word
+//! is stored as the bits that differ from the previous pose (XOR), without leading zeros, in whole bytes. This saves a
+//! third, without loss. The bytes that change with every frame, as most of a mantissa does, cannot be compressed by
+//! any method.
 
 use super::{KeptPose, WORDS, Words};
 
-/// Bits that tell how many bytes of a word follow.
+/// Bits of the tag that states how many bytes of a word follow.
 const TAG_BITS: usize = 2;
-/// How many do, by tag.
+/// Number of bytes by tag.
 const BYTES: [usize; 1 << TAG_BITS] = [0, 2, 3, 4];
 const TAGS_PER_BYTE: usize = 8 / TAG_BITS;
 const TAG_BYTES: usize = WORDS.div_ceil(TAGS_PER_BYTE);
 
-/// Memory is taken in such pieces, so that growing copies nothing.
+/// Memory is allocated in blocks of this size, so that growing copies nothing.
 const BLOCK_BYTES: usize = 1 << 16;
 
 /// Poses in the order of their frames.
@@ -57,7 +57,7 @@ impl PackedPoses {
         self.blocks.push(block);
     }
 
-    /// The poses again, each block's memory being freed once it has been read.
+    /// Unpacks the poses, and frees each block's memory once it has been read.
     pub fn unpack(self) -> impl Iterator<Item = KeptPose> {
         let mut words = [0; WORDS];
         self.blocks.into_iter().flat_map(move |block| {

@@ -1,7 +1,8 @@
 //! `z ≈ f·D/width`: the thesis's method after Tonet (T 4.12–4.14), kept as the reference.
 //!
-//! Takes the width perpendicular to the midline at the band's end for the tube's diameter at the tip, as if the tube lay
-//! in the image plane: biased when it leans, away from the centre, and by the rim (METHOD, last section).
+//! It takes the width perpendicular to the midline at the band's end for the tube's diameter at the tip, as if the
+//! tube lay in the image plane. It is biased by lean, by distance from the picture's centre, and by the rim (METHOD,
+//! last section).
 
 use nalgebra::{Point3, Vector3};
 
@@ -9,7 +10,7 @@ use crate::pipeline::edges::line_fit::Line;
 use crate::pipeline::space::Normalised;
 use crate::pipeline::tube::Tube;
 
-/// The tube by width and similar triangles; the arguments are those of [`super::tangent_planes::locate`].
+/// The tube from its width by similar triangles; the arguments are those of [`super::tangent_planes::locate`].
 pub fn locate(borders: [Line; 2], distal: Normalised, proximal: Normalised, radius: f64) -> Option<Tube> {
     let along = (distal.0 - proximal.0).try_normalize(1e-12)?;
     let width = borders.map(|line| distance_across(line, distal, along)).into_iter().sum::<Option<f64>>()?;

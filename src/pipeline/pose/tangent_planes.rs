@@ -1,8 +1,9 @@
 //! The tube's axis from its two border lines, exact under perspective for any lean (METHOD 4; Zhou & Payandeh).
 //!
-//! A border seen as the normalised line `a x + b y + c = 0` spans with the camera a plane that touches the cylinder, with unit
-//! normal `n = (a, b, c)/|(a, b, c)|`. Then `d = n₁×n₂/|n₁×n₂|` and `N = r·(n₁+n₂)/(1+n₁·n₂)`. The band's distal end is a
-//! circle; the midline meets its *near* rim, so the end's ray `λ·v` satisfies `λ·v = N + s·d − r·m` with `m = N/|N|`.
+//! A border seen as the normalised line `a x + b y + c = 0` spans, with the camera, a plane that touches the cylinder,
+//! with unit normal `n = (a, b, c)/|(a, b, c)|`. Then `d = n₁×n₂/|n₁×n₂|` and `N = r·(n₁+n₂)/(1+n₁·n₂)`. The band's
+//! distal end is a circle; the midline meets its *near* rim, so the end's ray `λ·v` satisfies `λ·v = N + s·d − r·m`
+//! with `m = N/|N|`.
 
 use nalgebra::{Matrix3x2, Point3, Vector3};
 
@@ -10,8 +11,8 @@ use crate::pipeline::edges::line_fit::Line;
 use crate::pipeline::space::Normalised;
 use crate::pipeline::tube::Tube;
 
-/// The tube between two border lines whose near rim is met by the midline at `distal`. `proximal` is any point of the
-/// midline on the hand's side. `None` where the lines enclose no tube.
+/// The tube between two border lines. `distal` is the pixel direction where the midline meets the near rim; `proximal`
+/// is any point of the midline on the hand's side. `None` if the lines enclose no tube.
 pub fn locate(borders: [Line; 2], distal: Normalised, proximal: Normalised, radius: f64) -> Option<Tube> {
     let middle = (distal.ray() + proximal.ray()) * 0.5;
     let [first, second] = borders.map(|line| touching_plane(line, middle));
@@ -26,7 +27,7 @@ pub fn locate(borders: [Line; 2], distal: Normalised, proximal: Normalised, radi
     in_front.then(|| Tube { tip: Point3::from(tip), axis: axis_to_tip, radius })
 }
 
-/// How far behind the tip the near side of the tube is seen in this direction, mm.
+/// Distance behind the tip, mm, of the tube's near side in this direction.
 pub fn back_of(tube: &Tube, seen: Normalised) -> Option<f64> {
     let nearest = tube.nearest();
     let rim = nearest - nearest.try_normalize(1e-12)? * tube.radius;

@@ -1,4 +1,4 @@
-//! Edges along a tube's outline as tests make them: true but for offsets and noise of their own.
+//! Edges along a tube's outline for tests: exact, except for given offsets and noise.
 
 use nalgebra::{Point3, Vector2};
 use rand::{Rng, RngExt};
@@ -13,12 +13,13 @@ use crate::pipeline::tube::Tube;
 /// Length of the bands, mm.
 pub const LENGTH_MM: f64 = 26.0;
 
-/// A number of mean 0 and standard deviation 1.
+/// A random number with mean 0 and standard deviation 1.
 pub fn gaussian(random: &mut impl Rng) -> f64 {
     (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
 }
 
-/// Edges along both borders, at these distances behind the tip, and five along each end; off by `offsets` and by noise.
+/// Edges along both borders at these distances behind the tip, and five along each end, shifted by `offsets` and by
+/// noise.
 pub fn edges(
     tube: &Tube,
     camera: &Camera,

@@ -1,8 +1,8 @@
-//! Every colour, classified once (T 6.6.2): a table over quantised Y, U, V, filled where it is looked at.
+//! Class of every colour (T 6.6.2): a table over quantised Y, U, V, filled on demand.
 //!
-//! 5 bits of luma and 6 of each difference make 128 KiB, which stays in a core's second-level cache. On the pixels of
-//! the rendered scenes that agrees with the exact nearest neighbours on more than 99.5 % (tested). A recording shows a
-//! few thousand of the 131,072 colours: each is classified when it is first seen, and from then on only read.
+//! 5 bits of luma and 6 of each difference make 128 KiB, which fits into a core's second-level cache. On the pixels of
+//! the rendered scenes it agrees with the exact nearest neighbours on more than 99.5 % (tested). A recording contains
+//! a few thousand of the 131,072 colours: each is classified when it is first seen, and only read after that.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -12,12 +12,12 @@ use crate::pipeline::frame::ColourEncoding;
 const LUMA_BITS: u32 = 5;
 const CHROMA_BITS: u32 = 6;
 
-/// Stands in the table where no colour has been classified yet; far more tools than can be tracked.
+/// Marks a colour that has not been classified yet; more than any tool's class.
 const UNSEEN: u8 = u8::MAX;
 
-/// Class of every colour: 0 for none, `i + 1` for tool `i`.
+/// Class of every colour: 0 for no tool, from 1 on for the tools' colours.
 pub struct ColourTable {
-    /// Atomic only so that looking up needs no exclusive access: all who fill a cell fill in the same.
+    /// Atomic only so that lookups need no exclusive access: concurrent writers of a cell write the same class.
     classes: Vec<AtomicU8>,
     knn: Knn,
     encoding: ColourEncoding,
@@ -43,7 +43,7 @@ impl ColourTable {
         }
     }
 
-    /// Classifies a cell's centre.
+    /// Classifies a cell by its centre.
     #[cold]
     fn classify(&self, cell: usize) -> u8 {
         let class = self.knn.class_of(self.encoding.colour_of_codes(centre_of(cell)));

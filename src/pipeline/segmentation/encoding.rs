@@ -1,22 +1,22 @@
-//! From a video's Y, U, V codes to linear light and back: range and matrix, the transfer curve, and nothing else.
+//! Conversions between a video's Y, U, V codes and gamma-coded colour: range and matrix only.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
 
 impl ColourEncoding {
-    /// Codes → gamma-coded `[Y', Pb, Pr]`: luma 0..1, differences −0.5..0.5.
+    /// Codes to gamma-coded `[Y', Pb, Pr]`: luma 0..1, differences −0.5..0.5.
     pub fn colour_of(&self, yuv: [u8; 3]) -> [f64; 3] {
         self.colour_of_codes(yuv.map(f64::from))
     }
 
-    /// The same for codes between the whole numbers.
+    /// The same for fractional codes.
     pub fn colour_of_codes(&self, yuv: [f64; 3]) -> [f64; 3] {
         let (black, luma_span, chroma_span) = self.spans();
         [(yuv[0] - black) / luma_span, (yuv[1] - 128.0) / chroma_span, (yuv[2] - 128.0) / chroma_span]
     }
 
-    /// Gamma-coded `[Y', Pb, Pr]` → the nearest codes.
+    /// Gamma-coded `[Y', Pb, Pr]` to the nearest codes.
     pub fn codes_of(&self, colour: [f64; 3]) -> [u8; 3] {
         let (black, luma_span, chroma_span) = self.spans();
         let codes = [colour[0] * luma_span + black, colour[1] * chroma_span + 128.0, colour[2] * chroma_span + 128.0];
@@ -39,14 +39,14 @@ impl ColourEncoding {
         Matrix3::new(1.0, 0.0, red, 1.0, -blue * kb / kg, -red * kr / kg, 1.0, blue, 0.0)
     }
 
-    /// Gamma-coded `[R', G', B']` → `[Y', Pb, Pr]`.
+    /// Gamma-coded `[R', G', B']` to `[Y', Pb, Pr]`.
     pub fn colour_of_rgb(&self, [r, g, b]: [f64; 3]) -> [f64; 3] {
         let [kr, kg, kb] = self.luma_weights();
         let luma = kr * r + kg * g + kb * b;
         [luma, (b - luma) / (2.0 * (1.0 - kb)), (r - luma) / (2.0 * (1.0 - kr))]
     }
 
-    /// Gamma-coded `[R', G', B']` in 0..1 of a colour given by its codes; values outside are kept.
+    /// Codes to gamma-coded `[R', G', B']` in 0..1; values outside are kept.
     pub fn rgb_of_codes(&self, yuv: [f64; 3]) -> Vector3<f64> {
         self.rgb_from_colour() * Vector3::from(self.colour_of_codes(yuv))
     }

@@ -1,5 +1,5 @@
-//! What colour is this: k nearest neighbours among the marked samples (METHOD 2, T 6.2), with a limit beyond which a
-//! colour is nobody's.
+//! Classifies a colour by its k nearest neighbours among the marked samples (METHOD 2, T 6.2). A colour too far from
+//! all samples is unknown.
 
 use std::collections::HashMap;
 use std::num::NonZero;
@@ -8,20 +8,20 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use super::samples::{ColourSample, ColourSamples};
 
-/// Neighbours that vote; the thesis's choice.
-const K: NonZero<usize> = NonZero::new(5).unwrap(); // of a constant: the compiler checks it
+/// Number of neighbours that vote; the thesis's choice.
+const K: NonZero<usize> = NonZero::new(5).unwrap(); // checked at compile time
 
-/// Weight of luma against the two differences: light falls off across a box and over a tube's curve, so brightness
-/// tells less of a tape than hue does.
+/// Weight of luma relative to the two differences: light varies across a box and over a tube's curve, so brightness
+/// identifies a tape less well than hue.
 const LUMA_WEIGHT: f64 = 0.4;
 
-/// A colour farther from every sample of its label than this many times the label's own spread is unknown.
+/// A colour is unknown if it is farther from every sample of its label than this many times the label's spread.
 const SPREADS_TO_UNKNOWN: f64 = 3.0;
 
-/// Least spread of a label, as a share of the full code range: noise and compression of any camera.
+/// Minimum spread of a label, as a share of the full code range: noise and compression of any camera.
 const LEAST_SPREAD: f64 = 0.012;
 
-/// Light under which an unknown colour is looked at again: brightness of the codes times these.
+/// Factors on an unknown colour's brightness, to classify it again as if under other light.
 const OTHER_LIGHT: [f64; 6] = [0.85, 1.18, 0.72, 1.38, 0.6, 1.6];
 
 /// Exact classifier over gamma-coded `[Y', Pb, Pr]`.
@@ -33,8 +33,8 @@ pub struct Knn {
 }
 
 impl Knn {
-    /// Builds the tree. `class_of_label` gives each of the samples' labels its class, 0 for all that are no tool.
-    /// `None` when there is no sample.
+    /// Builds the tree. `class_of_label` holds the class of each label of the samples, 0 for labels that are no tool.
+    /// `None` if there are no samples.
     pub fn new(samples: &ColourSamples, class_of_label: &[u8]) -> Option<Self> {
         let class = |sample: &ColourSample| class_of_label.get(sample.label).copied().unwrap_or(0);
         let colours: Vec<[f64; 3]> = samples.samples.iter().map(|s| samples.encoding.colour_of(s.yuv)).collect();
@@ -57,22 +57,22 @@ impl Knn {
         Some(Self { tree, label_of_sample, limit_of_label, reach })
     }
 
-    /// The class of a colour: 0 for none of the tools, else the tool's class.
+    /// The class of a colour: 0 for no tool, else the tool's class.
     ///
-    /// The same tape nearer to the lamp or in shadow is the same colour, brighter or darker: a colour that is nobody's as it
-    /// is, is asked about again under other light.
+    /// The same tape nearer to the lamp or in shadow has the same colour, brighter or darker. So an unknown colour is
+    /// classified again under other light.
     pub fn class_of(&self, colour: [f64; 3]) -> u8 {
         let lit = |light: f64| colour.map(|c| c * light);
         let mut lights = std::iter::once(1.0).chain(OTHER_LIGHT);
         if !lights.any(|light| self.is_near_a_tool(lit(light))) {
-            return 0; // farther than any limit from every sample of every tool: the tree need not be asked
+            return 0; // beyond the limits of all tools: skip the tree
         }
         let as_it_is = self.known_class_of(colour);
         let other_light = || OTHER_LIGHT.iter().find_map(|light| self.known_tool_of(lit(*light)));
         as_it_is.or_else(other_light).unwrap_or(0)
     }
 
-    /// The tool whose colour this is under the light as it is.
+    /// The tool with this colour under unchanged light.
     fn known_tool_of(&self, colour: [f64; 3]) -> Option<u8> {
         self.is_near_a_tool(colour).then(|| self.known_class_of(colour))?.filter(|class| *class != 0)
     }
@@ -82,7 +82,7 @@ impl Knn {
         colour.iter().zip(&self.reach).all(|(c, (low, high))| (*low..=*high).contains(c))
     }
 
-    /// The class of a colour under the light as it is; `None` where it is nobody's.
+    /// The class of a colour under unchanged light; `None` if unknown.
     fn known_class_of(&self, colour: [f64; 3]) -> Option<u8> {
         let nearest = self.tree.query(&metric_of(colour)).nearest_n::<SquaredEuclidean<f32>>(K).execute();
         let votes: Vec<u8> = nearest.iter().map(|n| self.label_of_sample[n.item as usize]).collect();
@@ -97,14 +97,14 @@ pub(super) fn metric_of(colour: [f64; 3]) -> [f32; 3] {
     [(colour[0] * LUMA_WEIGHT) as f32, colour[1] as f32, colour[2] as f32]
 }
 
-/// The class with most votes; among equals the one whose vote is nearest.
+/// The class with most votes; on a tie, the one whose vote is nearest.
 fn majority(votes: &[u8]) -> Option<u8> {
     let count = |class: u8| votes.iter().filter(|v| **v == class).count();
     let most = votes.iter().map(|v| count(*v)).max()?;
     votes.iter().copied().find(|v| count(*v) == most)
 }
 
-/// More samples of one class in one place than can vote change no vote: the others are left out.
+/// Removes samples of one class at one place beyond the number that can vote: they change no vote.
 fn without_crowds(points: Vec<[f32; 3]>, classes: Vec<u8>) -> (Vec<[f32; 3]>, Vec<u8>) {
     let mut crowds: HashMap<(u8, [u32; 3]), usize> = HashMap::new();
     let has_a_say = |(point, class): &([f32; 3], u8)| {

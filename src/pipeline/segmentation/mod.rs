@@ -1,9 +1,9 @@
-//! Frame in, labelled cells out (METHOD 2).
+//! Frame in, classified cells out (METHOD 2).
 //!
-//! The colours that an instructor marked decide, by k nearest neighbours, what each possible colour is; the answer is
-//! worked out once into a [`colour_table::ColourTable`], and the frame is then only looked up: first around the place
-//! where a tool is expected, else on a coarse grid. Whether those colours can be told apart at all, [`palette`] says before
-//! anybody records.
+//! The colours that an instructor marked decide, by k nearest neighbours, the class of each possible colour. The
+//! results are stored in a [`colour_table::ColourTable`], and the frame's pixels are only looked up in it: first
+//! around the predicted position of a tool, else on a coarse grid. [`palette`] checks before the recording whether the
+//! marked colours can be distinguished at all.
 
 pub mod colour_table;
 pub mod encoding;

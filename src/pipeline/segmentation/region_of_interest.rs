@@ -1,8 +1,9 @@
-//! Where to look (T 6.6.1): the predicted place first, else the whole frame on a coarse grid.
+//! Where to search for a tool (T 6.6.1): around the predicted position first, else on the whole frame with a coarse
+//! grid.
 //!
-//! The frame is seen as *cells* of [`CELL_PX`] pixels: with 4:2:0 video exactly one chroma sample each, so that no
-//! colour is looked up twice. The coarse grid visits every [`COARSE_STEP`]th cell in both directions; a band narrower
-//! than that many cells can slip through, but such a band is too small to be measured anyway.
+//! The frame is processed in *cells* of [`CELL_PX`] pixels: with 4:2:0 video exactly one chroma sample each, so that
+//! no colour is looked up twice. The coarse grid visits every [`COARSE_STEP`]th cell in both directions. A band
+//! narrower than that many cells can be missed, but it would be too small to be measured anyway.
 
 use super::colour_table::ColourTable;
 use crate::pipeline::frame::Frame;
@@ -10,7 +11,7 @@ use crate::pipeline::frame::Frame;
 /// Pixels across one cell.
 pub const CELL_PX: usize = 2;
 
-/// Cells between looks on the coarse grid.
+/// Cells between samples of the coarse grid.
 const COARSE_STEP: usize = 4;
 
 /// A rectangle of cells; `right` and `bottom` are one past the last.
@@ -32,7 +33,8 @@ impl CellBox {
         Self { left: 0, top: 0, right: frame.width().div_ceil(CELL_PX), bottom: frame.height().div_ceil(CELL_PX) }
     }
 
-    /// The cells around pixels `low..high`, widened by `margin_px` and cut at the frame; `None` if nothing is left.
+    /// The cells around pixels `low..high`, widened by `margin_px` and clipped to the frame; `None` if nothing is
+    /// left.
     pub fn around(low: [f64; 2], high: [f64; 2], margin_px: f64, frame: &Frame<'_>) -> Option<Self> {
         let whole = Self::whole(frame);
         let cell = |px: f64, last: usize| ((px / CELL_PX as f64).max(0.0) as usize).min(last);
@@ -45,7 +47,7 @@ impl CellBox {
         (found.left < found.right && found.top < found.bottom).then_some(found)
     }
 
-    /// Grown by `cells` on every side, cut at the frame.
+    /// Grown by `cells` on every side, clipped to the frame.
     pub fn grown(self, cells: usize, frame: &Frame<'_>) -> Self {
         let whole = Self::whole(frame);
         Self {
@@ -56,7 +58,7 @@ impl CellBox {
         }
     }
 
-    /// The smallest that holds both.
+    /// The smallest box that contains both.
     pub fn joined(&self, other: &Self) -> Self {
         Self {
             left: self.left.min(other.left),
@@ -66,17 +68,17 @@ impl CellBox {
         }
     }
 
-    /// Do both have a cell in common?
+    /// Do both boxes have a cell in common?
     pub fn overlaps(&self, other: &Self) -> bool {
         self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
     }
 
-    /// Columns.
+    /// Number of columns.
     pub fn width(&self) -> usize {
         self.right - self.left
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.bottom - self.top
     }
@@ -88,7 +90,7 @@ impl CellBox {
             && row < self.bottom + reach
     }
 
-    /// Grown so that it holds this cell.
+    /// Grows the box so that it contains this cell.
     pub fn include(&mut self, column: usize, row: usize) {
         self.left = self.left.min(column);
         self.top = self.top.min(row);
@@ -103,10 +105,10 @@ pub fn class_at(frame: &Frame<'_>, table: &ColourTable, column: usize, row: usiz
     table.class_of(frame.yuv_at(column * CELL_PX, row * CELL_PX))
 }
 
-/// Looks over the whole frame on the coarse grid; boxes around what has this class, most looks first, each widened so
-/// that it holds the whole band.
+/// Searches the whole frame on the coarse grid. Returns boxes around the samples of this class, those with most
+/// samples first, each widened so that it contains the whole band.
 pub fn coarse_search(frame: &Frame<'_>, table: &ColourTable, class: u8) -> Vec<CellBox> {
-    const MOST_BOXES: usize = 64; // a frame full of the colour must not cost a second
+    const MOST_BOXES: usize = 64; // limits the time on a frame full of the colour
     let whole = CellBox::whole(frame);
     let mut found: Vec<(CellBox, usize)> = Vec::new();
     for row in (COARSE_STEP / 2..whole.bottom).step_by(COARSE_STEP) {

@@ -1,12 +1,12 @@
-//! Colour samples: the pixels inside the rectangles that an instructor marked. Plain data, so that they can be
-//! stored per box and read back.
+//! Colour samples: the pixels inside the rectangles that an instructor marked. Plain data, so that they can be stored
+//! per box and read back.
 
 use crate::pipeline::frame::{ColourEncoding, Frame};
 
-/// A marked rectangle, in pixels of the recorded frame; `x`, `y` is the first pixel inside.
+/// A marked rectangle, in pixels of the recorded frame; `x`, `y` is its first pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rectangle {
-    /// Marker's name, or a label that is no tool (`background`, `shaft`, …).
+    /// Name of the tool's colour, or a label that is no tool (`background`, `shaft`, …).
     pub label: String,
     /// First column.
     pub x: usize,
@@ -23,8 +23,8 @@ pub struct Rectangle {
 pub struct ColourSample {
     /// Index into [`ColourSamples::labels`].
     pub label: usize,
-    /// Which marked rectangle it comes from, counted over all labels from 0: neighbours on one tape resemble each other
-    /// more than the next frame's tape does.
+    /// The marked rectangle that it comes from, counted over all labels from 0. Pixels of one rectangle resemble each
+    /// other more than the same tape on the next frame.
     pub rectangle: u32,
     /// Codes as decoded, in the samples' encoding.
     pub yuv: [u8; 3],
@@ -41,8 +41,8 @@ pub struct ColourSamples {
     pub samples: Vec<ColourSample>,
 }
 
-/// Most samples taken from one rectangle: beyond it, pixels are taken at even steps. A huge background rectangle
-/// would otherwise cost time and outvote the tape.
+/// Maximum number of samples from one rectangle; in a larger one, pixels are taken at even steps. Otherwise a huge
+/// background rectangle would cost time and outvote the tape.
 const MOST_PER_RECTANGLE: usize = 400;
 
 impl ColourSamples {
@@ -51,13 +51,14 @@ impl ColourSamples {
         Self { encoding, labels: Vec::new(), samples: Vec::new() }
     }
 
-    /// Adds the pixels inside a rectangle; parts outside the frame are left out. A frame in another encoding than
-    /// the samples' gives codes that are brought to theirs.
+    /// Adds the pixels inside a rectangle, without parts outside the frame. Codes of a frame in another encoding are
+    /// converted to the samples' encoding.
     pub fn collect(&mut self, frame: &Frame<'_>, rectangle: &Rectangle) {
         self.collect_stroke(frame, std::slice::from_ref(rectangle));
     }
 
-    /// The same of rectangles of one label that were painted in one go: together they count as one.
+    /// The same for several rectangles of one label that were painted in one stroke: together they count as one
+    /// rectangle.
     pub fn collect_stroke(&mut self, frame: &Frame<'_>, rectangles: &[Rectangle]) {
         let number = self.samples.last().map_or(0, |last| last.rectangle + 1);
         let end = |of: &Rectangle| {
@@ -66,8 +67,8 @@ impl ColourSamples {
         let size = |of: &Rectangle| end(of).0.saturating_sub(of.x) * end(of).1.saturating_sub(of.y);
         let pixels: usize = rectangles.iter().map(size).sum();
         let too_many = pixels.div_ceil(MOST_PER_RECTANGLE).max(1);
-        // One rectangle is taken on a grid. Of a stroke, whose rectangles may be a row high, every n-th pixel is taken: a grid
-        // begun anew in each would take one of each at least, however many there are.
+        // A single rectangle is sampled on a grid. Of a stroke, whose rectangles may be one row high, every n-th pixel
+        // is taken: a new grid in each rectangle would take at least one pixel of each, however many there are.
         let (step, every) = match rectangles.len() {
             1 => ((too_many as f64).sqrt().ceil() as usize, 1),
             _ => (1, too_many),
@@ -84,13 +85,13 @@ impl ColourSamples {
         }
     }
 
-    /// The class of each label where these are the tapes: 0 for what is none of them, else the tape's place from 1.
+    /// The class of each label for these tapes: 0 if it is none of them, else the tape's position counted from 1.
     pub fn classes(&self, tapes: &[String]) -> Vec<u8> {
         let place = |label: &String| tapes.iter().position(|tape| tape == label);
         self.labels.iter().map(|label| place(label).map_or(0, |place| place as u8 + 1)).collect()
     }
 
-    /// How many samples a label has.
+    /// Number of samples of a label.
     pub fn count(&self, label: &str) -> usize {
         self.samples.iter().filter(|s| self.labels[s.label] == label).count()
     }
@@ -122,7 +123,7 @@ mod tests {
     const SIZE: usize = 200;
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
-    /// How many samples a stroke of these rectangles gives on a grey frame.
+    /// Number of samples from a stroke of these rectangles on a grey frame.
     fn samples_of(rectangles: &[Rectangle]) -> usize {
         let grey = vec![128; SIZE * SIZE];
         let plane = Plane { data: &grey, stride: SIZE, width: SIZE, height: SIZE };

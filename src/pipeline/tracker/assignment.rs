@@ -1,26 +1,26 @@
-//! Which band belongs to which of two tools of one colour: every combination, so the best is the best.
+//! Assigns bands to two tools of one colour. All combinations are tried, so the result is optimal.
 //!
-//! Each band goes to at most one tool. A choice stands only if every other that gives one of its bands to the other tool
-//! is dearer by [`DECISIVE`]: what does not decide is not guessed.
+//! Each band is given to at most one tool. A tool gets its band only if giving that band to the other tool would cost
+//! at least [`DECISIVE_MARGIN`] more; otherwise the band stays undecided.
 
 use super::origin::DECISIVE;
 
-/// What it costs a tool to have no band: more than any band that may be its own.
+/// Cost of giving a tool no band: more than any band that may be its own.
 pub const NO_BAND: f64 = 40.0;
 
-/// What one tool gets.
+/// The assignment of one tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
     /// The band of this index.
     Band(usize),
-    /// A band that could as well be the other tool's.
+    /// The band could equally be the other tool's.
     Undecided,
     /// No band.
     Nothing,
 }
 
-/// Assigns bands; `costs` of each for both tools, `None` where it cannot be that tool's. `are_two` tells whether two
-/// indices, the first tool's and the second's, are different bands.
+/// Assigns bands. `costs` holds the cost of each band for both tools; `None` means that it cannot be that tool's.
+/// `are_two` returns whether two indices, the first tool's and the second's, are different bands.
 pub fn assign(costs: &[[Option<f64>; 2]], are_two: impl Fn(usize, usize) -> bool) -> [Choice; 2] {
     let differ = |first: usize, second: usize| first != second && are_two(first, second);
     let all = combinations(costs, differ);
@@ -40,7 +40,7 @@ pub fn assign(costs: &[[Option<f64>; 2]], are_two: impl Fn(usize, usize) -> bool
     [choice(first, to_second), choice(second, to_first)]
 }
 
-/// Every combination that gives no band twice, with its cost.
+/// All combinations that give no band to both tools, with their costs.
 fn combinations(costs: &[[Option<f64>; 2]], differ: impl Fn(usize, usize) -> bool) -> Vec<(f64, [Option<usize>; 2])> {
     let options = |tool: usize| {
         let bands = costs.iter().enumerate().filter_map(move |(i, cost)| Some((cost[tool]?, Some(i))));
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn two_bands_go_where_they_are_cheapest_together() {
         assert_eq!(of(&[[2.0, 30.0], [30.0, 1.0]]), [Band(0), Band(1)]);
-        // The first band alone is nearer to the second tool, but then the second band would be nobody's.
+        // The first band alone is nearer to the second tool, but then the second band would be left over.
         assert_eq!(of(&[[3.0, 2.0], [60.0, 1.0]]), [Band(0), Band(1)]);
     }
 

@@ -1,9 +1,9 @@
-//! A list that grows for an hour: in blocks, so that growing copies nothing, and so that whoever takes what it holds frees
-//! it on the way.
+//! A list that can grow for an hour. It consists of blocks, so that growing copies nothing, and consuming it frees
+//! memory block by block.
 
 use std::ops::{Index, IndexMut};
 
-/// Entries of a block: 10 s of frames.
+/// Entries in a block: 10 s of frames.
 const BLOCK: usize = 256;
 
 /// A list in blocks.

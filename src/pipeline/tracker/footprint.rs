@@ -1,4 +1,5 @@
-//! The place of a measured band in the picture, as a rectangle: which cells are its own, and is another the same band?
+//! The area of a measured band in the picture, as a rectangle. Answers which cells belong to it, and whether two
+//! measurements are of the same band.
 
 use nalgebra::{Point2, Vector2};
 
@@ -16,14 +17,14 @@ pub struct Footprint {
     half_width: f64,
 }
 
-/// Directions that differ by less than this are one: sine of 17°.
+/// Two bands whose directions differ by less than this may be the same: sine of 17°.
 const ALIKE: f64 = 0.3;
 
 impl Footprint {
-    /// Of a measured band; `None` where it is not in front of the camera.
+    /// Footprint of a measured band; `None` if it is not in front of the camera.
     pub fn of(measurement: &Measurement, camera: &Camera) -> Option<Self> {
         let tube = measurement.estimate.tube;
-        let length_mm = measurement.length_mm.max(4.0 * tube.radius); // the width method tells no length
+        let length_mm = measurement.length_mm.max(4.0 * tube.radius); // the width method gives no length
         let pixel = |back_mm: f64| camera.project(CameraPoint(tube.tip - tube.axis * back_mm)).map(|p| p.0);
         let (tip, back) = (pixel(0.0)?, pixel(length_mm)?);
         Some(Self {
@@ -34,13 +35,13 @@ impl Footprint {
         })
     }
 
-    /// Does it hold this pixel, with a margin for blur?
+    /// Does the footprint contain this pixel, with a margin for blur?
     pub fn holds(&self, at: Point2<f64>) -> bool {
         let margin = 4.0 + 0.2 * self.half_width;
         self.is_within(at, margin)
     }
 
-    /// Are both one band, perhaps seen from either end?
+    /// Are both the same band, perhaps measured from opposite ends?
     pub fn is_same(&self, other: &Self) -> bool {
         let turn = self.along.x * other.along.y - self.along.y * other.along.x;
         turn.abs() < ALIKE && (self.is_within(other.middle, 0.0) || other.is_within(self.middle, 0.0))
@@ -65,8 +66,8 @@ mod tests {
     fn a_band_is_itself_from_either_end_and_no_other_that_it_crosses() {
         let band = at(100.0, 100.0, Vector2::new(1.0, 0.1));
         assert!(band.is_same(&at(110.0, 104.0, Vector2::new(-1.0, 0.0))));
-        assert!(!band.is_same(&at(100.0, 100.0, Vector2::new(0.5, 1.0))), "it crosses");
-        assert!(!band.is_same(&at(100.0, 130.0, Vector2::new(1.0, 0.1))), "it lies beside");
+        assert!(!band.is_same(&at(100.0, 100.0, Vector2::new(0.5, 1.0))), "crosses it");
+        assert!(!band.is_same(&at(100.0, 130.0, Vector2::new(1.0, 0.1))), "lies beside it");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Where a tool has no position, and whose doing that is: did it leave the view, or did the tracker lose it?
+//! Finds the gaps of a path, and decides why the tool has no position there: it left the view, or the tracker lost it.
 
 use super::motion::Instant;
 use super::report::{Absence, Gap};
@@ -7,26 +7,26 @@ use crate::pipeline::reason::Reason;
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::trajectory::Sample;
 
-/// A band's usual length, mm, where nobody measured it.
+/// Usual length of a band, mm, if it was not measured.
 const USUAL_BAND_MM: f64 = 25.0;
 
-/// A band's end that is nearer to the picture's rim than this share of the picture's height is at the rim: in two frames a
-/// hand at 200 mm/s goes as far.
+/// Width of the margin along the picture's edges, as a share of the picture's height. A band's end in this margin
+/// counts as being at the edge: in two frames a hand at 200 mm/s moves this far.
 const RIM_SHARE: f64 = 0.08;
 
-/// The picture's rim, as a band meets it.
+/// The margin along the picture's edges, for a band of known length.
 pub struct Rim<'a> {
     camera: &'a Camera,
     band_mm: f64,
 }
 
 impl<'a> Rim<'a> {
-    /// The rim for a band of this length, mm.
+    /// The margin for a band of this length, mm.
     pub fn new(camera: &'a Camera, band_mm: Option<f64>) -> Self {
         Self { camera, band_mm: band_mm.unwrap_or(USUAL_BAND_MM) }
     }
 
-    /// Does the tip or the band's other end lie near the rim or beyond it?
+    /// Does the tip or the band's other end lie in the margin or outside the picture?
     fn is_near(&self, sample: &Sample) -> bool {
         let back = sample.axis.map(|axis| sample.tip_mm - axis * self.band_mm);
         [Some(sample.tip_mm), back].into_iter().flatten().any(|end| !self.is_well_inside(CameraPoint(end)))
@@ -40,11 +40,11 @@ impl<'a> Rim<'a> {
     }
 }
 
-/// The gaps of a path, in order. `reasons` are those of all frames, why each was not measured.
+/// The gaps of a path, in order. `reasons` holds for every frame why the tool was not measured.
 pub fn find(path: &[Sample], instants: &[Instant], reasons: &[Option<Reason>], rim: &Rim<'_>) -> Vec<Gap> {
     let mut gaps = Vec::new();
     let mut before: Option<&Sample> = None;
-    let mut next = 0; // the first frame, as a place among the instants, that no sample has reached yet
+    let mut next = 0; // index of the first instant after the last sample
     for after in path.iter().map(Some).chain([None]) {
         let end = after.map_or(instants.len(), |sample| instants.partition_point(|instant| instant.0 < sample.frame));
         if next < end {
@@ -56,7 +56,8 @@ pub fn find(path: &[Sample], instants: &[Instant], reasons: &[Option<Reason>], r
     gaps
 }
 
-/// Why a tool has no position now, as far as can be told without hindsight: where it was last, and why it was not measured.
+/// Why a tool has no position now, judged without later frames: from its last position, and the reason why it was not
+/// measured.
 pub fn absence_now(last: Option<&Sample>, reason: Reason, rim: &Rim<'_>) -> Absence {
     absence(last, None, &[Some(reason)], rim)
 }
@@ -69,7 +70,7 @@ fn absence(before: Option<&Sample>, after: Option<&Sample>, reasons: &[Option<Re
     if never_there || (vanished && by_the_rim) { Absence::LeftView } else { Absence::Lost(main) }
 }
 
-/// The most frequent reason; of equally frequent ones the one that got farthest.
+/// The most frequent reason; among equally frequent ones, the one from the latest stage.
 fn most_frequent(reasons: &[Option<Reason>]) -> Option<Reason> {
     let count = |reason: Reason| reasons.iter().filter(|r| **r == Some(reason)).count();
     let mut kinds: Vec<Reason> = reasons.iter().flatten().copied().collect();
@@ -86,7 +87,7 @@ mod tests {
     use crate::pipeline::camera::testing::STRAIGHT as CAMERA;
     use crate::pipeline::trajectory::SampleState;
 
-    /// A tip at 150 mm whose tube comes from below: 6 px a mm, so its band ends 150 px further down.
+    /// A tip at 150 mm depth whose tube comes from below: 6 px per mm, so its band ends 150 px further down.
     fn at(frame: u64, y_px: f64) -> Sample {
         Sample {
             frame,

@@ -1,29 +1,29 @@
-//! Which way the hand is that holds a tool: what decides which end of a band is its tip.
+//! The direction to the hand that holds a tool. It decides which end of a band is the tip.
 //!
-//! One frame may be wrong about it, where another tool's shaft or a dark shape lies beyond the tip: frame after frame is
-//! asked, and what they say is added up. A tool that turns shows its trocar, which lies behind the tip; then nobody is asked
-//! any more. Taken the wrong way round a band would be followed as well as the right one, one length of tape off.
+//! A single frame may be wrong, for example if another tool's shaft or a dark shape lies beyond the tip. So each frame
+//! votes, and the votes are added up. Once the fulcrum is known, voting stops: the fulcrum lies behind the tip. A band
+//! taken the wrong way round would be tracked just as smoothly, but one tape length off.
 
 use nalgebra::Vector2;
 
-/// What frames have said so far: the direction in the picture from band to hand, as long as what was said is sure.
+/// Sum of the frames' votes: a vector in the picture from the band to the hand; its length is the certainty.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hand {
     towards: Vector2<f64>,
 }
 
-/// Least contrast of one frame that says anything: below it, what lies beyond both ends is alike.
+/// Minimum contrast for a vote: below it, both ends look alike.
 const LEAST_CONTRAST: f64 = 0.15;
 
-/// What is left of what was said a frame ago: a hand may walk round the box.
+/// Factor on earlier votes with each new vote: a person may walk round the box.
 const KEPT: f64 = 0.98;
 
-/// Contrasts that are enough to begin with, and to be believed against what was begun with.
+/// Sum of contrasts needed to use a direction, and to overrule the direction in use.
 const ENOUGH: f64 = 0.5;
 const DECISIVE: f64 = 2.5;
 
 impl Hand {
-    /// A frame says by how much it is darker on the hand's side of a band, −1 to 1, if that lies in this direction.
+    /// Adds a frame's vote: `contrast` (−1 to 1) is how much darker it is beyond the end in direction `to_hand`.
     pub fn hear(&mut self, to_hand: Vector2<f64>, contrast: f64) {
         if let Some(direction) = to_hand.try_normalize(1e-9)
             && contrast.abs() >= LEAST_CONTRAST
@@ -32,17 +32,17 @@ impl Hand {
         }
     }
 
-    /// It is on the other side, for a better reason.
+    /// Sets the opposite direction, when stronger evidence than the votes shows it.
     pub fn is_opposite(&mut self, to_hand: Vector2<f64>) {
         self.towards = to_hand.try_normalize(1e-9).map_or(Vector2::zeros(), |direction| -direction * DECISIVE);
     }
 
-    /// From the band to the hand, where that is known.
+    /// Direction from the band to the hand, if known.
     pub fn direction(&self) -> Option<Vector2<f64>> {
         (self.towards.norm() >= ENOUGH).then_some(self.towards)
     }
 
-    /// Have frames said decidedly that it is not in this direction?
+    /// Do the votes clearly contradict this direction?
     pub fn contradicts(&self, to_hand: Vector2<f64>) -> bool {
         to_hand.try_normalize(1e-9).is_some_and(|direction| self.towards.dot(&direction) < -DECISIVE)
     }

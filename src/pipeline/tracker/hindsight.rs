@@ -1,10 +1,12 @@
-//! The end of a recording with two tools of one colour: is every piece of both paths its own tool's?
+//! Reassigns the records of two tools of one colour at the end of a recording, where a tool was tracked under the
+//! other's name.
 //!
-//! In: both tools' records. They are cut into runs at every gap, jump and meeting of the two; all poses together say where
-//! both trocars are, and each run goes to the tool whose trocar its axes pass through. That moves the trocars, so it is
-//! done until nothing changes. The tool whose trocar lies farther left in the picture is the left hand's. A run that
-//! passes through either trocar alike stays where its neighbours in time are; without neighbours that agree, it is
-//! refused. So is a run that was measured with sizes which its own tool does not have.
+//! Input: both tools' records. They are split into segments at every gap, jump and meeting of the two tools. All poses
+//! together give both trocars, and each segment is assigned to the tool whose trocar its axes pass through. This
+//! changes the estimated trocars, so it is repeated until nothing changes. The left hand's tool is the one whose
+//! trocar lies farther left in the picture. A segment that matches both trocars equally well gets the owner of its
+//! neighbours in time; it is rejected if they disagree or there are none. A segment is also rejected if it was
+//! measured with the sizes of a tool that is not its owner.
 
 use std::ops::Range;
 
@@ -19,7 +21,7 @@ use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::pose::{TubeEstimate, adjustment};
 use crate::pipeline::reason::Reason;
 
-/// Puts the records of both tools in order, the left hand's first.
+/// Reassigns the records of both tools, the left hand's first.
 pub fn settle(tools: [&mut ToolTracker; 2], instants: &[Instant]) {
     let [left, right] = tools;
     let sizes = |tool: &ToolTracker| (tool.spec.diameter_mm, tool.spec.band_length_mm);
@@ -28,14 +30,14 @@ pub fn settle(tools: [&mut ToolTracker; 2], instants: &[Instant]) {
     [left.records, right.records] = settled(records, instants, are_alike).map(PackedRecords::from_iter);
 }
 
-/// A piece of what was followed as one tool.
+/// A segment that was tracked as one tool.
 #[derive(Clone, Debug, PartialEq)]
 struct Run {
-    /// As which tool.
+    /// The tool that it was tracked as.
     as_tool: usize,
-    /// Places in the records.
+    /// Indices into the records.
     frames: Range<usize>,
-    /// Whose it is; `None` where that is not decided.
+    /// The tool that it belongs to; `None` if undecided.
     owner: Option<usize>,
 }
 
@@ -52,7 +54,7 @@ type Records = [Blocks<Record>; 2];
 fn settled(records: Records, instants: &[Instant], are_alike: bool) -> Records {
     const ROUNDS: usize = 6;
     let mut runs = cut(&records);
-    let [Some(left), Some(right)] = origins(&records, &runs) else { return records }; // one was alone: it met nobody
+    let [Some(left), Some(right)] = origins(&records, &runs) else { return records }; // only one tool was seen
     let mut origins = [left, right];
     for _ in 0..ROUNDS {
         let before = runs.clone();
@@ -70,7 +72,7 @@ fn settled(records: Records, instants: &[Instant], are_alike: bool) -> Records {
     hand_over(records, &runs, &origins, are_alike)
 }
 
-/// The runs of both tools, each as long as nothing could have exchanged them unseen.
+/// Splits the records of both tools into segments, each free of any unseen exchange of the two.
 fn cut(records: &Records) -> Vec<Run> {
     const LONGEST: usize = 25;
     const MEETING_MM: f64 = 15.0;
@@ -98,9 +100,9 @@ fn cut(records: &Records) -> Vec<Run> {
     runs
 }
 
-/// Where each tool comes from, as its runs tell; `None` for a tool without any.
+/// The origin of each tool, estimated from its segments; `None` for a tool without any.
 fn origins(records: &Records, runs: &[Run]) -> [Option<Origin>; 2] {
-    const MOST_POSES: usize = 256; // more know no better
+    const MOST_POSES: usize = 256; // more poses are no more precise
     [0, 1].map(|tool| {
         let own = runs.iter().filter(|run| run.owner == Some(tool));
         let seen: Vec<&Record> = own.flat_map(|run| run.records(records)).collect();
@@ -113,14 +115,14 @@ fn origins(records: &Records, runs: &[Run]) -> [Option<Origin>; 2] {
     })
 }
 
-/// The middle one of all places where a hand must have been.
+/// The assumed trocar: the median over all poses.
 fn usual_hand(poses: &[TubeEstimate]) -> Option<Fulcrum> {
     let hands: Vec<Fulcrum> = poses.iter().map(origin::hand_of).collect();
     let at = [0, 1, 2].map(|axis| median(hands.iter().map(|hand| hand.at[axis]).collect()));
     hands.first().map(|hand| Fulcrum { at: Point3::from(at), ..*hand })
 }
 
-/// Gives each run to the tool whose origin explains it, if one does.
+/// Assigns each segment to the tool whose origin explains it, if one clearly does.
 fn decide(runs: &mut [Run], records: &Records, origins: &[Origin; 2]) {
     for run in runs {
         let poses = run.records(records).filter_map(Record::estimate);
@@ -133,7 +135,8 @@ fn decide(runs: &mut [Run], records: &Records, origins: &[Origin; 2]) {
     }
 }
 
-/// A run that decides nothing belongs to whom the nearest that do belong, of the same followed tool, before it and after.
+/// An undecided segment gets the owner of the nearest decided segments before and after it that were tracked as the
+/// same tool.
 fn inherit(runs: &mut [Run], instants: &[Instant]) {
     const LONGEST_S: f64 = 0.5;
     let decided: Vec<Run> = runs.iter().filter(|run| run.owner.is_some()).cloned().collect();
@@ -153,13 +156,13 @@ fn inherit(runs: &mut [Run], instants: &[Instant]) {
     }
 }
 
-/// Does the first come from farther right in the picture, by more than both may be off?
+/// Does the first origin lie clearly farther right in the picture?
 fn is_right_of(first: &Origin, second: &Origin) -> bool {
     const CLEARLY_MM: f64 = 10.0;
     first.at().zip(second.at()).is_some_and(|(first, second)| first.x - second.x > CLEARLY_MM)
 }
 
-/// The records of each tool after every run went to its owner.
+/// The records of each tool after every segment was given to its owner.
 fn hand_over(mut records: Records, runs: &[Run], origins: &[Origin; 2], are_alike: bool) -> Records {
     let mut owners = [0, 1].map(|tool| vec![None; records[tool].len()]);
     for run in runs {
@@ -175,7 +178,7 @@ fn hand_over(mut records: Records, runs: &[Run], origins: &[Origin; 2], are_alik
     records
 }
 
-/// One tool's record of a frame, of what was seen of both and to whom it belongs.
+/// One tool's record of a frame, from the records of both tools and their owners.
 fn handed_over(
     tool: usize,
     seen: &[Record; 2],
@@ -196,7 +199,7 @@ fn handed_over(
     }
 }
 
-/// The middle value; 0 of none.
+/// The median; 0 if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)

@@ -1,23 +1,23 @@
-//! Does the scene's light change? A coarse grid of pixels, looked at about once a second and held against the first
-//! frame that shows enough. Exposure and white balance move the whole picture, tools only parts of it: so the median over
-//! the grid counts.
+//! Measures whether the scene's light changes. About once a second it compares a coarse grid of pixels with the first
+//! frame that is bright enough. Exposure and white balance change the whole picture, tools only parts of it, so the
+//! median over the grid is used.
 
 use super::report::LightSample;
 use crate::pipeline::frame::Frame;
 
-/// Between two looks, s: automatic exposure takes about as long to settle.
+/// Time between two samples, s: automatic exposure takes about as long to settle.
 const EVERY_S: f64 = 1.0;
 
-/// Columns and rows of the grid: 0.01 ms a look.
+/// Columns and rows of the grid: 0.01 ms per sample.
 const GRID: (usize, usize) = (32, 18);
 
-/// Luma of pixels that say something of the light, as shares of white: neither noise nor burnt out.
+/// Luma range of usable pixels, as shares of white: neither noise nor overexposed.
 const TELLING: std::ops::RangeInclusive<f64> = 0.08..=0.92;
 
-/// Pixels that a median needs.
+/// Minimum number of pixels for a median.
 const FEWEST: usize = 64;
 
-/// Watches a recording's light.
+/// Samples a recording's light.
 #[derive(Default)]
 pub struct LightWatch {
     first: Vec<[f64; 3]>,
@@ -27,13 +27,13 @@ pub struct LightWatch {
 }
 
 impl LightWatch {
-    /// Looks at a frame, if it is time to.
+    /// Samples a frame if the interval has passed.
     pub fn look(&mut self, frame: &Frame<'_>) {
         if self.last_s.is_some_and(|last_s| frame.time_s < last_s + EVERY_S) {
             return;
         }
         if self.first.iter().filter(|first| TELLING.contains(&first[0])).count() < FEWEST {
-            self.first = pixels(frame).collect(); // none yet, or a dark one
+            self.first = pixels(frame).collect(); // no reference frame yet, or a dark one
         }
         self.last_s = Some(frame.time_s);
         self.changes.iter_mut().for_each(Vec::clear);
@@ -47,17 +47,17 @@ impl LightWatch {
         }
     }
 
-    /// The last that was seen.
+    /// The latest sample.
     pub fn last(&self) -> Option<LightSample> {
         self.samples.last().copied()
     }
 
-    /// Forgets all that was seen but the last, and what it is held against.
+    /// Drops all samples but the latest; keeps the reference frame.
     pub fn forget_past(&mut self) {
         self.samples.drain(..self.samples.len().saturating_sub(1));
     }
 
-    /// What was seen, in time order.
+    /// The samples, in time order.
     pub fn into_samples(self) -> Vec<LightSample> {
         self.samples
     }
@@ -86,7 +86,7 @@ mod tests {
     const WIDTH: usize = 64;
     const HEIGHT: usize = 36;
 
-    /// A picture of one colour, the left part of it hidden by something black.
+    /// A picture of one colour; the left part of it is hidden by something black.
     fn look_at(watch: &mut LightWatch, time_s: f64, yuv: [u8; 3], hidden_columns: usize) {
         let mut luma = vec![yuv[0]; WIDTH * HEIGHT];
         luma.chunks_mut(WIDTH).for_each(|row| row[..hidden_columns].fill(16));

@@ -1,4 +1,4 @@
-//! One look along a tube's outline: which probes can be seen, and the edges that they find.
+//! One pass of probes along a tube's outline: which probes are visible, and the edges that they find.
 
 use nalgebra::Point3;
 
@@ -11,40 +11,41 @@ use crate::pipeline::reason::Reason;
 use crate::pipeline::space::Pixel;
 use crate::pipeline::tube::Tube;
 
-/// One round of probing, for a tube at rest.
+/// Settings of one probe pass, for a tube at rest.
 #[derive(Clone, Copy)]
 pub(super) struct Look {
     /// Length of a chord, pixels.
     pub(super) chord_px: f64,
-    /// How far from the outline to look, pixels.
+    /// Search distance on both sides of the outline, pixels.
     pub(super) reach_px: f64,
-    /// How closely.
+    /// Precision of the edges.
     pub(super) fineness: Fineness,
 }
 
-/// Most chords along one border: what an edge errs by is background and light, which more edges hardly average out.
+/// Maximum number of chords along one border: errors of an edge come from background and light, and more edges hardly
+/// average them out.
 const MOST_CHORDS: f64 = 8.0;
-/// Chords on each border that suffice.
+/// Number of chords on each border that is enough.
 const ENOUGH_CHORDS: usize = 5;
 
-/// Share of the band's length next to each end that border probes leave out, in radii: there the rim bends away.
+/// Border probes leave out this margin at each end of the band, in tube radii: there the rim bends away.
 const END_MARGIN: f64 = 0.35;
 
 /// Edges along an outline.
 #[derive(Default)]
 pub(super) struct FoundEdges {
     pub(super) edges: Vec<MeasuredEdge>,
-    /// Probes that could have found one, on each of the four parts.
+    /// Number of visible probes on each of the four parts.
     pub(super) visible: [f64; 4],
-    /// Motion blur across them, summed: standard deviations, pixels.
+    /// Sum of the motion blur across them: standard deviations, pixels.
     smears_px: [f64; 4],
 }
 
-/// By how much a part's offset errs more than usual when it is smeared, as a share of the smear.
+/// Extra error of a part's offset when it is smeared, as a share of the smear.
 const SMEAR_ERROR: f64 = 0.3;
 
 impl FoundEdges {
-    /// Usual offsets, more where edges are smeared: standard deviations, pixels.
+    /// Standard deviations of the offsets, pixels: the usual ones, more where edges are smeared.
     pub(super) fn offsets_px(&self, usual: [f64; 4]) -> [f64; 4] {
         let smear = |part: usize| SMEAR_ERROR * self.smears_px[part] / self.visible[part].max(1.0);
         let of_borders = 0.5 * smear(0).hypot(smear(1));
@@ -52,7 +53,7 @@ impl FoundEdges {
         std::array::from_fn(|offset| usual[offset].hypot(more[offset]))
     }
 
-    /// Was every end that is in sight met?
+    /// Was every visible end found?
     pub(super) fn ends_seen(&self) -> bool {
         const FEWEST: usize = 2;
         [2, 3].into_iter().all(|part| {
@@ -78,13 +79,13 @@ impl Bench<'_> {
         self.edges.locate(self.frame, probe, fineness, |codes| table.class_of(codes) == class)
     }
 
-    /// The edges along a tube's outline, and what of it could be seen.
+    /// Finds the edges along a tube's outline, and counts the probes that are visible.
     pub(super) fn edges_along(&mut self, tube: &Tube, length_mm: f64, look: Look) -> Result<FoundEdges, Reason> {
         let outline = tube.outline().ok_or(Reason::ImpossiblePose)?;
         let layout = self.layout(look);
         let margin = END_MARGIN * tube.radius;
         let mut probes: Vec<(Place, Probe)> = Vec::new();
-        // Of a band that is hidden but for a piece, few chords are left: then shorter ones.
+        // If only a piece of the band is visible, few chords are left: use shorter ones.
         for shorter in [1.0, 2.0] {
             let layout =
                 ProbeLayout { chord_px: layout.chord_px / shorter, most_chords: MOST_CHORDS * shorter, ..layout };
@@ -122,8 +123,8 @@ impl Bench<'_> {
         Ok(found)
     }
 
-    /// Does another tool's tape lie just outside an edge? Then that tool may stand before this one, nearer than it was expected, and
-    /// the edge be its own.
+    /// Does another tool's tape lie just outside an edge? That tool may then be in front of this one, nearer than
+    /// expected, and the edge may be its own.
     fn is_before_other_tape(&self, edge: Pixel, probe: &Probe) -> bool {
         const OUTSIDE_PX: f64 = 3.0; // past the blur of halved chroma
         let at = edge.0 + probe.outward * OUTSIDE_PX;
@@ -133,7 +134,7 @@ impl Bench<'_> {
         class != 0 && class != self.class
     }
 
-    /// Is a place on the outline inside the frame, and before every other tool?
+    /// Is a point of the outline inside the frame, and in front of all other tools?
     pub(super) fn is_visible(&self, place: Point3<f64>, at: Pixel) -> bool {
         const RIM_PX: f64 = 3.0;
         const CLEAR_PX: f64 = 4.0;

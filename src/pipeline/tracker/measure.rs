@@ -1,4 +1,4 @@
-//! One band on one frame: from a region of the marker's colour to a tube in space with its covariance.
+//! Fits a tube to one band on one frame: from a region of the tool's colour to a pose with its covariance.
 
 use nalgebra::Vector2;
 
@@ -23,55 +23,57 @@ use crate::pipeline::tracker::trace::Tracing;
 use crate::pipeline::tracker::{PoseMethod, ToolSpec, View};
 use crate::pipeline::tube::{Outline, Tube};
 
-/// What a measurement needs besides the region.
+/// Everything needed to fit one band, except the region.
 pub struct Bench<'a> {
     /// The frame.
     pub frame: &'a Frame<'a>,
     /// The camera.
     pub camera: &'a Camera,
-    /// Colours.
+    /// The class of every colour.
     pub table: &'a ColourTable,
     /// The tool's class in the table.
     pub class: u8,
     /// The tool.
     pub spec: &'a ToolSpec,
-    /// Length of its band and how well that is known, mm: measured by a person, or learned from this recording.
+    /// Length of the band and its standard deviation, mm: measured by a person (standard deviation 0), or learned from
+    /// this recording.
     pub length: Option<(f64, f64)>,
-    /// How it is expected to move in the picture, pixels/s.
+    /// Expected motion in the picture, pixels/s.
     pub motion_px_s: Vector2<f64>,
-    /// Where it enters the box, once that is known, camera frame, mm.
+    /// Fulcrum in the camera frame, mm, once known.
     pub fulcrum: Option<Fulcrum>,
-    /// Depth at which it was last seen, mm.
+    /// Depth at the last measurement, mm.
     pub last_depth_mm: Option<f64>,
-    /// Other tools, that may stand before it.
+    /// Outlines of other tools, which may hide this one.
     pub obstacles: &'a [Outline],
-    /// How its edges look.
+    /// Appearance of the tool's edges.
     pub edges: &'a mut EdgeModel,
-    /// Takes notes of what is looked at, if anybody wants them.
+    /// Records each step if a trace was requested.
     pub tracing: &'a mut Tracing,
     /// Pose method.
     pub method: PoseMethod,
-    /// Camera's place, where known.
+    /// Where the camera is, if known.
     pub view: Option<View>,
 }
 
-/// Where the pixels explain a tube only in part, false edges may be among those that were believed: three times the
-/// standard deviation.
+/// Factor on the variances of a fit that is not good: some edges it used may be false. Three times the standard
+/// deviation.
 const DOUBT: f64 = 9.0;
 
-/// Looks first wide, then close: the coarse lines may be two pixels off, the first fit is not.
+/// Probe passes from wide to close: coarse border lines may be two pixels off, the first fit is closer.
 const LOOKS: [Look; 3] = [
     Look { chord_px: 8.0, reach_px: 9.0, fineness: Fineness::Step },
     Look { chord_px: 10.0, reach_px: 5.0, fineness: Fineness::Fine },
     Look { chord_px: 10.0, reach_px: 3.2, fineness: Fineness::Fine },
 ];
 
-/// Share of the probes that must have met a step at the first look: less is no tube, and not looked at closely.
+/// Share of the probes that must find an edge in the first pass; with fewer, the region is no tube and the finer
+/// passes are skipped.
 const LEAST_STEPS: f64 = 0.3;
 
 impl Bench<'_> {
-    /// Measures the band that a region shows; `hand_first` tells whether the first
-    /// of two ends is the hand's, where that is known; else the dark shaft beyond one end tells.
+    /// Measures the band of a region. `hand_first` returns whether the first of two ends is nearer to the hand, if
+    /// known. Otherwise the end with the dark shaft beyond it is the hand's, else the camera's view decides.
     pub fn measure(
         &mut self,
         region: &Rectangle,
@@ -104,7 +106,7 @@ impl Bench<'_> {
         self.best_of(&starts, seen_mm)
     }
 
-    /// The camera's place says where hands come from: below the picture, or beside it.
+    /// Guesses the hand's end from the camera's position: hands are below the picture, or beside it.
     fn hand_first_by_view(&self, first: Pixel, second: Pixel) -> bool {
         let centre = Pixel::new(0.5 * self.frame.width() as f64, 0.5 * self.frame.height() as f64);
         match self.view {
@@ -113,8 +115,8 @@ impl Bench<'_> {
         }
     }
 
-    /// Refines each start until one explains the pixels well; else the best of them, if it is possible at all. A start of
-    /// which it is known where it leads is left out.
+    /// Refines each start until one explains the pixels well; otherwise returns the best fit that is possible at all.
+    /// Skips a start that would lead to a fit already made.
     fn best_of(&mut self, starts: &[Tube], seen_mm: Option<f64>) -> Result<Measurement, Reason> {
         let length_mm = self.length.map(|l| l.0).or(seen_mm).ok_or(Reason::ImpossiblePose)?;
         let mut refined: Vec<Tube> = Vec::new();
@@ -142,8 +144,8 @@ impl Bench<'_> {
         outcome
     }
 
-    /// Moves an expected tube onto the edges that the pixels show, without a region of colour; only where they agree with
-    /// it. Where it was expected within two pixels, one close look does.
+    /// Fits the expected tube to the edges in the pixels, without a colour region. Accepts the fit only if it agrees
+    /// with the expectation. If the tube is within `RIGHT_PX` of where it was expected, one close pass is enough.
     pub fn follow(&mut self, expected: &Tube, length_mm: f64) -> Option<Measurement> {
         const RIGHT_PX: f64 = 3.0;
         const FARTHEST_PX: f64 = 15.0;
@@ -157,14 +159,14 @@ impl Bench<'_> {
         let (start, looks) = match close {
             Some(found) if found.ends_seen && within(self, &found, RIGHT_PX) => return Some(found),
             Some(found) if found.ends_seen => (found.estimate.tube, &LOOKS[2..]),
-            _ => (*expected, &LOOKS[1..]), // where an end is not met, the tube may have slid along itself
+            _ => (*expected, &LOOKS[1..]), // with an end not found, the tube may have slid along its axis
         };
         let found = self.refine(start, length_mm, looks).ok()?;
         let goes_on = found.continues() && found.ends_seen && within(self, &found, FARTHEST_PX);
         (found.is_good() || goes_on).then_some(found)
     }
 
-    /// How far apart the corners of two tubes' bands are seen at most, pixels.
+    /// Largest distance between corresponding corners of the bands of two tubes in the picture, pixels.
     fn apart_px(&self, one: &Tube, other: &Tube, length_mm: f64) -> Option<f64> {
         let outlines = (one.outline()?, other.outline()?);
         let corners = [(0, 0.0), (1, 0.0), (0, length_mm), (1, length_mm)];
@@ -174,7 +176,7 @@ impl Bench<'_> {
         })
     }
 
-    /// Would refining one tube lead to the other, that was refined already?
+    /// Would refining `start` lead to `refined`, which was refined already?
     fn is_alike(&self, start: &Tube, refined: &Tube, length_mm: f64) -> bool {
         const NEAR_PX: f64 = 3.0;
         const NEAR_RAD: f64 = 0.15;
@@ -182,7 +184,7 @@ impl Bench<'_> {
             && self.apart_px(start, refined, length_mm).is_some_and(|px| px < NEAR_PX)
     }
 
-    /// Moves a rough tube onto the edges that the pixels show.
+    /// Fits a rough tube to the edges in the pixels.
     fn refine(&mut self, mut tube: Tube, length_mm: f64, looks: &[Look]) -> Result<Measurement, Reason> {
         let smear_px = self.motion_px_s.norm() * self.edges.exposure_s / 12f64.sqrt();
         let mut measurement = Err(Reason::BordersNotFound);
@@ -238,8 +240,8 @@ impl Bench<'_> {
         Ok(measurement)
     }
 
-    /// The estimate, kept to the fulcrum: edges of a short piece hardly know its lean, and what a lean is off by is not
-    /// linear. `None` where that does not explain the edges.
+    /// The estimate, constrained to the fulcrum. The edges of a short visible piece hardly determine its lean, and
+    /// errors of the lean are not linear. `None` if the constrained tube does not explain the edges.
     fn bound(
         &self,
         found: &FoundEdges,
@@ -257,8 +259,8 @@ impl Bench<'_> {
         bound.filter(|bound| bound.residual_px < WORSE * free.residual_px.max(SHARP_PX))
     }
 
-    /// What is believed of the offsets of a tube's edges: the usual, more where they are smeared or the band's length is not
-    /// known.
+    /// Priors on the offsets of a tube's edges: the usual ones, wider where the edges are smeared or the band's length
+    /// is uncertain.
     fn beliefs(&self, found: &FoundEdges, tube: &Tube, length_mm: f64) -> Beliefs {
         let px_per_mm = self.px_per_mm_along(tube, length_mm);
         let mut beliefs = Beliefs {
@@ -273,12 +275,12 @@ impl Bench<'_> {
         beliefs
     }
 
-    /// Is there tape between the tube's ends, all along, and none beyond its distal one? Edges alone cannot tell: those of the
-    /// shaft fit a band that lies one length too far back, and one that is hidden in its middle fits twice as near.
+    /// Is there tape all along the band, and none beyond its distal end? Edges alone cannot decide this: the shaft's
+    /// edges also fit a band one length too far back, and a band hidden in its middle also fits at half the distance.
     fn is_where_the_tape_is(&self, tube: &Tube, length_mm: f64) -> bool {
         const LEAST_INSIDE: f64 = 0.4;
         const MOST_BEYOND: f64 = 0.6;
-        const MOST_BARE: usize = 1; // may glare
+        const MOST_BARE: usize = 1; // may be glare
         let Some(outline) = tube.outline() else { return false };
         let inside = self.tape_at(&outline, [0.2, 0.35, 0.5, 0.65, 0.8].map(|part| part * length_mm));
         let beyond = self.tape_at(&outline, [0.2, 0.3, 0.4, 0.5, 0.6].map(|part| -part * length_mm));
@@ -288,8 +290,8 @@ impl Bench<'_> {
             && share(&beyond).is_none_or(|share| share <= MOST_BEYOND)
     }
 
-    /// How many of three places across the tube's near side are of the tape's colour, and how many are in sight, at some distances
-    /// behind the tip.
+    /// Checks three points across the tube's near side at each distance behind the tip. Returns how many have the
+    /// tape's colour, and how many are in sight.
     fn tape_at(&self, outline: &Outline, backs_mm: [f64; 5]) -> [(usize, usize); 5] {
         backs_mm.map(|back_mm| {
             let places = [-0.5, 0.0, 0.5].map(|across| outline.rim(back_mm, across));
@@ -303,7 +305,7 @@ impl Bench<'_> {
         })
     }
 
-    /// By how much the band is longer than thought, from the edge at its other end, mm.
+    /// By how much the band is longer than assumed, from the edges at its proximal end, mm.
     fn length_error(&mut self, found: &FoundEdges, tube: &Tube, length_mm: f64) -> Option<f64> {
         let outline = tube.outline()?;
         let residual = |edge: &MeasuredEdge| edge.residual_px(&outline, self.camera);
@@ -319,14 +321,15 @@ impl Bench<'_> {
         Some(offsets.get(offsets.len() / 2)? / self.px_per_mm_along(tube, length_mm))
     }
 
-    /// Pixels that one millimetre along the axis takes at the band's other end.
+    /// Pixels per millimetre along the axis, at the band's proximal end.
     pub(super) fn px_per_mm_along(&self, tube: &Tube, length_mm: f64) -> f64 {
         let pixel = |back: f64| self.camera.project(CameraPoint(tube.tip - tube.axis * back)).map(|p| p.0);
         let pair = pixel(length_mm).zip(pixel(length_mm + 1.0));
         pair.map_or(1.0, |(near, far)| (near - far).norm()).max(0.05)
     }
 
-    /// The width's own covariance: whole-pixel borders, each uncertain by a third of a pixel.
+    /// Measurement by the width method. Its covariance assumes whole-pixel borders, each uncertain by a third of a
+    /// pixel.
     fn by_width(&self, tube: Tube, coarse: &CoarseBand) -> Measurement {
         let sigma_px = 0.33;
         let across = tube.tip.z * sigma_px / self.camera.fx;
@@ -353,15 +356,15 @@ impl Bench<'_> {
     }
 }
 
-/// Share of the tape's colour among places in sight; `None` where those are too few.
+/// Share of the tape's colour among the points in sight; `None` if too few are in sight.
 fn share(places: &[(usize, usize)]) -> Option<f64> {
     const FEWEST: usize = 4;
     let (tape, seen) = places.iter().fold((0, 0), |sum, place| (sum.0 + place.0, sum.1 + place.1));
     (seen >= FEWEST).then(|| tape as f64 / seen as f64)
 }
 
-/// How well a pose tells its band's length, mm: what is seen of it is foreshortened by the lean and scaled by the depth, and
-/// both are known only so well.
+/// Standard deviation of the band's length as measured by a pose, mm. The visible length is foreshortened by the lean
+/// and scaled by the depth, and both are uncertain.
 fn length_sigma(pose: &TubeEstimate, length_mm: f64) -> f64 {
     let towards = pose.tube.tip.coords.normalize().dot(&pose.tube.axis).abs().min(0.999);
     let by_lean =

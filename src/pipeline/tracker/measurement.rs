@@ -1,33 +1,33 @@
-//! A band measured on one frame, and how far that may be believed.
+//! A band measured on one frame, and how reliable the measurement is.
 
 use std::ops::Range;
 
 use crate::pipeline::pose::TubeEstimate;
 
-/// A band measured.
+/// A measured band.
 #[derive(Clone, Debug)]
 pub struct Measurement {
     /// Tube and covariance.
     pub estimate: TubeEstimate,
-    /// Length of band that was seen or is known, mm.
+    /// Length of the band, known or as seen, mm.
     pub length_mm: f64,
-    /// How well this frame alone tells that length, mm.
+    /// Standard deviation of the length as measured on this frame alone, mm.
     pub length_sigma_mm: f64,
-    /// Share of the outline's probes that found an edge which agrees with the tube.
+    /// Share of the outline's probes that found an edge consistent with the tube.
     pub seen_share: f64,
-    /// Every end of the band that is in sight was met.
+    /// Every visible end of the band was found.
     pub ends_seen: bool,
-    /// How many standard deviations the axis passes beside the fulcrum as the edges alone have it, squared: 0 where no
+    /// By how many standard deviations the axis misses the fulcrum, squared, as fitted from the edges alone; 0 if no
     /// fulcrum is known.
     pub beside_squared: f64,
-    /// How far edges are smeared by motion: standard deviation, pixels.
+    /// Motion blur of the edges: standard deviation, pixels.
     pub smear_px: f64,
-    /// Which of the edges found on this frame are its own.
+    /// Its edges, as a range of the edges found on this frame.
     pub edges: Range<usize>,
 }
 
 impl Measurement {
-    /// Do enough pixels agree with the tube that it may be one at all?
+    /// Do enough pixels agree with the tube that it may be a band at all?
     pub fn is_possible(&self) -> bool {
         self.sharp_residual_px() < 0.8 && self.seen_share > if self.ends_seen { 0.35 } else { 0.5 }
     }
@@ -37,17 +37,17 @@ impl Measurement {
         self.estimate.residual_px < 0.4 && self.continues() && self.ends_seen
     }
 
-    /// Are its edges those of a tube, so that they teach how edges look?
+    /// Are its edges reliable enough to learn the edge appearance from them?
     pub fn teaches(&self) -> bool {
         self.continues() && self.ends_seen
     }
 
-    /// What the residual would be about, were nothing smeared.
+    /// The residual without its expected increase by motion blur.
     fn sharp_residual_px(&self) -> f64 {
         self.estimate.residual_px / (1.0 + 0.4 * self.smear_px)
     }
 
-    /// Do enough pixels agree that a tube that was expected about here goes on?
+    /// Do enough pixels agree with a tube that was expected about here?
     pub(super) fn continues(&self) -> bool {
         self.sharp_residual_px() < 0.7 && self.seen_share > 0.55
     }

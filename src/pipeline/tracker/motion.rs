@@ -1,4 +1,4 @@
-//! A tool's motion through a recording: the runs in which it was followed. Each path is made of them when it is asked for.
+//! One tool's motion through a recording, as unbroken runs of the filter. Each path is computed from them on request.
 //!
 //! An hour of two tools' motion takes 28 MiB, as much as one path of samples.
 
@@ -14,13 +14,13 @@ use crate::pipeline::quality::quantile;
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::trajectory::{Kind, Sample, SampleState};
 
-/// The standard deviations that are stated, as a share of those that filter and adjustment reckon with. They do well to
-/// reckon with more than edges usually err by, for some err by far more; stated, it would make all errors seem larger than
-/// they are. Over 27 tools of 16 scenes of three renderers, depth lay within the stated 95 % in more than 99 % of frames without
-/// this, and in 97.4, 98.5 and 97.5 % (raw, causal, smoothed) with it.
+/// The standard deviations stated in results, as a share of those used by filter and adjustment. The latter are larger
+/// than the usual error on purpose, because some edges err by far more; stated as they are, they would exaggerate the
+/// errors. Over 27 tools of 16 scenes of three renderers, depth lay within the stated 95 % in more than 99 % of frames
+/// without this factor, and in 97.4, 98.5 and 97.5 % (raw, causal, smoothed) with it.
 pub const STATED_SHARE: f64 = 0.6;
 
-/// A frame's number and time.
+/// A frame's index and time, s.
 pub type Instant = (u64, f64);
 
 /// One tool's motion.
@@ -32,14 +32,14 @@ pub struct Motion {
     pub runs: Vec<Run>,
     /// The camera that saw it.
     pub camera: Camera,
-    /// Where its tube passes through the box's wall, if that is known.
+    /// Where its tube passes through the box's wall, if known.
     pub fulcrum: Option<Fulcrum>,
-    /// Longest gap that is bridged without hindsight, s.
+    /// Longest gap that the filtered path bridges, s.
     pub longest_prediction_s: f64,
 }
 
 impl Motion {
-    /// Adds one of its paths, in time order.
+    /// Appends one of its paths, in time order.
     pub fn add_to(&self, path: &mut Vec<Sample>, kind: Kind) {
         for run in &self.runs {
             match kind {
@@ -71,7 +71,7 @@ impl Motion {
         quantile(passing.collect(), 0.5)
     }
 
-    /// The depth beyond which the tip was measured half of the time, mm.
+    /// Median depth of the measured tips, mm.
     pub fn median_depth_mm(&self) -> Option<f64> {
         let measured = self.runs.iter().flat_map(|run| run.filter.believed()).flatten();
         quantile(measured.map(|(tip, _)| tip.z).collect(), 0.5)
@@ -83,7 +83,7 @@ impl Motion {
         measured.filter_map(|(position, frame)| Some(self.raw_sample(position?, frame.pose.as_ref()?, frame.instant)))
     }
 
-    /// What was known at the time: it breaks off in a gap that only hindsight bridges.
+    /// The causal path. It ends within a gap that only the second pass bridges.
     fn filtered(&self, run: &Run) -> impl Iterator<Item = Sample> {
         let is_near = |place: usize| run.frames[place].instant.1 - run.last_seen(place).0 <= self.longest_prediction_s;
         let near = run.filter.filtered().enumerate().filter(move |(place, _)| is_near(*place));
@@ -91,7 +91,7 @@ impl Motion {
         near.map(sample).filter(|sample| is_supported(sample, &self.camera))
     }
 
-    /// What the whole run says; the last frame first.
+    /// The smoothed path of a run, from the last frame to the first.
     fn smoothed_last_first(&self, run: &Run) -> impl Iterator<Item = Sample> {
         let length = run.smoothed_frames();
         let states = (0..run.frames.len()).rev().zip(run.filter.smoothed()).filter(move |(place, _)| *place < length);
@@ -136,39 +136,39 @@ struct RunFrame {
 }
 
 impl Run {
-    /// Takes the next frame: the filter's state, the density of acceleration that it reckoned with since the frame before, mm²/s³,
-    /// and the pose that was believed.
+    /// Adds the next frame: the filter's state, the acceleration density that it used since the previous frame,
+    /// mm²/s³, and the accepted pose.
     pub fn add(&mut self, state: &State, noise_density: f64, instant: Instant, pose: Option<TubeEstimate>) {
         self.filter.push(instant.1, state, noise_density, pose.map(|p| (p.tube.tip, p.tip_covariance())));
         self.frames.push(RunFrame { instant, pose: pose.as_ref().map(PastPose::from) });
     }
 
-    /// Its frames, and how many of them saw the tool.
+    /// Number of frames, and number of frames with a measurement.
     pub fn frames_and_seen(&self) -> (u64, u64) {
         (self.frames.len() as u64, self.frames.iter().filter(|frame| frame.pose.is_some()).count() as u64)
     }
 
-    /// When the tool was last seen before a frame or on it, s, and how.
+    /// Time and pose of the last measurement up to and including a frame, s.
     fn last_seen(&self, place: usize) -> (f64, Option<&PastPose>) {
         let seen = (0..=place).rev().map(|place| &self.frames[place]).find(|frame| frame.pose.is_some());
         seen.map_or((f64::NEG_INFINITY, None), |frame| (frame.instant.1, frame.pose.as_ref()))
     }
 
-    /// How many frames the smoothed path has: up to the last that saw the tool. Hindsight knows that it did not come back, and
-    /// what nobody saw after that is a guess.
+    /// Number of frames in the smoothed path: up to the last measured one. By then it is known that the tool did not
+    /// return, and every later position would be a guess.
     fn smoothed_frames(&self) -> usize {
         (0..self.frames.len()).rev().find(|place| self.frames[*place].pose.is_some()).map_or(0, |last| last + 1)
     }
 }
 
-/// A tip that was seen, or one that is predicted where it could have been: outside the picture nothing supports it.
+/// Was the tip measured, or predicted inside the picture? Outside the picture nothing supports a prediction.
 fn is_supported(sample: &Sample, camera: &Camera) -> bool {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let in_picture = |at: Point2<f64>| (0.0..width).contains(&at.x) && (0.0..height).contains(&at.y);
     sample.state == SampleState::Observed || sample.tip_px.is_some_and(in_picture)
 }
 
-/// What a filter's state needs of the pose that was measured last.
+/// The part of the last measured pose that a sample of the filter's state needs.
 #[derive(Clone, Copy, Debug)]
 pub struct PastPose {
     axis: Vector3<f64>,
@@ -182,8 +182,8 @@ impl From<&TubeEstimate> for PastPose {
     }
 }
 
-/// A sample of a filter's state. What lasts in the errors of poses like `pose`, the nearest one measured, the filter has
-/// taken for noise and averaged away: it is added again (Schmidt's "considered" errors).
+/// A sample of a filter's state. The filter treats all errors as noise and averages them away, also their lasting
+/// part. That part is added again, as estimated for `pose`, the nearest measured one (Schmidt's "considered" errors).
 pub fn state_sample(
     state: &State,
     pose: Option<&PastPose>,
@@ -211,8 +211,9 @@ pub fn state_sample(
     }
 }
 
-/// What was told of a frame when it came. A prediction errs by what the hand did meanwhile, of which the filter reckons with no
-/// more than there is: over 9 clips the root mean square of depth's errors was 0.8 to 1.2 of what is stated so.
+/// The sample with the uncertainty that was stated live. A predicted tip is off by the hand's motion since the last
+/// measurement, and the filter's process noise for that is not too large. So its standard deviation is not reduced by
+/// [`STATED_SIGMA_SHARE`]: over 9 clips the RMS error of depth was then 0.8 to 1.2 of the stated one.
 pub fn without_hindsight(sample: Sample) -> Sample {
     let whole = |sigma_mm: f64| sigma_mm / STATED_SHARE;
     match sample.state {

@@ -1,8 +1,9 @@
-//! Where a tool comes from: what tells two tools of one colour apart (METHOD 4, *beyond*).
+//! Where a tool comes from. This distinguishes two tools of one colour (METHOD 4, *beyond*).
 //!
-//! Two trocars are centimetres apart and do not move, and every axis passes through its own. Where a tool has turned too
-//! little to show its trocar, the place where its hand must be stands for it; where it was never seen, the side of the
-//! picture on which its hand is. Each answers the same question of a pose: how much does it speak against this origin?
+//! Two trocars are centimetres apart and do not move, and each tool's axis passes through its own. If a tool has
+//! turned too little to determine its trocar, an assumed one at the usual distance behind the tip is used; if the tool
+//! was never seen, the side of the picture where its hand is. All of these answer the same question about a pose: how
+//! badly does it match this origin?
 
 use nalgebra::{Matrix3, Matrix3x5, Point3, Vector3};
 
@@ -10,32 +11,33 @@ use super::settings::Side;
 use crate::pipeline::pose::fulcrum::{self, Fulcrum};
 use crate::pipeline::pose::{TubeEstimate, across};
 
-/// Where a tool comes from, as far as that is known.
+/// The best known origin of a tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Origin {
-    /// Its trocar, or about where its hand is.
+    /// Its fulcrum, or an assumed one near its hand.
     Fulcrum(Fulcrum),
-    /// This side of the picture.
+    /// A side of the picture.
     Side(Side),
 }
 
-/// Difference of two squared distances from which the smaller one decides: 3000 to 1, were all errors Gaussian.
+/// A difference between two squared distances decides if it is at least this large: odds of 3000 to 1 if all errors
+/// were Gaussian.
 pub const DECISIVE: f64 = 16.0;
 
-/// Most that a pose can speak against an origin: what is wrong for both is wrong for both alike.
+/// Maximum mismatch: a pose that matches neither origin then counts the same for both.
 const MOST_AGAINST: f64 = 1e3;
 
-/// A usual distance from tip to trocar, mm.
+/// Usual distance from tip to trocar, mm.
 const HAND_MM: f64 = 180.0;
 
-/// How far from there the trocar may be, across the axis, when the tool turns: standard deviation, mm.
+/// Uncertainty of an assumed trocar across the axis when the tool turns: standard deviation, mm.
 const HAND_SIGMA_MM: f64 = 25.0;
 
-/// How far beyond the picture's middle a hand may reach and still be its own side's: standard deviation, mm.
+/// How far a hand may reach across the picture's middle: standard deviation, mm.
 const SIDE_SIGMA_MM: f64 = 15.0;
 
 impl Origin {
-    /// How much a pose's edges speak against this origin: squared standard deviations.
+    /// How badly a pose's edges match this origin: squared standard deviations.
     pub fn against(&self, pose: &TubeEstimate) -> f64 {
         let pose = &pose.by_edges_alone();
         let squared = match self {
@@ -46,7 +48,7 @@ impl Origin {
         squared.min(MOST_AGAINST)
     }
 
-    /// Where it is, camera frame, mm, where that is known.
+    /// Position in the camera frame, mm, if known.
     pub fn at(&self) -> Option<Point3<f64>> {
         match self {
             Origin::Fulcrum(fulcrum) => Some(fulcrum.at),
@@ -55,18 +57,18 @@ impl Origin {
     }
 }
 
-/// About where the hand is that holds a tool so.
+/// The assumed trocar of a tool: at the usual distance behind its tip.
 pub fn hand_of(pose: &TubeEstimate) -> Fulcrum {
     let covariance = Matrix3::identity() * (HAND_SIGMA_MM * HAND_SIGMA_MM);
     Fulcrum { at: pose.tube.tip - pose.tube.axis * HAND_MM, covariance }
 }
 
-/// A trocar lies behind the tip.
+/// Does the fulcrum lie ahead of the tip? A trocar always lies behind it.
 fn is_before(pose: &TubeEstimate, fulcrum: &Fulcrum) -> bool {
     (fulcrum.at - pose.tube.tip).dot(&pose.tube.axis) > 0.0
 }
 
-/// How far the hand lies beyond the picture's middle; 0 on its own side.
+/// How far the hand lies on the other side of the picture's middle, squared and normalised; 0 on its own side.
 fn beyond_squared(pose: &TubeEstimate, side: Side) -> f64 {
     let [first, second] = across(pose.tube.axis);
     let columns: [Vector3<f64>; 5] = [Vector3::x(), Vector3::y(), Vector3::z(), first * -HAND_MM, second * -HAND_MM];
@@ -90,7 +92,7 @@ mod tests {
 
     const TROCAR: Point3<f64> = Point3::new(-112.0, 96.0, 60.0);
 
-    /// A tool from a trocar to a tip, as well known as a pose is: its lean to 0.03 radians.
+    /// A tool from a trocar to a tip, with a pose's usual uncertainty: its lean to 0.03 radians.
     fn from(trocar: Point3<f64>, tip: Point3<f64>) -> TubeEstimate {
         let tube = Tube { tip, axis: (tip - trocar).normalize(), radius: 2.5 };
         let covariance = Matrix5::from_diagonal(&[0.01, 0.01, 0.5, 1e-3, 1e-3].into());

@@ -1,9 +1,10 @@
-//! Two tools of one colour on one frame: regions are found once, measured for both, and given out together.
+//! Tracks two tools of one colour on a frame. Regions are found once, measured for both tools, and assigned together.
 //!
-//! Each tool is first followed where it is expected. What is then missing is searched for, outside the bands that were
-//! found. What a band costs a tool is how far it lies from where the tool is expected, and how far its axis passes from
-//! the tool's [`Origin`]; both are squared standard deviations. Distance counts less than what decides: where a tool was
-//! lost, the trocar tells whose a band is, not nearness. What that does not tell, is refused.
+//! Each tool is first followed at its predicted position. A tool not found there is searched for outside the bands
+//! already found. The cost of giving a band to a tool is the squared Mahalanobis distance from the predicted position,
+//! plus the mismatch with the tool's [`Origin`] in squared standard deviations. The distance term is limited so that
+//! it counts less than [`DECISIVE_MARGIN`]: for a lost tool the trocar decides whose band it is, not nearness. A band
+//! that the origin cannot decide is rejected.
 
 use nalgebra::Point2;
 
@@ -17,16 +18,16 @@ use crate::pipeline::reason::Reason;
 use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::pipeline::tube::Tube;
 
-/// Regions that are measured, at most.
+/// Maximum number of regions measured.
 const MOST_REGIONS: usize = 4;
 
-/// Most that a band's distance can count, and what it counts for a tool that is lost and may be anywhere.
+/// Maximum cost of the distance, and the cost for a lost tool, which may be anywhere.
 const MOST_BY_DISTANCE: f64 = 9.0;
 
-/// Most that an origin can count, of a band that is not decidedly the other tool's.
+/// Maximum cost of the origin, for a band that does not clearly belong to the other tool.
 const MOST_BY_ORIGIN: f64 = 30.0;
 
-/// Finds both tools, the left hand's first.
+/// Finds both tools; the left hand's comes first.
 pub fn observe(tools: [&mut ToolTracker; 2], scenes: [Scene<'_>; 2]) -> [Seen; 2] {
     let mut look = Look::new(tools, &scenes);
     look.follow();
@@ -41,7 +42,7 @@ pub fn observe(tools: [&mut ToolTracker; 2], scenes: [Scene<'_>; 2]) -> [Seen; 2
     look.conclude()
 }
 
-/// One frame, looked at for both tools.
+/// Search for both tools on one frame.
 struct Look<'a, 's> {
     tools: [&'a mut ToolTracker; 2],
     scenes: &'a [Scene<'s>; 2],
@@ -51,7 +52,7 @@ struct Look<'a, 's> {
     reasons: [Reason; 2],
 }
 
-/// A region measured for each tool.
+/// One region, measured for each tool.
 type Candidate = [Result<Measurement, Reason>; 2];
 
 impl<'a, 's> Look<'a, 's> {
@@ -63,7 +64,8 @@ impl<'a, 's> Look<'a, 's> {
         Self { tools: [left, right], scenes, origins, expected, found: [None, None], reasons }
     }
 
-    /// Both where they are expected. One band found twice is neither's, until it is searched for.
+    /// Follows both tools at their predicted positions. If both find the same band, neither keeps it, and both are
+    /// searched for.
     fn follow(&mut self) {
         for tool in 0..2 {
             let followed = self.tools[tool].follow(&self.scenes[tool], self.expected[tool]);
@@ -80,7 +82,8 @@ impl<'a, 's> Look<'a, 's> {
         self.found.iter().any(Option::is_none)
     }
 
-    /// Where to look for what is missing; `None` where that may be anywhere, or nothing is missing.
+    /// Areas around the predicted positions of the missing tools; `None` if one has no prediction, or nothing is
+    /// missing.
     fn nearby(&self) -> Option<Vec<CellBox>> {
         let mut places: Vec<CellBox> = Vec::new();
         for tool in (0..2).filter(|tool| self.found[*tool].is_none()) {
@@ -94,7 +97,7 @@ impl<'a, 's> Look<'a, 's> {
         (!places.is_empty()).then_some(places)
     }
 
-    /// Measures the regions in these places for each missing tool, and gives them out.
+    /// Measures the regions in these areas for each missing tool, and assigns them.
     fn search(&mut self, places: &[CellBox]) {
         let missing = [0, 1].map(|tool| self.found[tool].is_none());
         let mut candidates = self.candidates(places, missing);
@@ -136,15 +139,16 @@ impl<'a, 's> Look<'a, 's> {
         let regions = self.tools[finder].regions_in(&self.scenes[finder], places, counts);
         let measured = regions.iter().take(MOST_REGIONS).map(|region| {
             [0, 1].map(|tool| {
-                let nobody = Err(Reason::NoMarkerColour);
-                // Were it told where a tool's own hand is, it would take the wrong end of the other's band for the tip.
-                if missing[tool] { self.tools[tool].measure(&self.scenes[tool], region, None) } else { nobody }
+                let not_needed = Err(Reason::NoMarkerColour);
+                // Measured without the direction to this tool's hand: it would take the wrong end of the other tool's
+                // band for the tip.
+                if missing[tool] { self.tools[tool].measure(&self.scenes[tool], region, None) } else { not_needed }
             })
         });
         measured.collect()
     }
 
-    /// What a region costs a tool; `None` where it cannot be its own.
+    /// Cost of giving a region to a tool; `None` if it cannot be that tool's.
     fn cost(&self, tool: usize, measured: &Candidate) -> Option<f64> {
         let band = measured[tool].as_ref().ok()?;
         if !self.tools[tool].comes_from_the_hand(band)
@@ -162,15 +166,15 @@ impl<'a, 's> Look<'a, 's> {
         Some(by_distance + self.origins[tool].against(&band.estimate).min(MOST_BY_ORIGIN))
     }
 
-    /// May a region be a band of the other tool that could not be measured? Nothing but pixels that leave no doubt then
-    /// speak for a tool that was lost.
+    /// Could the region be the band of the other tool, although it could not be measured for that tool? If this tool
+    /// is lost and the other was not found on this frame either, only a good fit may claim the region.
     fn is_claimed(&self, tool: usize, measured: &Candidate) -> bool {
         let is_lost = |tool: usize| self.found[tool].is_none() && self.expected[tool].is_none();
         let is_doubtful = measured[tool].as_ref().is_ok_and(|band| !band.is_good());
         is_lost(tool) && self.found[1 - tool].is_none() && measured[1 - tool].is_err() && is_doubtful
     }
 
-    /// Why a tool did not get a region that nobody got.
+    /// Why a tool did not get a region that was given to neither tool.
     fn reason(&self, tool: usize, measured: &Candidate) -> Option<Reason> {
         match &measured[tool] {
             Err(reason) => Some(*reason),
@@ -180,7 +184,7 @@ impl<'a, 's> Look<'a, 's> {
         }
     }
 
-    /// Does the other tool's origin explain a band so much better that it is the other's?
+    /// Does the other tool's origin explain the band so much better that it belongs to the other tool?
     fn is_the_others(&self, tool: usize, band: &Measurement) -> bool {
         let [own, other] = [tool, 1 - tool].map(|of| self.origins[of].against(&band.estimate));
         own - other > DECISIVE

@@ -1,18 +1,18 @@
-//! What frames leave behind for the recording's end.
+//! What is kept of each frame for the end of the recording.
 
 use super::blocks::Blocks;
 use crate::pipeline::pose::packed::PackedPoses;
 use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
 
-/// What one frame left behind.
+/// What is kept of one frame for one tool.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
-    /// The measurement before the adjustment steadied it.
+    /// The measurement, before it was steadied.
     pub pose: Option<KeptPose>,
-    /// The pixels explain it so well that the adjustment may be made from it.
+    /// The fit is good enough to be used in the adjustment.
     pub is_good: bool,
-    /// Why there is no measurement, or why it was refused.
+    /// Why there is no measurement, or why it was rejected.
     pub reason: Option<Reason>,
 }
 
@@ -23,11 +23,11 @@ impl Record {
     }
 }
 
-/// The records of a recording while it goes on, packed.
+/// The records of a recording in progress, packed.
 #[derive(Default)]
 pub struct PackedRecords {
     poses: PackedPoses,
-    /// All but the pose, and whether there is one.
+    /// Per frame: is there a pose, is it good, and the reason.
     others: Blocks<(bool, bool, Option<Reason>)>,
 }
 
@@ -38,13 +38,13 @@ impl PackedRecords {
         self.others.push((pose.is_some(), is_good, reason));
     }
 
-    /// The same frames, on none of which anything was measured.
+    /// The same frames with all measurements withdrawn.
     pub fn without_poses(self, reason: Reason) -> Self {
         let taken_back = |record: Record| Record { pose: None, is_good: false, reason: record.reason.or(Some(reason)) };
         self.unpack().into_iter().map(taken_back).collect()
     }
 
-    /// The records again; what they were packed in is freed on the way.
+    /// Unpacks the records, and frees the packed memory on the way.
     pub fn unpack(self) -> Blocks<Record> {
         let mut poses = self.poses.unpack();
         let record = |(has_pose, is_good, reason): (bool, bool, _)| Record {

@@ -1,4 +1,4 @@
-//! What a tracker says: frame by frame while it runs, and of the whole recording at its end.
+//! Results of a tracker: one report per frame while it runs, and the whole recording at its end.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ pub struct Observation {
     pub border_residual_px: f64,
 }
 
-/// What was found of one tool on one frame.
+/// Result of one frame for one tool.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolReport {
     /// Index into the settings' tools.
@@ -35,7 +35,7 @@ pub struct ToolReport {
     pub outcome: Result<Observation, Reason>,
     /// The causal filter's estimate, where the tool is being tracked.
     pub filtered: Option<Sample>,
-    /// Why it has no position at all, as far as can be told without hindsight.
+    /// Why the tool has no position, judged without later frames.
     pub absence: Option<Absence>,
     /// Both borders of the band, each from its distal to its proximal end, in the recorded frame.
     pub borders_px: Option<[[Pixel; 2]; 2]>,
@@ -43,7 +43,7 @@ pub struct ToolReport {
     pub band_end_px: Option<Pixel>,
 }
 
-/// What was found on one frame.
+/// Result of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameReport {
     /// Decoded frames before this one.
@@ -57,13 +57,13 @@ pub struct FrameReport {
 /// Why a tool has no position for a while.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Absence {
-    /// Its band was at the picture's rim before or after, and nothing of it was in the picture meanwhile.
+    /// Its band was at the edge of the picture before or after, and was not in the picture in between.
     LeftView,
-    /// It was lost in the midst of the picture; the reason is the most frequent one of the gap.
+    /// It was lost inside the picture; the reason is the most frequent one of the gap.
     Lost(Reason),
 }
 
-/// Frames in a row on which a tool has no position, neither measured nor bridged.
+/// Consecutive frames without a position of a tool, neither measured nor bridged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gap {
     /// First frame without a position.
@@ -74,18 +74,19 @@ pub struct Gap {
     pub absence: Absence,
 }
 
-/// The scene's light at one moment, against the first frame's. Medians over the picture: tools that move in it do not count.
+/// The scene's light at one moment, relative to the first frame. Medians over the picture, so that moving tools do not
+/// count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
     /// Presentation time, s.
     pub time_s: f64,
-    /// Gamma-coded luma over the first frame's.
+    /// Gamma-coded luma divided by the first frame's.
     pub luma_ratio: f64,
-    /// Blue and red differences less the first frame's, as shares of the full code range.
+    /// Blue and red differences minus the first frame's, as shares of the full code range.
     pub chroma_shift: [f64; 2],
 }
 
-/// How one tool fared over a recording.
+/// Tracking quality of one tool over a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ToolQuality {
     /// The tool's name.
@@ -96,41 +97,41 @@ pub struct ToolQuality {
     pub predicted: u64,
     /// Frames without a position.
     pub missing: u64,
-    /// How often each reason kept a measurement from being made or believed.
+    /// How often each reason prevented a measurement or caused its rejection.
     pub reasons: BTreeMap<Reason, u64>,
     /// RMS distance of border points from the fitted outline, pixels; `None` when never measured.
     pub border_residual_px: Option<f64>,
-    /// How much of a measured depth can change from frame to frame by errors of measuring: the median standard deviation
-    /// of what is not stated to last, mm; `None` when never measured.
+    /// Depth noise that can change from frame to frame: the median standard deviation of measured depth without its
+    /// lasting part, mm; `None` when never measured.
     pub passing_depth_mm: Option<f64>,
-    /// The diameter that its tape seems to have; `None` when never measured.
+    /// The apparent diameter of its tape; `None` when never measured.
     pub effective_diameter: Option<EffectiveDiameter>,
-    /// Where it has no position, in order.
+    /// Gaps in its path, in order.
     pub gaps: Vec<Gap>,
-    /// How far its colour stands apart from what else was marked.
+    /// How well its colour is separated from the other marked colours.
     pub colour: Apart,
-    /// Where its tube passes through the box's wall; `None` where that is not known well.
+    /// Where its tube passes through the box's wall; `None` if not known well.
     pub fulcrum: Option<Fulcrum>,
 }
 
-/// The diameter that a tape seems to have in a recording: its own, and twice what lens, light and compression move its
-/// borders outwards, at the depth where it was half of the time.
+/// Apparent diameter of a tape in a recording: its true diameter plus twice the outward shift of its borders by lens,
+/// light and compression, at the median depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectiveDiameter {
     /// Diameter, mm.
     pub mm: f64,
     /// Its standard deviation, mm.
     pub sigma_mm: f64,
-    /// What it is known from.
+    /// How it was determined.
     pub basis: DiameterBasis,
 }
 
-/// What an effective diameter is known from.
+/// How an effective diameter was determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DiameterBasis {
-    /// The session's poses agree on it: they share a fulcrum and the band's length.
+    /// From the session's poses together: they share a fulcrum and the band's length.
     Session,
-    /// They were too few, or turned too little: the tube's own diameter, as sure as borders usually are.
+    /// The poses were too few or turned too little: the tube's true diameter, with the usual uncertainty of borders.
     Usual,
 }
 
@@ -144,7 +145,7 @@ impl DiameterBasis {
     }
 }
 
-/// How a whole recording fared.
+/// Tracking quality of a whole recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Frames seen.
@@ -155,18 +156,18 @@ pub struct Quality {
     pub light: Vec<LightSample>,
 }
 
-/// A whole recording, tracked. Its paths are made when they are asked for: all three at once would take three times as much
-/// memory as what they are made of.
+/// A tracked recording. Its paths are computed on request: keeping all three would take three times the memory of the
+/// data that they are computed from.
 #[derive(Clone, Debug)]
 pub struct Tracking {
-    /// How it went.
+    /// Tracking quality.
     pub quality: Quality,
     pub(super) motions: Vec<Motion>,
     pub(super) frame_times_s: Vec<f64>,
 }
 
 impl Tracking {
-    /// Where every tool was.
+    /// The path of every tool.
     pub fn trajectory(&self, kind: Kind) -> Trajectory {
         let mut samples = Vec::with_capacity(self.motions.len() * self.frame_times_s.len());
         self.motions.iter().for_each(|motion| motion.add_to(&mut samples, kind));

@@ -1,7 +1,8 @@
-//! The end of a recording: everything that was seen, looked at again with hindsight.
+//! Second pass over one tool's recording, after its last frame.
 //!
-//! What all poses share is worked out from them together and steadies each, also the first; the filter runs once more over the
-//! steadied poses, and the smoother behind it.
+//! [`super::pair_reassignment`] has assigned the records before. The errors that all poses share are estimated from
+//! all poses together and corrected in each of them, from the first frame on. Then the filter runs again over the
+//! corrected poses, and the smoother runs backwards over its result.
 
 use std::ops::Range;
 
@@ -21,7 +22,7 @@ use crate::pipeline::pose::{KeptPose, TubeEstimate};
 use crate::pipeline::reason::Reason;
 use crate::pipeline::trajectory::Kind;
 
-/// Reworks one tool's records.
+/// Runs the second pass over one tool's records.
 pub fn rework(
     records: Blocks<Record>,
     spec: &ToolSpec,
@@ -72,15 +73,15 @@ fn effective_diameter(motion: &Motion, adjustment: Option<&Adjustment>, own_mm: 
     Some(EffectiveDiameter { mm: own_mm + twice * px, sigma_mm: twice * sigma_px, basis })
 }
 
-/// The pose as the whole session has it; `None` where its axis passes so far beside the fulcrum that its edges were taken for
-/// others': steadied, it would look right, and lie millimetres off.
+/// The pose corrected with the session's fulcrum and offsets. `None` if its axis misses the fulcrum by too much: its
+/// edges then belong to something else, and the corrected pose would look plausible but be millimetres off.
 fn steadied(pose: &TubeEstimate, adjustment: &Adjustment) -> Option<TubeEstimate> {
-    const MOST_SQUARED: f64 = 30.0; // passes all but 3 in 10 million good ones: two degrees of freedom
+    const MOST_SQUARED: f64 = 30.0; // rejects 3 in 10 million good poses (two degrees of freedom)
     let passes = fulcrum::miss_squared(pose, &adjustment.fulcrum) < MOST_SQUARED;
     if passes { adjustment::steady(pose, adjustment) } else { None }
 }
 
-/// Good poses enough to be adjusted together, spread over the recording.
+/// Good poses for the joint adjustment: at most `MAX_SAMPLED`, spread over the recording.
 fn thinned(records: &Blocks<Record>) -> Vec<TubeEstimate> {
     const ENOUGH: usize = 256;
     let good = || records.iter().filter(|record| record.is_good);
@@ -88,8 +89,8 @@ fn thinned(records: &Blocks<Record>) -> Vec<TubeEstimate> {
     good().step_by(every).filter_map(Record::estimate).collect()
 }
 
-/// Frames between two gaps, or a gap and an end of the recording, on so few of which something was measured that nothing bears it
-/// out: a bridge that stands on it leads astray, where without it there is a gap.
+/// Isolated runs with fewer than `MIN_MEASURED` measured frames, if there are other runs. A bridge to such a run could
+/// be wrong because nothing confirms its measurements; without it there is only a gap.
 fn islands(records: &Blocks<Record>, instants: &[Instant], longest_gap_s: f64) -> Vec<Range<usize>> {
     const FEWEST: usize = 4;
     let mut pieces: Vec<(Range<usize>, usize)> = Vec::new();
@@ -106,7 +107,7 @@ fn islands(records: &Blocks<Record>, instants: &[Instant], longest_gap_s: f64) -
     pieces.into_iter().filter(is_small).map(|(piece, _)| piece).collect()
 }
 
-/// The filter's second way through a recording.
+/// State of the second pass over one tool's recording.
 struct Rework {
     hindsight: ThreadSettings,
     thread: Thread,
@@ -127,14 +128,15 @@ impl Rework {
         }
     }
 
-    /// Takes a frame's pose, or why there is none; returns why it was not measured or not believed.
+    /// Adds one frame: its pose, or the reason for having none. Returns why the frame was not measured or its pose was
+    /// rejected.
     fn frame(&mut self, instant: Instant, pose: Option<TubeEstimate>, reason: Option<Reason>) -> Option<Reason> {
         let measured = pose.map(|p| (p.tube.tip, p.tip_covariance()));
         let advance = self.thread.advance(instant.1, measured, &self.hindsight);
         let refused = reason.or(advance.refused);
         count(&mut self.quality, advance.observed, advance.state.is_some(), refused);
         if advance.disowns {
-            let (all, seen) = self.begin().frames_and_seen(); // a run that was none, counted when it was added
+            let (all, seen) = self.begin().frames_and_seen(); // discarded: subtract its frames from the counts
             self.quality.observed -= seen;
             self.quality.predicted -= all - seen;
             self.quality.missing += all;
@@ -148,12 +150,12 @@ impl Rework {
         refused
     }
 
-    /// Begins a new run; returns the one before.
+    /// Starts a new run and returns the previous one.
     fn begin(&mut self) -> Run {
         std::mem::take(&mut self.run)
     }
 
-    /// Ends the recording. Bridged frames that no smoothed path has were counted as predicted.
+    /// Finishes the recording. Bridged frames that are not in the smoothed path move from `predicted` to `missing`.
     fn end(mut self) -> (Motion, ToolQuality) {
         let last = self.begin();
         self.motion.runs.push(last);
@@ -191,7 +193,7 @@ mod tests {
     use crate::pipeline::trajectory::Sample;
     use crate::pipeline::tube::Tube;
 
-    /// No multiple of it is a limit, where rounding would decide.
+    /// Chosen so that no multiple of it equals a time limit, where rounding would decide.
     const FRAME_S: f64 = 0.039;
 
     struct Paths {
@@ -200,7 +202,7 @@ mod tests {
         quality: ToolQuality,
     }
 
-    /// Of a tool that points along the line of sight.
+    /// A tool that points along the line of sight.
     fn pose(tip: Point3<f64>) -> TubeEstimate {
         let covariance = nalgebra::Matrix5::identity() * 0.01;
         TubeEstimate {
@@ -217,7 +219,7 @@ mod tests {
         paths_from(0.0, 0.0, seen)
     }
 
-    /// A tool that moves to the right, mm and mm/s, seen on some frames only, but with its colour always in sight.
+    /// A tool that moves to the right (mm, mm/s), seen on some frames only.
     fn paths_from(x_mm: f64, speed_mm_s: f64, seen: &[bool]) -> Paths {
         let settings = MotionSettings::default();
         let mut rework = Rework::new(0, &CAMERA, &settings);
@@ -259,7 +261,7 @@ mod tests {
     #[test]
     fn a_tip_that_leaves_the_picture_is_not_predicted_beyond_its_rim() {
         let rim_mm = CAMERA.cx / CAMERA.fx * 150.0;
-        let paths = paths_from(rim_mm - 41.0, 100.0, &with_gap(10, 0)); // 5.9 mm from the rim when seen last, 3.9 mm a frame
+        let paths = paths_from(rim_mm - 41.0, 100.0, &with_gap(10, 0)); // last seen 5.9 mm inside, 3.9 mm a frame
         assert_eq!(frames(&paths.filtered), (0..11).collect::<Vec<_>>());
     }
 
@@ -276,9 +278,9 @@ mod tests {
         };
         assert_eq!(found(&[0..15, 31..33, 43..60]), vec![31..33]);
         assert_eq!(found(&[0..15, 31..32, 33..34, 43..60]), vec![31..34]);
-        assert!(found(&[0..15, 18..20, 43..60]).is_empty(), "near to what bears it out");
-        assert!(found(&[0..15, 31..36, 43..60]).is_empty(), "enough to bear itself out");
-        assert!(found(std::slice::from_ref(&(31..33))).is_empty(), "all there is");
+        assert!(found(&[0..15, 18..20, 43..60]).is_empty(), "close to a long run");
+        assert!(found(&[0..15, 31..36, 43..60]).is_empty(), "long enough by itself");
+        assert!(found(std::slice::from_ref(&(31..33))).is_empty(), "the only run");
     }
 
     #[test]

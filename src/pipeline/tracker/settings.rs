@@ -1,4 +1,4 @@
-//! What a tracker must be told before the first frame: camera, tools, colours, and how tools can move.
+//! Settings of a tracker: camera, tools, colours, and how tools can move.
 
 use crate::pipeline::camera::Camera;
 use crate::pipeline::segmentation::samples::ColourSamples;
@@ -8,17 +8,17 @@ use crate::pipeline::segmentation::samples::ColourSamples;
 pub struct ToolSpec {
     /// The tool's name.
     pub name: String,
-    /// Colour of its tape: the label of its samples. Two tools may share one; their trocars tell them apart.
+    /// Colour of its tape: the label of its samples. Two tools may share a colour; their trocars distinguish them.
     pub colour: String,
-    /// The side of the picture on which its hand is, where that was told; asked only of tools that share a colour.
+    /// The side of the picture where its hand is, if stated. Used only for tools that share a colour.
     pub side: Option<Side>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
-    /// Length of the tape along the tube, mm, where somebody measured it: depth becomes about three times sharper.
+    /// Length of the tape along the tube, mm, if it was measured: depth then becomes about three times sharper.
     pub band_length_mm: Option<f64>,
 }
 
-/// Where a tool's hand is, as the camera sees it.
+/// The side of a tool's hand, as the camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {
     /// Left in the picture.
@@ -27,7 +27,7 @@ pub enum Side {
     Right,
 }
 
-/// From where the camera looks (T 6.4); decides which end of a band is distal while nothing better is known.
+/// Position of the camera (T 6.4). Decides which end of a band is distal while nothing better is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum View {
     /// Camera above the box: hands are below the picture, tips point up in it.
@@ -36,7 +36,7 @@ pub enum View {
     Side,
 }
 
-/// How borders become a position in space.
+/// Method that turns borders into a position in space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum PoseMethod {
     /// Exact tangent planes, then a joint fit of borders and band ends: the default.
@@ -46,27 +46,29 @@ pub enum PoseMethod {
     PinholeWidth,
 }
 
-/// How tools can move, and how long one is believed to go on unseen.
+/// How tools can move, and for how long a tool is predicted while it is not seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionSettings {
-    /// Typical acceleration, mm/s²: more follows quicker, less is smoother. Hands reach 200–1000.
+    /// Typical acceleration, mm/s²: a larger value follows motion faster, a smaller one is smoother. Hands reach
+    /// 200–1000.
     pub acceleration_mm_s2: f64,
     /// How long such an acceleration lasts, s. With the acceleration it gives the motion noise `a²·t`, mm²/s³.
     pub acceleration_lasts_s: f64,
     /// Speed that a newly seen tool may have, mm/s (one standard deviation).
     pub first_speed_mm_s: f64,
-    /// Largest squared Mahalanobis distance at which a measurement is believed; 16.3 passes 99.9 % of good ones.
+    /// Largest squared Mahalanobis distance of an accepted measurement; 16.3 accepts 99.9 % of good ones.
     pub gate: f64,
-    /// A measured position that stays consistent with itself for this long is believed against the gate, s.
+    /// Measurements outside the gate are accepted once they have agreed with each other for this long, s.
     pub reacquire_s: f64,
-    /// Longest gap that is bridged by prediction, s; longer ones are gaps.
+    /// Longest gap that is bridged by prediction, s.
     pub longest_prediction_s: f64,
-    /// Longest gap that hindsight bridges, between two places where the tool was seen, s. In the middle of four times the
-    /// longest prediction the tip is known as well as at its end: `q·T³/192` and `q·t³/3` mm² are equal for `T = 4t`.
+    /// Longest gap that the second pass bridges, between two frames where the tool was seen, s. In the middle of a
+    /// bridge four times as long as the longest prediction, the tip is known as well as at that prediction's end:
+    /// `q·T³/192` and `q·t³/3` mm² are equal for `T = 4t`.
     pub longest_bridge_s: f64,
-    /// Nearest tip to the camera, mm.
+    /// Smallest depth of a tip, mm.
     pub nearest_mm: f64,
-    /// Farthest tip from the camera, mm.
+    /// Largest depth of a tip, mm.
     pub farthest_mm: f64,
 }
 
@@ -87,22 +89,22 @@ impl Default for MotionSettings {
 }
 
 impl MotionSettings {
-    /// Spectral density of the acceleration, mm²/s³: what the filter takes for the hand's own motion.
+    /// Spectral density of the acceleration, mm²/s³: the process noise of the filter for a steady hand.
     pub fn noise_density(&self) -> f64 {
         self.acceleration_mm_s2.powi(2) * self.acceleration_lasts_s
     }
 }
 
-/// Everything a [`super::Tracker`] is told.
+/// All settings of a [`super::Tracker`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackerSettings {
-    /// The camera, calibrated at the size of the frames to come.
+    /// The camera, calibrated at the size of the frames.
     pub camera: Camera,
     /// Tools to track; their order is the order of the reports.
     pub tools: Vec<ToolSpec>,
-    /// Colours as an instructor marked them.
+    /// Colour samples that an instructor marked.
     pub samples: ColourSamples,
-    /// Camera's place, where known.
+    /// Position of the camera, if known.
     pub view: Option<View>,
     /// Pose method.
     pub pose: PoseMethod,
@@ -117,11 +119,11 @@ impl TrackerSettings {
     }
 }
 
-/// Tools that one colour table can tell apart.
+/// Maximum number of tools.
 const MOST_TOOLS: usize = 16;
 
 impl TrackerSettings {
-    /// Refuses what cannot work for frames of this size.
+    /// Rejects settings that cannot work for frames of this size.
     pub(super) fn check(&self, width: u32, height: u32) -> Result<(), SettingsProblem> {
         let camera = (self.camera.width, self.camera.height);
         if camera != (width, height) {
@@ -155,7 +157,7 @@ impl TrackerSettings {
         Ok(())
     }
 
-    /// Tools of one colour can be told apart if there are two, one on each side.
+    /// At most two tools may share a colour, and not on the same side.
     fn check_colour(&self, colour: &str) -> Result<(), SettingsProblem> {
         let tools: Vec<&ToolSpec> = self.tools.iter().filter(|t| t.colour == colour).collect();
         match tools[..] {
@@ -178,17 +180,17 @@ impl TrackerSettings {
         colours
     }
 
-    /// A label's class in the colour table: 0 for what is no tool's colour.
+    /// A label's class in the colour table: 0 if it is no tool's colour.
     pub(super) fn class_of(&self, label: &str) -> u8 {
         self.colours().iter().position(|colour| *colour == label).map_or(0, |i| i as u8 + 1)
     }
 
-    /// The class of each of the samples' labels.
+    /// The class of each label of the samples.
     pub(super) fn classes(&self) -> Vec<u8> {
         self.samples.labels.iter().map(|label| self.class_of(label)).collect()
     }
 
-    /// The tools that share a colour, the left hand's first: as their sides say, else in their order.
+    /// Pairs of tools that share a colour, the left hand's first: by their stated sides, else in their order.
     pub(super) fn pairs(&self) -> Vec<[usize; 2]> {
         let mut pairs = Vec::new();
         for (first, tool) in self.tools.iter().enumerate() {
@@ -202,12 +204,12 @@ impl TrackerSettings {
     }
 }
 
-/// Why a tracker cannot be made from its settings.
+/// Why a tracker cannot be created from its settings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsProblem {
     /// The camera was calibrated at another picture size.
     #[error(
-        "the camera is calibrated for {}×{} pixels, but the recording is {}×{}; calibrate at the size that is recorded",
+        "the camera is calibrated for {}×{} pixels, but the recording is {}×{}; calibrate at the recorded size",
         camera.0, camera.1, frame.0, frame.1
     )]
     OtherSize {
@@ -219,31 +221,31 @@ pub enum SettingsProblem {
     /// Nothing to track.
     #[error("no tool is given; mark at least one rectangle on a tool's tape")]
     NoTool,
-    /// More tools of one colour than can be told apart.
-    #[error("{0} tools wear the colour `{1}`; at most two can be told apart; give the others tape of another colour")]
+    /// More than two tools share a colour.
+    #[error("{0} tools have tape of the colour `{1}`; at most two can share one; use another colour for the others")]
     CrowdedColour(usize, String),
-    /// Two tools of one colour whose hands are said to be on the same side of the picture.
+    /// Two tools of one colour have the same stated side.
     #[error(
-        "tools `{0}` and `{1}` have one colour and are said to come from the same side of the picture; correct `side`, or give one of them tape of another colour"
+        "tools `{0}` and `{1}` have the same colour and the same `side`; correct `side`, or use another colour for one of them"
     )]
     SameSide(String, String),
-    /// A tool's colour was never marked.
+    /// A tool's colour was not marked.
     #[error("tool `{0}` has no colour samples; mark rectangles on its tape and label them `{0}`")]
     NoSamples(String),
-    /// Nothing but tools was marked, so every colour would be a tool.
-    #[error("no colour that is not a tool was marked; mark rectangles of the scene, labelled `background`")]
+    /// Only tool colours were marked, so every colour would be a tool.
+    #[error("nothing but tools was marked; also mark rectangles of the scene and label them `background`")]
     NoBackground,
-    /// More colours of tools than the table can tell apart.
-    #[error("{0} tools are given; at most {1} can be told apart")]
+    /// More tools than the colour table supports.
+    #[error("{0} tools are given; at most {1} can be tracked")]
     TooManyLabels(usize, usize),
-    /// A size that no tube has.
+    /// A tube's size is not a positive number.
     #[error("tool `{tool}`: {what} is given as {value_mm} mm; it must be more than 0")]
     Size {
-        /// Which tool.
+        /// The tool.
         tool: String,
         /// Diameter or band length.
         what: &'static str,
-        /// What was given, mm.
+        /// The value given, mm.
         value_mm: f64,
     },
 }
@@ -255,7 +257,7 @@ mod tests {
     use crate::pipeline::frame::{ColourEncoding, Matrix, Range};
     use crate::pipeline::segmentation::samples::ColourSample;
 
-    /// Tools by name, colour and side, where orange, cyan and the background are marked.
+    /// Tools by name, colour and side; orange, cyan and the background are marked.
     fn of(tools: &[(&str, &str, Option<Side>)]) -> TrackerSettings {
         let samples = ColourSamples {
             encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },

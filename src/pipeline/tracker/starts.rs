@@ -1,4 +1,4 @@
-//! Where to start: rough tubes from what a region shows, before any pixel is looked at closely.
+//! Rough tubes from a region's coarse borders and ends: the starts for the fit to the pixels.
 
 use nalgebra::{Point2, Point3, Vector2};
 
@@ -12,12 +12,12 @@ use crate::pipeline::pose::{TubeEstimate, band_length};
 use crate::pipeline::space::{CameraPoint, Normalised, Pixel};
 use crate::pipeline::tube::Tube;
 
-/// Standard deviation of a border point or end that the colour table gave, pixels.
+/// Standard deviation of a border point or end found with the colour table, pixels.
 const COARSE_SIGMA_PX: f64 = 0.7;
 
 impl Bench<'_> {
-    /// The tube whose axis comes from the known fulcrum, through whichever end is in sight: needs neither taper nor both
-    /// ends, and has only one lean.
+    /// A start whose axis passes through the known fulcrum and one visible end. It needs neither the taper nor both
+    /// ends, and its lean is unambiguous.
     pub(super) fn by_fulcrum(&self, [distal, proximal]: [Normalised; 2], depth: f64) -> Option<Tube> {
         let (fulcrum, (length_mm, _), radius) = (self.fulcrum?.at, self.length?, 0.5 * self.spec.diameter_mm);
         let (at_distal, at_proximal) = (Point3::from(distal.ray() * depth), Point3::from(proximal.ray() * depth));
@@ -34,9 +34,9 @@ impl Bench<'_> {
         Some(Tube { tip, axis, radius })
     }
 
-    /// The coarse borders and ends in one fit, where the band's length is known: the lean that the borders' slight taper
-    /// gives is rough, the one that the length gives is not. A length alone cannot tell leaning away from leaning
-    /// towards: both, the better one first.
+    /// Starts from a joint fit to the coarse borders and ends, if the band's length is known. The lean from the slight
+    /// taper of the borders is rough; the one from the length is not. The length alone cannot distinguish leaning away
+    /// from leaning towards the camera, so both are returned, the better one first.
     pub(super) fn by_length(&self, coarse: &CoarseBand, ends: [Normalised; 2]) -> Vec<Tube> {
         let Some((length_mm, _)) = self.length else { return Vec::new() };
         let radius = 0.5 * self.spec.diameter_mm;
@@ -51,7 +51,7 @@ impl Bench<'_> {
         fits.iter().map(|fit| fit.tube).collect()
     }
 
-    /// What the scan lines met, as edges of a tube's outline.
+    /// The border points and ends of the scan lines, as edges of a tube's outline.
     fn coarse_edges(&self, coarse: &CoarseBand, tube: &Tube, length_mm: f64) -> Option<Vec<MeasuredEdge>> {
         let pixel = |point| self.camera.project(CameraPoint(point)).map(|p| p.0);
         let outline = tube.outline()?;

@@ -1,4 +1,4 @@
-//! One tool through a recording: where to look for it, which region is its band, and its thread through time.
+//! Tracks one tool through a recording: predict, find the band, measure, accept or reject, learn.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -26,7 +26,7 @@ use crate::pipeline::segmentation::region_of_interest::{CellBox, coarse_search};
 use crate::pipeline::space::CameraPoint;
 use crate::pipeline::tube::{Outline, Tube};
 
-/// One tool's tracker.
+/// Tracker of one tool.
 pub struct ToolTracker {
     pub(super) spec: ToolSpec,
     class: u8,
@@ -44,32 +44,33 @@ pub struct ToolTracker {
     pub(super) tracing: Tracing,
 }
 
-/// What all tools see of a frame.
+/// Everything a tool's tracker needs of one frame.
 pub struct Scene<'a> {
     /// The frame.
     pub frame: &'a Frame<'a>,
-    /// Colours.
+    /// The class of every colour.
     pub table: &'a ColourTable,
-    /// Camera and methods.
+    /// Camera and tracking methods.
     pub settings: &'a TrackerSettings,
-    /// Outlines of the other tools, where they are expected.
+    /// Expected outlines of the other tools.
     pub obstacles: &'a [Outline],
 }
 
-/// Lengths of a band that nobody measured, as its ends were seen, each with its standard deviation, mm.
+/// Estimates the length of a band that was not measured by hand, from views of its two ends. Each view has a length
+/// and its standard deviation, mm.
 #[derive(Default)]
 struct BandLengths {
     seen_mm: Vec<(f64, f64)>,
 }
 
 impl BandLengths {
-    /// Views that are enough to know the length, and to keep.
+    /// Number of views that are needed, and number that are kept.
     const ENOUGH: usize = 12;
     const MOST: usize = 64;
-    /// Views whose errors can be taken for independent: neighbouring frames err alike.
+    /// Number of views whose errors count as independent: neighbouring frames have similar errors.
     const INDEPENDENT: f64 = 3.0;
 
-    /// Takes a view; where there are enough, in place of the least sure one.
+    /// Adds a view. Once [`Self::MAX_VIEWS`] are kept, it replaces the least certain one if it is more certain.
     fn add(&mut self, length_mm: f64, sigma_mm: f64) {
         if self.seen_mm.len() < Self::MOST {
             self.seen_mm.push((length_mm, sigma_mm));
@@ -80,7 +81,7 @@ impl BandLengths {
         }
     }
 
-    /// The median length, weighed by how sure each view is of it, with its standard deviation, mm.
+    /// The median length, weighted by the certainty of each view, with its standard deviation, mm.
     fn learned(&self) -> Option<(f64, f64)> {
         if self.seen_mm.len() < Self::ENOUGH {
             return None;
@@ -102,19 +103,20 @@ impl BandLengths {
     }
 }
 
-/// What one frame says of a tool.
+/// Result of one frame for one tool.
 pub struct Seen {
-    /// The steadied measurement, or why there is none.
+    /// The steadied measurement, or the reason for having none.
     pub outcome: Result<Measurement, Reason>,
-    /// What the thread made of it.
+    /// How the track advanced.
     pub advance: Advance,
 }
 
-/// Poses that the causal adjustment is made from, each time they have doubled; at most, then every second one is let go.
+/// The causal adjustment is computed from this many poses, and again each time their number has doubled. At the
+/// maximum every second pose is dropped.
 const FEWEST_KEYFRAMES: usize = 16;
 const MOST_KEYFRAMES: usize = 128;
 
-/// A fulcrum is used once it is known this well, mm: before, it would rather mislead.
+/// The fulcrum is used only once its standard deviation is below this, mm; a less certain one would mislead.
 const FULCRUM_SIGMA_MM: f64 = 30.0;
 
 impl ToolTracker {
@@ -137,14 +139,14 @@ impl ToolTracker {
         }
     }
 
-    /// Forgets where the tool was, but not how its edges look, how long its band is and from where it is held.
+    /// Forgets the tool's position, but keeps the edge appearance, the band length and the direction to the hand.
     pub(super) fn start_over(&mut self) {
         let fresh = Self::new(self.spec.clone(), self.class, self.edges.clone());
         let Self { finder, lengths, hand, .. } = std::mem::replace(self, fresh);
         (self.finder, self.lengths, self.hand) = (finder, lengths, hand);
     }
 
-    /// Finds the tool on a frame.
+    /// Finds and measures the tool on a frame.
     pub(super) fn observe(&mut self, scene: &Scene<'_>) -> Seen {
         let expected = self.expect(scene);
         let measured = match self.follow(scene, expected) {
@@ -158,8 +160,9 @@ impl ToolTracker {
         seen
     }
 
-    /// Asks a frame on which side the hand is; a tool that was taken the wrong way round begins anew, and what was measured of it
-    /// is taken back. A trocar that is known lies behind the tip: then it is the right way round.
+    /// Checks on which side of the band the hand is. If the votes contradict the current direction, the tool was
+    /// tracked the wrong way round: tracking restarts and its measurements so far are withdrawn. Not called once the
+    /// fulcrum is known, because a fulcrum behind the tip confirms the direction.
     fn ask_for_the_hand(&mut self, scene: &Scene<'_>) {
         let Some((last, length_mm)) = self.last else { return };
         let camera = &scene.settings.camera;
@@ -179,24 +182,24 @@ impl ToolTracker {
         }
     }
 
-    /// Where the tool is expected, and how it is expected to move.
+    /// Predicts the tool's position, and its motion in the picture.
     pub(super) fn expect(&mut self, scene: &Scene<'_>) -> Option<(Tube, f64)> {
-        let (time_s, thread) = (scene.frame.time_s, scene.settings.motion.thread());
-        self.motion_px_s = self.expected_motion(time_s, &thread, &scene.settings.camera).unwrap_or_default();
-        self.expected_tube(time_s, &thread)
+        let (time_s, track_settings) = (scene.frame.time_s, scene.settings.motion.thread());
+        self.motion_px_s = self.expected_motion(time_s, &track_settings, &scene.settings.camera).unwrap_or_default();
+        self.expected_tube(time_s, &track_settings)
     }
 
-    /// The tool where it is expected, by the edges alone.
+    /// Measures the tool at its predicted position from edges alone, without a colour search.
     pub(super) fn follow(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Option<Measurement> {
-        let (time_s, thread) = (scene.frame.time_s, scene.settings.motion.thread());
+        let (time_s, track_settings) = (scene.frame.time_s, scene.settings.motion.thread());
         expected
             .and_then(|(tube, length)| self.bench(scene).follow(&tube, length))
-            .filter(|m| self.thread.would_believe(time_s, &m.estimate, &thread) && self.comes_from_the_hand(m))
+            .filter(|m| self.thread.would_believe(time_s, &m.estimate, &track_settings) && self.comes_from_the_hand(m))
     }
 
-    /// Takes what a frame showed, or why nothing.
+    /// Accepts or rejects the frame's measurement, learns from it, and advances the track.
     pub(super) fn conclude(&mut self, scene: &Scene<'_>, measured: Result<Measurement, Reason>) -> Seen {
-        let thread = scene.settings.motion.thread();
+        let track_settings = scene.settings.motion.thread();
         let frame = scene.frame;
         if let Some(m) = measured.as_ref().ok().filter(|m| m.teaches()) {
             self.edges.learn(frame, m.edges.clone());
@@ -205,7 +208,7 @@ impl ToolTracker {
         self.remember(&measured);
         let steadied = measured.map(|m| self.steady(m));
         let observation = steadied.as_ref().ok().map(|m| (m.estimate.tube.tip, m.estimate.tip_covariance()));
-        let advance = self.thread.advance(frame.time_s, observation, &thread);
+        let advance = self.thread.advance(frame.time_s, observation, &track_settings);
         if let (Ok(m), true) = (&steadied, advance.observed) {
             self.last = Some((m.estimate.tube, m.length_mm));
             self.last_pose = Some(m.estimate);
@@ -217,7 +220,7 @@ impl ToolTracker {
         Seen { outcome, advance }
     }
 
-    /// Searches by colour: first where it is expected, then on the whole frame.
+    /// Searches by colour, first around the predicted position, then on the whole frame.
     fn search(&mut self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Result<Measurement, Reason> {
         let mut refused = Vec::new();
         match self.look(scene, expected, &mut refused) {
@@ -226,8 +229,9 @@ impl ToolTracker {
         }
     }
 
-    /// Searches one place, or the whole frame, and measures the likeliest regions until one is a band. One that was refused
-    /// on this frame before is not measured again: what little is seen of a hidden band is the same wherever one looked.
+    /// Searches one area, or the whole frame, and measures the largest regions until one is a band. A region that was
+    /// rejected earlier on this frame is not measured again: the visible part of a hidden band is the same in both
+    /// searches.
     fn look(
         &mut self,
         scene: &Scene<'_>,
@@ -253,7 +257,7 @@ impl ToolTracker {
         Err(best_reason)
     }
 
-    /// Measures a region; what does not come from the hand is refused.
+    /// Measures a region, and rejects it if its axis does not pass through the fulcrum.
     fn judge(&mut self, scene: &Scene<'_>, region: &Component) -> Result<Measurement, Reason> {
         let to_hand = self.direction_to_hand(&scene.settings.camera);
         let measured = self.measure(scene, region, to_hand);
@@ -268,7 +272,7 @@ impl ToolTracker {
         self.regions_in(scene, &places, |_, _| true)
     }
 
-    /// Where to search: around the expected place, or wherever on the frame the colour is.
+    /// Areas to search: around the predicted position, or everywhere on the frame that has the tool's colour.
     pub(super) fn places(&self, scene: &Scene<'_>, expected: Option<(Tube, f64)>) -> Vec<CellBox> {
         match expected {
             Some((tube, length)) => place_of(&tube, length, &scene.settings.camera, scene.frame).into_iter().collect(),
@@ -276,7 +280,8 @@ impl ToolTracker {
         }
     }
 
-    /// Regions of the tool's colour, the largest first; cells (column, row) that do not count are taken for background.
+    /// Regions of the tool's colour, the largest first. Cells (column, row) for which `counts` is false are treated as
+    /// background.
     pub(super) fn regions_in(
         &mut self,
         scene: &Scene<'_>,
@@ -296,7 +301,7 @@ impl ToolTracker {
         regions
     }
 
-    /// Measures a region; without a direction to the hand, the picture alone tells which of its ends is the tip.
+    /// Measures a region. Without a direction to the hand, the picture alone decides which end is the tip.
     pub(super) fn measure(
         &mut self,
         scene: &Scene<'_>,
@@ -327,27 +332,27 @@ impl ToolTracker {
         }
     }
 
-    /// Where it was seen last.
+    /// Outline at the last measured position.
     pub(super) fn outline(&self) -> Option<Outline> {
         self.last.and_then(|(tube, _)| tube.outline())
     }
 
-    pub(super) fn expected_tube(&self, time_s: f64, thread: &ThreadSettings) -> Option<(Tube, f64)> {
-        let state = self.thread.expected(time_s, thread)?;
+    pub(super) fn expected_tube(&self, time_s: f64, track_settings: &ThreadSettings) -> Option<(Tube, f64)> {
+        let state = self.thread.expected(time_s, track_settings)?;
         let (last, length) = self.last?;
         Some((Tube { tip: state.tip(), ..last }, length))
     }
 
-    /// How the tip is expected to move in the picture, pixels/s.
-    fn expected_motion(&self, time_s: f64, thread: &ThreadSettings, camera: &Camera) -> Option<Vector2<f64>> {
+    /// Predicted motion of the tip in the picture, pixels/s.
+    fn expected_motion(&self, time_s: f64, track_settings: &ThreadSettings, camera: &Camera) -> Option<Vector2<f64>> {
         const STEP_S: f64 = 1e-3;
-        let state = self.thread.expected(time_s, thread)?;
+        let state = self.thread.expected(time_s, track_settings)?;
         let pixel = |point| camera.project(CameraPoint(point));
         Some((pixel(state.tip() + state.velocity() * STEP_S)?.0 - pixel(state.tip())?.0) / STEP_S)
     }
 
-    /// The direction in the picture, from the tip to the hand, where it is known: towards the fulcrum, as it was last, or as
-    /// frames have said.
+    /// Direction in the picture from the tip to the hand, if known: from the last tube towards the fulcrum, else
+    /// opposite to its axis; without a last tube, by the votes of earlier frames.
     fn direction_to_hand(&self, camera: &Camera) -> Option<Vector2<f64>> {
         let Some((last, _)) = self.last else { return self.hand.direction() };
         let to_hand =
@@ -375,27 +380,28 @@ impl ToolTracker {
         }
     }
 
-    /// Does its axis pass through the fulcrum, where that is known? What the pixels explain well is believed without: it may
-    /// teach a better one.
+    /// Does the axis pass through the known fulcrum? A measurement that explains the pixels well is accepted even if
+    /// not: it may lead to a better fulcrum.
     pub(super) fn comes_from_the_hand(&self, measurement: &Measurement) -> bool {
-        const MOST_SQUARED: f64 = 18.4; // passes 99.99 % of good ones: two degrees of freedom
+        const MOST_SQUARED: f64 = 18.4; // accepts 99.99 % of good ones (two degrees of freedom)
         measurement.is_good() || measurement.beside_squared < MOST_SQUARED
     }
 
-    /// The point that it turns about, if that is known.
+    /// The point about which the tool turns, if known.
     pub(super) fn fulcrum(&self) -> Option<Fulcrum> {
         self.adjustment.as_ref().map(|a| a.fulcrum)
     }
 
-    /// Where it comes from, as far as that is known.
+    /// The best known origin of the tool: its fulcrum, else an assumed one from the last pose, else its side of the
+    /// picture.
     pub(super) fn origin(&self, side: Side) -> Origin {
         let seen = || self.last_pose.as_ref().map(|pose| Origin::Fulcrum(origin::hand_of(pose)));
         self.adjustment.as_ref().map(|a| Origin::Fulcrum(a.fulcrum)).or_else(seen).unwrap_or(Origin::Side(side))
     }
 
-    /// Squared Mahalanobis distance of a pose to where the tool is expected; `None` where it is not tracked.
-    pub(super) fn surprise(&self, time_s: f64, pose: &TubeEstimate, thread: &ThreadSettings) -> Option<f64> {
-        let state = self.thread.expected(time_s, thread)?;
+    /// Squared Mahalanobis distance of a pose from the predicted position; `None` if the tool is not being tracked.
+    pub(super) fn surprise(&self, time_s: f64, pose: &TubeEstimate, track_settings: &ThreadSettings) -> Option<f64> {
+        let state = self.thread.expected(time_s, track_settings)?;
         Some(state.distance_squared(pose.tube.tip, pose.tip_covariance()))
     }
 
@@ -410,7 +416,7 @@ pub fn is_known(adjustment: &Adjustment) -> bool {
     adjustment.fulcrum.covariance.trace() < FULCRUM_SIGMA_MM * FULCRUM_SIGMA_MM
 }
 
-/// A direction from a tube's tip, as the picture shows it.
+/// A direction from a tube's tip, projected into the picture.
 fn in_picture(camera: &Camera, tube: &Tube, direction: Vector3<f64>) -> Option<Vector2<f64>> {
     const STEP_MM: f64 = 5.0;
     let pixel = |point| camera.project(CameraPoint(point));
@@ -433,7 +439,7 @@ fn place_of(tube: &Tube, length_mm: f64, camera: &Camera, frame: &Frame<'_>) -> 
 }
 
 impl MotionSettings {
-    /// The part that a thread needs.
+    /// The settings of one track.
     pub(super) fn thread(&self) -> ThreadSettings {
         ThreadSettings {
             noise_density: self.noise_density(),

@@ -1,6 +1,7 @@
-//! What the tracker looked at on one frame, step by step: for pictures that show why a frame failed.
+//! Records what the tracker looked at on one frame, step by step, for pictures that show why a frame failed.
 //!
-//! Nothing is kept unless a trace was asked for ([`super::Tracker::observe_traced`]): each note then costs one comparison.
+//! Nothing is recorded unless a trace was requested ([`super::Tracker::observe_traced`]); each recording call then
+//! costs one comparison.
 
 use crate::pipeline::blob::components::Component;
 use crate::pipeline::edges::probe::Probe;
@@ -11,10 +12,10 @@ use crate::pipeline::segmentation::region_of_interest::{CellBox, class_at};
 use crate::pipeline::space::Pixel;
 use crate::pipeline::tube::Tube;
 
-/// What was looked at on one frame.
+/// Everything that was looked at on one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameTrace {
-    /// Class of every cell of the frame, row by row: 0 for no tool, else the tool's index and 1.
+    /// Class of every cell of the frame, row by row: 0 for no tool, else the class of the tool's colour.
     pub classes: Vec<u8>,
     /// Cells in a row.
     pub columns: usize,
@@ -22,48 +23,49 @@ pub struct FrameTrace {
     pub tools: Vec<ToolTrace>,
 }
 
-/// What was looked at for one tool, in order. Where it was followed from its expected place, nothing was searched.
+/// Everything that was looked at for one tool, in order. A tool that was followed at its predicted position was not
+/// searched for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ToolTrace {
-    /// Places in which regions of its colour were sought.
+    /// Areas searched for regions of its colour.
     pub places: Vec<CellBox>,
-    /// Regions that were taken for its band, and why they are none; the last one may be it.
+    /// Regions that were measured, with the reason if rejected; the last one may be the band.
     pub regions: Vec<(Component, Option<Reason>)>,
-    /// Tubes that were laid onto the edges.
+    /// Fits of a tube to edges.
     pub fits: Vec<Fit>,
 }
 
-/// One tube laid onto the edges that the pixels show.
+/// One fit of a tube to the edges in the pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// Where it was laid first.
+    /// The tube at the start.
     pub start: Tube,
     /// Length of its band, mm.
     pub length_mm: f64,
-    /// From wide to close.
+    /// The probe passes, from wide to close.
     pub looks: Vec<Look>,
 }
 
-/// One round of probing.
+/// One pass of probes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Look {
-    /// Every probe in sight, and where it met an edge.
+    /// Every visible probe, and the edge it found.
     pub probes: Vec<(Probe, Option<Pixel>)>,
-    /// The tube that fits these edges; `None` where none does.
+    /// The tube fitted to these edges; `None` if none fits.
     pub fitted: Option<Tube>,
 }
 
-/// Takes notes, if anybody wants them.
+/// Records a trace if one was requested.
 #[derive(Default)]
 pub struct Tracing(Option<ToolTrace>);
 
 impl Tracing {
-    /// Takes notes from now on.
+    /// Starts recording.
     pub fn begin(&mut self) {
         self.0 = Some(ToolTrace::default());
     }
 
-    /// Hands out the notes and takes no more.
+    /// Returns the trace and stops recording.
     pub fn end(&mut self) -> ToolTrace {
         self.0.take().unwrap_or_default()
     }
@@ -109,7 +111,7 @@ impl Tracing {
     }
 }
 
-/// The class of every cell of a frame, row by row, and how many cells a row has.
+/// The class of every cell of a frame, row by row, and the number of cells in a row.
 pub(super) fn classes(frame: &Frame<'_>, table: &ColourTable) -> (Vec<u8>, usize) {
     let whole = CellBox::whole(frame);
     let rows = whole.top..whole.bottom;

@@ -1,4 +1,4 @@
-//! Borders drawn exactly, found again.
+//! Borders are drawn exactly and must be found again.
 
 use nalgebra::Vector3;
 
@@ -14,24 +14,24 @@ const SIZE: usize = 64;
 const TAPE: [f64; 3] = [110.0, 90.0, 190.0];
 const GREY_GREEN: [f64; 3] = [90.0, 140.0, 110.0];
 
-/// A border drawn exactly: 4:2:0, every sample at its own place.
+/// A border drawn exactly: 4:2:0, each sample at its own place.
 #[derive(Clone, Copy)]
 struct Drawing {
     tape: [f64; 3],
     normal: Vector2<f64>,
-    /// Where it lies along the normal from the middle, pixels.
+    /// Its offset along the normal from the middle, pixels.
     edge: f64,
     outside: [f64; 3],
     mixing: Mixing,
     /// Gaussian, pixels.
     blur: f64,
-    /// Light outside grows by this share per pixel away from the border.
+    /// Increase of the light outside per pixel away from the border, as a share.
     shadow: f64,
-    /// Share of the light inside that a limb of this radius (pixels) shades by its turning away.
+    /// Share of the light inside that a limb of `RADIUS_PX` loses as it turns away.
     limb: Option<f64>,
-    /// How many times as bright all is recorded: what is brighter than white is cut off.
+    /// Factor on all light; light above white is cut off.
     exposure: f64,
-    /// Radius of the border's own bend, pixels: infinite where it is straight.
+    /// Radius of curvature of the border, pixels; infinite if it is straight.
     bend: f64,
 }
 
@@ -80,7 +80,7 @@ impl Drawing {
         let tone = Tone::of(self.mixing);
         let light = |codes: [f64; 3]| ENCODING.rgb_of_codes(codes).map(|code| tone.light(code));
         let (tape, outside) = (light(self.tape), light(self.outside));
-        // 81 places of the blur, each with its own light.
+        // 81 points of the blur, each with its own light.
         let (mut sum, mut weights) = (Vector3::zeros(), 0.0);
         for step in -40..=40 {
             let z = f64::from(step) / 10.0;
@@ -88,7 +88,7 @@ impl Drawing {
             let there = beyond + z * self.blur;
             let cos = |depth: f64| (1.0 - (1.0 - (depth / RADIUS_PX).clamp(0.0, 1.0)).powi(2)).sqrt();
             let inside = tape * self.limb.map_or(1.0, |share| 1.0 - share * (1.0 - cos(-there)));
-            let half = 0.05 * self.blur; // each place stands for so much on both sides
+            let half = 0.05 * self.blur; // each point covers this much on both sides
             let share = ((half - there) / (2.0 * half)).clamp(0.0, 1.0);
             let beside = outside * (1.0 + self.shadow * there.clamp(0.0, 8.0));
             sum += (inside * share + beside * (1.0 - share)) * weight;
@@ -148,7 +148,7 @@ impl Drawing {
         model.locate(&frame(&self.planes()), probe, fineness, is_tape)
     }
 
-    /// Looked at closely, and believed.
+    /// Located finely, and accepted for learning.
     fn located_by(&self, model: &mut EdgeModel, probe: &Probe) -> Option<Edge> {
         let (planes, before) = (self.planes(), model.found());
         let edge = model.locate(&frame(&planes), probe, Fineness::Fine, is_tape);
@@ -160,7 +160,7 @@ impl Drawing {
         self.located_by(&mut self.model(), &self.probe())
     }
 
-    /// By how much it is found too far out.
+    /// How much too far outwards it is found.
     fn error_px(&self) -> f64 {
         self.located().unwrap().offset_px - self.edge
     }
@@ -266,9 +266,9 @@ fn vivid_limbs_tell_whether_light_was_mixed_or_codes() {
             };
             drawing.located_by(&mut model, &drawing.probe());
         }
-        let told = model.chroma_shift_px();
-        assert!(told.is_some());
-        assert_eq!(mixing::of_recording(told.into_iter()), mixing);
+        let shift_px = model.chroma_shift_px();
+        assert!(shift_px.is_some());
+        assert_eq!(mixing::of_recording(shift_px.into_iter()), mixing);
     }
 }
 
@@ -278,7 +278,7 @@ fn a_step_is_known_to_half_a_pixel() {
     assert!((step.offset_px - PLAIN.edge).abs() <= 0.5, "{step:?}");
 }
 
-/// Edges of many places and backgrounds, frame by frame.
+/// Teaches edges at many places and backgrounds, frame by frame.
 fn teach(model: &mut EdgeModel, like: Drawing) {
     const FRAMES: u32 = 30;
     const EDGES: u32 = 12;
@@ -294,7 +294,7 @@ fn teach(model: &mut EdgeModel, like: Drawing) {
     }
 }
 
-/// Along a false tube edges are found, too; what they taught would keep it.
+/// Edges are also found along a false tube; learning from them would keep that tube.
 #[test]
 fn edges_that_are_not_believed_teach_nothing() {
     let mut model = PLAIN.model();

@@ -1,4 +1,4 @@
-//! Poses of one simulated session, with edges that err as real ones do, put right together.
+//! Poses of one simulated session, with edges as wrong as real ones, corrected together.
 
 use nalgebra::{Matrix5, Point3, Vector3};
 use rand::rngs::SmallRng;
@@ -15,7 +15,7 @@ use crate::pipeline::pose::{KeptPose, across};
 
 const FULCRUM: Point3<f64> = Point3::new(-118.0, 108.0, 64.0);
 
-/// Tools in a trocar whose tips wander by `reach_mm`.
+/// Tools in one trocar whose tips move about by `reach_mm`.
 fn tubes(reach_mm: f64) -> Vec<Tube> {
     (0..60)
         .map(|k| {
@@ -27,7 +27,7 @@ fn tubes(reach_mm: f64) -> Vec<Tube> {
         .collect()
 }
 
-/// Edges along a tube's outline that are off by some offsets of the session, some of this pose, and noise.
+/// Edges along a tube's outline, shifted by offsets of the session, offsets of this pose, and noise.
 fn edges(tube: &Tube, camera: &Camera, shared: &Offsets, random: &mut impl Rng) -> Vec<MeasuredEdge> {
     const NOISE_PX: f64 = 0.1;
     let own = Offsets::from(OWN_OFFSETS_PX.map(|sigma| 0.5 * sigma * gaussian(random)));
@@ -35,7 +35,7 @@ fn edges(tube: &Tube, camera: &Camera, shared: &Offsets, random: &mut impl Rng) 
     testing::edges(tube, camera, &backs_mm, &(shared + own), NOISE_PX, random)
 }
 
-/// A session's true tubes, and its poses as they were measured, each alone.
+/// A session's true tubes, and its poses, each measured alone.
 fn session(reach_mm: f64, shared: [f64; 4], seed: u64) -> Vec<(Tube, TubeEstimate)> {
     let (camera, mut random) = (wide(), SmallRng::seed_from_u64(seed));
     let measured = tubes(reach_mm).into_iter().filter_map(|tube| {
@@ -82,7 +82,7 @@ fn an_offset_of_both_borders_is_told_from_depth() {
     assert!((0.3 * widening..1.3 * widening).contains(&shared.offsets[0]), "{}", shared.offsets[0]);
 }
 
-/// The claim "this is the covariance", over many sessions with offsets as they are believed to be.
+/// Checks the stated covariance over many sessions, with offsets distributed as in the priors.
 #[test]
 fn steadied_tips_lie_inside_their_stated_region() {
     const CHI_SQUARED_95: f64 = 7.815; // three degrees of freedom

@@ -1,11 +1,12 @@
-//! Which tape to buy: tapes ranked by how far they stand apart from everything in a frame of the empty box, and in pairs
-//! from each other (METHOD 2, *palette advice*; T 6.2 chose by eye, and chose purple above a red and blue mat).
+//! Ranks tapes to buy: by how well each is separated from all colours in a frame of the empty box, and pairs also from
+//! each other (METHOD 2, *palette advice*; T 6.2 chose by eye, and chose purple above a red and blue mat).
 //!
-//! In: one frame without tools. Out: every tape and every pair, best first. A tape is not one colour but a line of them:
-//! the round tube shades it from lamp to shadow, and the white balance drifts. Its *margin* is half the distance from that line
-//! to the frame's colours, disregarding the nearest [`DISREGARDED`] of the picture: fewer pixels than a quarter of a
-//! band cannot be mistaken for one. The camera is taken to be white-balanced; a roll differs from its nominal shade by some
-//! 10 steps, so the winner is to be checked with [`super::verdict`] once it is wound on.
+//! Input: one frame without tools. Output: every tape and every pair, best first. A tape is not one colour but a line
+//! of colours: the round tube shades it from lamp to shadow, and the white balance drifts. Its *margin* is half the
+//! distance from that line to the frame's colours, disregarding the nearest [`DISREGARDED_SHARE`] of the picture:
+//! fewer pixels than a quarter of a band cannot be mistaken for one. The camera is assumed to be white-balanced. A
+//! roll differs from its nominal shade by some 10 steps, so check the chosen tape with [`super::verdict`] once it is
+//! on the tool.
 
 use super::light::Light;
 use super::verdict::Grade;
@@ -19,7 +20,7 @@ use crate::pipeline::segmentation::region_of_interest::CELL_PX;
 pub struct Tape {
     /// Colour's name on the roll.
     pub name: &'static str,
-    /// The RAL Classic shade that is nearest.
+    /// The nearest RAL Classic shade.
     pub ral: u16,
     /// That shade in sRGB.
     pub srgb: [u8; 3],
@@ -32,9 +33,9 @@ impl Tape {
     }
 }
 
-/// PVC insulating tape in the bright colours that it is sold in. Each is given by the nearest shade of the RAL Classic
-/// collection and the sRGB approximation that is commonly printed for it. Left out are black, brown, grey and white: what has
-/// no hue is everywhere.
+/// PVC insulating tape in the bright colours that are sold. Each is given as the nearest shade of the RAL Classic
+/// collection, with the commonly printed sRGB approximation. Black, brown, grey and white are left out: they have no
+/// hue and occur everywhere.
 pub const TAPES: [Tape; 10] = [
     Tape { name: "red", ral: 3020, srgb: [0xcc, 0x06, 0x05] },
     Tape { name: "orange", ral: 2004, srgb: [0xf4, 0x46, 0x11] },
@@ -48,23 +49,24 @@ pub const TAPES: [Tape; 10] = [
     Tape { name: "pink", ral: 4003, srgb: [0xde, 0x4c, 0x8a] },
 ];
 
-/// Share of the picture that may be nearer to a tape than its margin: on a 720p picture 920 pixels, a quarter of a 26 mm
-/// band of a 5 mm tube.
+/// Share of the picture that may be nearer to a tape than its margin: on a 720p picture 920 pixels, a quarter of a 26
+/// mm band on a 5 mm tube.
 pub const DISREGARDED: f64 = 0.001;
 
-/// Distance from a tape's line of colours within which the picture has its colour, steps; pixels of one tape spread by 3 to
-/// 18 steps, mostly along that line.
+/// A pixel within this distance from a tape's line of colours has the tape's colour, steps. Pixels of one tape spread
+/// by 3 to 18 steps, mostly along that line.
 const SAME_COLOUR_STEPS: f64 = 8.0;
 
-/// Margin below which a tape is bad, and below which it is at risk, steps. Of all ten tapes tried in a simulated box, the one at
-/// 1.6 was followed wrongly (violet, on a mat with violet), the one at 4.2 had the thinnest margin of those tracked well
-/// (green), and those from 6.8 on were told apart with 11 steps to spare.
+/// Margins below these are bad, and at risk, steps. Of all ten tapes tried in a simulated box, the one at 1.6 was
+/// tracked wrongly (violet, on a mat with violet). The one at 4.2 had the thinnest margin of those tracked well
+/// (green), and those from 6.8 on could be distinguished with 11 steps to spare.
 const MARGINS_STEPS: [f64; 2] = [3.0, 6.0];
 
-/// Brightness of a tape's pixels against its nominal shade, gamma-coded: the flank of the tube, and the side to the lamp.
+/// Brightness of a tape's pixels relative to its nominal shade, gamma-coded: from the flank of the tube to the side
+/// facing the lamp.
 const SHADES: [f64; 5] = [0.55, 0.66, 0.77, 0.88, 1.0];
 
-/// What a frame of the empty box says about every tape.
+/// Ranking of every tape for a frame of the empty box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Advice {
     /// Every tape, best first.
@@ -78,11 +80,11 @@ pub struct Advice {
 pub struct TapeAdvice {
     /// The tape.
     pub tape: Tape,
-    /// Shift of colour that it stands before the box's colours are nearer, steps.
+    /// How far its colour may shift before the box's colours are nearer, steps.
     pub margin_steps: f64,
     /// Share of the picture that has its colour, 0..1.
     pub in_box: f64,
-    /// What that means.
+    /// The grade of this margin.
     pub grade: Grade,
 }
 
@@ -91,11 +93,11 @@ pub struct TapeAdvice {
 pub struct PairAdvice {
     /// The tapes.
     pub tapes: [Tape; 2],
-    /// Shift of colour that either stands before the other is nearer, steps.
+    /// How far the colour of either may shift before the other is nearer, steps.
     pub apart_steps: f64,
-    /// The least of that and both tapes' own margins, steps.
+    /// The smallest of that and both tapes' own margins, steps.
     pub margin_steps: f64,
-    /// What that means.
+    /// The grade of this margin.
     pub grade: Grade,
 }
 
@@ -113,7 +115,7 @@ pub fn advise(frame: &Frame<'_>) -> Advice {
     Advice { tapes, pairs }
 }
 
-/// The frame's colours in the classifier's space, with the share of the picture that each has. Codes are taken four by four.
+/// The frame's colours in the classifier's space, each with its share of the picture. Codes are grouped in fours.
 fn colours_of(frame: &Frame<'_>) -> Vec<([f32; 3], f64)> {
     const BITS: u32 = 6;
     let mut counts = vec![0u32; 1 << (3 * BITS)];
@@ -132,7 +134,7 @@ fn colours_of(frame: &Frame<'_>) -> Vec<([f32; 3], f64)> {
     seen.map(|(index, count)| (metric_of(colour(index)), f64::from(*count) / f64::from(all))).collect()
 }
 
-/// The colours that a tape can have on a tube, in the classifier's space.
+/// The possible colours of a tape on a tube, in the classifier's space.
 fn line_of(tape: Tape, encoding: ColourEncoding) -> Vec<[f32; 3]> {
     let nominal = encoding.colour_of_rgb(tape.srgb.map(|c| f64::from(c) / STEPS));
     let shaded = SHADES.iter().map(move |shade| nominal.map(|c| c * shade));
@@ -186,7 +188,7 @@ mod tests {
 
     const ENCODING: ColourEncoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
 
-    /// What is advised for a box of these colours (sRGB), in stripes of equal width.
+    /// The advice for a box with these colours (sRGB), in stripes of equal width.
     fn advice_for(stripes: &[[u8; 3]]) -> Advice {
         const ROWS: usize = 40;
         let codes: Vec<[u8; 3]> = stripes

@@ -1,53 +1,55 @@
-//! The marked colours against each other: what would each rectangle be taken for if it had not been marked?
+//! Tests the marked colours against each other: how would each rectangle be classified if it had not been marked?
 //!
-//! Every label's rectangles are dealt into [`GROUPS`]; each group is classified by the others (up to so many rectangles of a
-//! label that is leave-one-out). Pixels of one rectangle never vote for each other, for they resemble each other more than
-//! they do the same tape on the next frame: by pixel, every colour would look perfect. Where a label has only one
-//! rectangle there is no other way than by pixel, and [`Row::rectangles`] says so.
+//! Every label's rectangles are distributed over [`GROUPS`] groups, and each group is classified by the others (for up
+//! to that many rectangles of a label this is leave-one-out). Pixels of one rectangle never vote for each other,
+//! because they resemble each other more than the same tape on the next frame: tested by pixel, every colour would
+//! look perfect. If a label has only one rectangle, it can only be tested by pixel, and [`LabelConfusion::rectangles`]
+//! shows that.
 //!
-//! The judge is the tracker's own classifier, so the columns are its answers: each tool, or none.
+//! The tracker's own classifier is used, so the columns are its results: each tool, or none.
 
 use super::light::Light;
 use super::margin::{Margin, Vouching, margin};
 use crate::pipeline::segmentation::knn::Knn;
 use crate::pipeline::segmentation::samples::{ColourSample, ColourSamples};
 
-/// Groups into which a label's rectangles are dealt.
+/// Number of groups of a label's rectangles.
 const GROUPS: usize = 8;
 
-/// Most pixels asked about of one rectangle, at even steps: enough for shares good to 1 % with six rectangles.
+/// Maximum number of test pixels of one rectangle, at even steps: enough for shares good to 1 % with six rectangles.
 const ASKED_OF_RECTANGLE: usize = 32;
 
-/// Pixels asked about of all rectangles together, but at least one of each.
+/// Number of test pixels of all rectangles together, but at least one of each.
 const ASKED: usize = 2000;
 
-/// What the marked pixels of every label are taken for.
+/// How the marked pixels of every label are classified.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Confusion {
     /// Tools: the columns, after the one for "no tool".
     pub tools: Vec<String>,
     /// A row for each label that has samples.
     pub rows: Vec<Row>,
-    /// How far each tool's colour is from the others'; in the order of the tools.
+    /// Distance of each tool's colour from the others; in the order of the tools.
     pub margins: Vec<Option<Margin>>,
 }
 
-/// One label's pixels.
+/// Result for one label's pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Label.
     pub label: String,
-    /// Which of the tools it marks, if any.
+    /// The tool that it marks, if any.
     pub tool: Option<usize>,
-    /// Rectangles that were marked; with only one its pixels vote for each other, and the row flatters.
+    /// Number of rectangles marked. With only one, its pixels vote for each other, and the row looks too good.
     pub rectangles: usize,
-    /// Pixels asked about.
+    /// Number of test pixels.
     pub asked: usize,
-    /// In each of [`Light::ALL`]: share taken for no tool, for the first tool, for the second, …; adds up to 1.
+    /// For each of [`LightCondition::ALL`]: share classified as no tool, as the first tool, as the second, …; adds up
+    /// to 1.
     pub shares: Vec<Vec<f64>>,
 }
 
-/// A pixel that is asked about.
+/// A pixel used for testing.
 pub(super) struct Asked {
     pub(super) label: usize,
     pub(super) group: usize,
@@ -55,13 +57,12 @@ pub(super) struct Asked {
 }
 
 impl Confusion {
-    /// Judges samples for these tools; labels that are none of them are no tool. Rows are missing for labels without
-    /// samples, all rows where there are no samples at all.
+    /// Tests samples for these tools; all other labels are no tool. Labels without samples have no row.
     pub fn of(samples: &ColourSamples, tools: &[String]) -> Self {
         let groups = group_of_samples(samples);
-        let asked = ask(samples, &groups);
+        let test_pixels = ask(samples, &groups);
         let tool_of = |label: &String| tools.iter().position(|tool| tool == label);
-        let counts = counts(samples, &samples.classes(tools), &groups, &asked, tools.len());
+        let counts = counts(samples, &samples.classes(tools), &groups, &test_pixels, tools.len());
         let row = |(label, counts): (usize, Vec<Vec<usize>>)| {
             let asked: usize = counts[0].iter().sum();
             let shares = counts.iter().map(|of| of.iter().map(|n| *n as f64 / asked as f64).collect()).collect();
@@ -69,7 +70,7 @@ impl Confusion {
             let name = &samples.labels[label];
             (asked > 0).then(|| Row { label: name.clone(), tool: tool_of(name), rectangles, asked, shares })
         };
-        let margin = |tool: &String| margin(samples, &asked, tool, Vouching::OtherRectangles, |_| true);
+        let margin = |tool: &String| margin(samples, &test_pixels, tool, Vouching::OtherRectangles, |_| true);
         Self {
             tools: tools.to_vec(),
             rows: counts.into_iter().enumerate().filter_map(row).collect(),
@@ -84,13 +85,13 @@ impl Confusion {
 }
 
 impl Row {
-    /// Share taken for a tool in a light.
+    /// Share classified as a tool in a light.
     pub fn taken_for(&self, tool: usize, light: Light) -> f64 {
         self.shares[light as usize][tool + 1]
     }
 }
 
-/// The group of each sample: by rectangle, or by pixel where a label has only one.
+/// The group of each sample: by rectangle, or by pixel if a label has only one.
 pub(super) fn group_of_samples(samples: &ColourSamples) -> Vec<usize> {
     let rectangles: Vec<Vec<u32>> = (0..samples.labels.len()).map(|label| rectangles_of(samples, label)).collect();
     let group = |(index, sample): (usize, &ColourSample)| match &rectangles[sample.label][..] {
@@ -108,7 +109,7 @@ fn rectangles_of(samples: &ColourSamples, label: usize) -> Vec<u32> {
     found
 }
 
-/// The pixels to ask about.
+/// Selects the test pixels.
 pub(super) fn ask(samples: &ColourSamples, groups: &[usize]) -> Vec<Asked> {
     let with_groups: Vec<(&ColourSample, usize)> = samples.samples.iter().zip(groups.iter().copied()).collect();
     let rectangles = with_groups.chunk_by(|(a, _), (b, _)| (a.rectangle, a.label) == (b.rectangle, b.label));
@@ -119,17 +120,17 @@ pub(super) fn ask(samples: &ColourSamples, groups: &[usize]) -> Vec<Asked> {
         .collect()
 }
 
-/// How often each label was taken for what: `[label][light][class]`.
+/// How often each label was classified as each class: `[label][light][class]`.
 fn counts(
     samples: &ColourSamples,
     classes: &[u8],
     groups: &[usize],
-    asked: &[Asked],
+    test_pixels: &[Asked],
     tools: usize,
 ) -> Vec<Vec<Vec<usize>>> {
     let mut counts = vec![vec![vec![0; tools + 1]; Light::ALL.len()]; samples.labels.len()];
     for group in 0..GROUPS {
-        let mut left_out = asked.iter().filter(|a| a.group == group).peekable();
+        let mut left_out = test_pixels.iter().filter(|a| a.group == group).peekable();
         if left_out.peek().is_none() {
             continue;
         }

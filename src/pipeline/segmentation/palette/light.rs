@@ -1,21 +1,21 @@
-//! What a colour becomes when the light changes: more or less of it, or warmer or cooler.
+//! Changes of the light, and their effect on a colour: more or less of it, or warmer or cooler.
 //!
-//! Cameras choose exposure and white balance by themselves, and choose again when a glove enters the picture. The gains
-//! of another colour temperature are those of two black bodies (Wien's approximation, green kept): half a thousand
-//! kelvin at 5500 K makes blue a tenth stronger against red or weaker, about what an automatic white balance drifts.
+//! Cameras choose exposure and white balance by themselves, and choose again when a glove enters the picture. The
+//! gains for another colour temperature are those between two black bodies (Wien's approximation, green kept). 500 K
+//! at 5500 K makes blue a tenth stronger or weaker relative to red, about what an automatic white balance drifts.
 
 use crate::pipeline::frame::ColourEncoding;
 
 /// Change of exposure, as a share of the light.
 const EXPOSURE: f64 = 0.3;
 
-/// Colour temperature that the recording is taken to have, and how far it drifts, K.
+/// Assumed colour temperature of the recording, and its drift, K.
 const TEMPERATURE_K: [f64; 2] = [5500.0, 500.0];
 
-/// Exponent between gamma-coded and linear light; near every camera's curve over the range of a tape.
+/// Exponent between gamma-coded and linear light; close to every camera's curve over the range of a tape.
 const GAMMA: f64 = 2.2;
 
-/// Light under which colours are judged.
+/// Light condition for judging colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Light {
     /// As it was when the colours were marked.
@@ -31,10 +31,10 @@ pub enum Light {
 }
 
 impl Light {
-    /// Every light; the first is the one in which the colours were marked.
+    /// All conditions; the first is the light when the colours were marked.
     pub const ALL: [Light; 5] = [Light::AsMarked, Light::Darker, Light::Brighter, Light::Warmer, Light::Cooler];
 
-    /// In words.
+    /// Human-readable name.
     pub fn name(self) -> &'static str {
         match self {
             Light::AsMarked => "as marked",
@@ -45,7 +45,7 @@ impl Light {
         }
     }
 
-    /// A gamma-coded `[Y', Pb, Pr]` seen in this light. What the sensor cannot show is clipped, as it would be.
+    /// A gamma-coded `[Y', Pb, Pr]` as seen in this light. Values that the sensor cannot represent are clipped.
     pub fn on(self, colour: [f64; 3], encoding: ColourEncoding) -> [f64; 3] {
         if self == Light::AsMarked {
             return colour;
@@ -68,7 +68,7 @@ impl Light {
     }
 }
 
-/// How much stronger red, green and blue are from a black body of one temperature than of another, green being kept.
+/// Gains of red, green and blue between black bodies of two temperatures, with green kept.
 fn black_body_gains(from_k: f64, to_k: f64) -> [f64; 3] {
     const SECOND_RADIATION_NM_K: f64 = 14_387_769.0; // hc/k, CODATA 2018
     const RED_GREEN_BLUE_NM: [f64; 3] = [600.0, 550.0, 450.0];

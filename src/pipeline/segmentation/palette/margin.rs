@@ -1,77 +1,81 @@
-//! How far a tape's colour is from the others: by how much may colours shift before the classifier's vote turns?
+//! Margin of a tape's colour: by how much may colours shift before the classifier's vote changes?
 //!
-//! Before the recording its own pixels may not vouch for each other ([`super::confusion`]): will the tape be known on a frame
-//! that nobody marked? Of a session that was tracked the question is another ([`apart`]): its coverage tells how well the
-//! tape was known, but not whether it was the tape.
+//! There are two questions. Before the recording: will the tape be recognised on a frame that was not marked? Then
+//! pixels of one rectangle may not support each other ([`super::confusion`]). After a session was tracked
+//! ([`colour_separations`]): its coverage shows how well the tape was recognised, but not whether it was the tape.
 
 use super::confusion::{Asked, ask, group_of_samples};
 use super::{distance_steps, quantile};
 use crate::pipeline::segmentation::knn::metric_of;
 use crate::pipeline::segmentation::samples::ColourSamples;
 
-/// Labels of parts that join the band: where they meet it, blur and coarse chroma mix both, on every tool and with every tape.
+/// Labels of parts that adjoin the band. Where they meet it, blur and coarse chroma mix both, on every tool and with
+/// every tape.
 const JOINED_TO_THE_BAND: [&str; 2] = ["shaft", "jaw"];
 
-/// The neighbour that decides a vote of five: once the third of another label is nearer, the colour is another's.
+/// The neighbour that decides a vote of five: once the third of another label is nearer, the other label wins.
 const DECIDING: usize = 3;
 
-/// Share of a tape's pixels that may lie nearer to another colour than the stated margin.
+/// Share of a tape's pixels that may be nearer to another colour than the stated margin.
 const MARGIN_QUANTILE: f64 = 0.05;
 
-/// How far a tape's colour is from all else that was marked, but for the tool's own parts.
+/// Distance of a tape's colour from everything else that was marked, except the tool's own parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Margin {
-    /// By how much nearer its own third neighbour is than the third of another label, for all but 5 % of its pixels, halved:
-    /// the shift that they stand before the vote turns. Negative where it has turned already. Steps.
+    /// The shift of colour that its pixels tolerate before the vote changes: half the difference between the distances
+    /// to the third neighbour of another label and to its own third neighbour, valid for all but 5 % of its pixels.
+    /// Negative if the vote is wrong already. Steps.
     pub margin_steps: f64,
     /// RMS distance of its pixels from their mean, steps.
     pub spread_steps: f64,
-    /// The label that is nearest.
+    /// The nearest other label.
     pub nearest: String,
 }
 
-/// How far a tool's colour stands apart in the recordings that are tracked with it. `None` where nothing of the kind was
-/// marked.
+/// Separation of a tool's colour in recordings that are tracked with it. `None` if no such colours were marked.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Apart {
     /// From the other tools' tapes.
     pub from_tools: Option<Margin>,
-    /// From all that is no tool.
+    /// From everything that is no tool.
     pub from_background: Option<Margin>,
 }
 
-/// Which of a label's pixels speak for one of them.
+/// The pixels of its own label that support a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Vouching {
-    /// Those of other rectangles.
+    /// Only those of other rectangles.
     OtherRectangles,
-    /// All others, as they do while a recording is tracked.
+    /// All others, as when a recording is tracked.
     All,
 }
 
-/// How far each tool's colour stands apart in a recording that is tracked with these samples; in the tools' order. About
-/// 5 ms.
+/// Separation of each tool's colour in a recording that is tracked with these samples; in the tools' order. Takes
+/// about 5 ms.
 pub fn apart(samples: &ColourSamples, tools: &[String]) -> Vec<Apart> {
-    let asked = ask(samples, &group_of_samples(samples));
+    let test_pixels = ask(samples, &group_of_samples(samples));
     let of_tool = |tool: &String| {
         let from = |is_tool: bool| {
-            margin(samples, &asked, tool, Vouching::All, |label| tools.contains(&samples.labels[label]) == is_tool)
+            margin(samples, &test_pixels, tool, Vouching::All, |label| {
+                tools.contains(&samples.labels[label]) == is_tool
+            })
         };
         Apart { from_tools: from(true), from_background: from(false) }
     };
     tools.iter().map(of_tool).collect()
 }
 
-/// How far a label's pixels are from the others that count, but for the tool's own parts; `None` where either side has too few.
+/// Margin of a label's pixels from the other labels that count, except the tool's own parts; `None` if either side has
+/// too few pixels.
 pub(super) fn margin(
     samples: &ColourSamples,
-    asked: &[Asked],
+    test_pixels: &[Asked],
     label: &str,
     vouching: Vouching,
     counts: impl Fn(usize) -> bool,
 ) -> Option<Margin> {
     let label = samples.labels.iter().position(|l| l == label)?;
-    let points: Vec<(&Asked, [f32; 3])> = asked.iter().map(|a| (a, metric_of(a.colour))).collect();
+    let points: Vec<(&Asked, [f32; 3])> = test_pixels.iter().map(|a| (a, metric_of(a.colour))).collect();
     let own: Vec<(&Asked, [f32; 3])> = points.iter().filter(|(a, _)| a.label == label).copied().collect();
     let is_joined = |label: usize| JOINED_TO_THE_BAND.contains(&samples.labels[label].as_str());
     let is_foreign = |other: &Asked| other.label != label && !is_joined(other.label) && counts(other.label);
@@ -84,19 +88,19 @@ pub(super) fn margin(
             Vouching::All => !std::ptr::eq(other, *pixel),
         };
         let (own_steps, _) = deciding(&own, *at, vouches)?;
-        let (foreign_steps, whose) = deciding(&foreign, *at, |_| true)?;
-        times_nearest[whose] += 1;
+        let (foreign_steps, nearest_label) = deciding(&foreign, *at, |_| true)?;
+        times_nearest[nearest_label] += 1;
         margins.push(0.5 * (foreign_steps - own_steps));
     }
-    let (whose, _) = times_nearest.iter().enumerate().max_by_key(|(_, n)| **n)?;
+    let (nearest_label, _) = times_nearest.iter().enumerate().max_by_key(|(_, n)| **n)?;
     Some(Margin {
         margin_steps: quantile(&mut margins, MARGIN_QUANTILE)?,
         spread_steps: spread_steps(&own),
-        nearest: samples.labels[whose].clone(),
+        nearest: samples.labels[nearest_label].clone(),
     })
 }
 
-/// Distance and label of the neighbour that decides, among those that count.
+/// Distance and label of the deciding neighbour, among those that count.
 fn deciding(points: &[(&Asked, [f32; 3])], at: [f32; 3], counts: impl Fn(&Asked) -> bool) -> Option<(f64, usize)> {
     let mut nearest = [(f64::INFINITY, usize::MAX); DECIDING];
     for (other, place) in points.iter().filter(|(other, _)| counts(other)) {

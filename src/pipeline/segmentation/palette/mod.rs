@@ -1,16 +1,16 @@
-//! Which tape, and is it a good one? Before the recording: can the marked colours be told apart ([`verdict`]), and which
-//! tape would stand apart best in an empty box ([`advice`]) (METHOD 2, *palette advice*; T 6.2 did it by eye).
+//! Advice on tape, before the recording: can the marked colours be distinguished ([`verdict`]), and which tape would
+//! be separated best in an empty box ([`advice`]) (METHOD 2, *palette advice*; T 6.2 did it by eye)?
 //!
 //! | file | answers |
 //! |---|---|
-//! | [`light`] | what a colour becomes when the light changes |
-//! | [`confusion`] | the marked colours against each other, each rectangle judged by the others |
-//! | [`margin`] | how much colours may shift before one is taken for another |
+//! | [`light`] | how a colour changes with the light |
+//! | [`confusion`] | how the marked colours are confused, each rectangle classified by the others |
+//! | [`margin`] | how much colours may shift before one is classified as another |
 //! | [`verdict`] | good, at risk or bad, and why |
-//! | [`advice`] | tapes ranked against a frame of the empty box |
+//! | [`advice`] | tapes ranked for a frame of the empty box |
 //!
-//! Distances are in *steps*: 1/255 of the full range, in the classifier's own space, where luma counts 0.4 of a
-//! difference. Noise and compression move a colour by about 3 steps.
+//! Distances are in *steps*: 1/255 of the full range, in the classifier's own space, with luma weighted 0.4 relative
+//! to a difference. Noise and compression move a colour by about 3 steps.
 
 pub mod advice;
 pub mod confusion;
@@ -30,7 +30,7 @@ fn distance_steps(a: [f32; 3], b: [f32; 3]) -> f64 {
     f64::from(square).sqrt() * STEPS
 }
 
-/// The value below which this share of all lies; `None` for none at all. Sorts.
+/// The quantile of the values at this share; `None` if there are none. Sorts the values.
 fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let index = (share * values.len() as f64) as usize;

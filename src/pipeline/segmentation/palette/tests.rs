@@ -1,4 +1,4 @@
-//! Laws of telling colours apart, on colours made up for the purpose.
+//! Properties of the palette checks, on synthetic colours.
 
 use super::confusion::Confusion;
 use super::light::Light;
@@ -12,7 +12,7 @@ const ORANGE: [f64; 3] = [0.85, 0.40, 0.12];
 const CYAN: [f64; 3] = [0.10, 0.55, 0.70];
 const GREY: [f64; 3] = [0.45, 0.45, 0.42];
 
-/// Marked colours, rectangle by rectangle: label, gamma-coded red, green and blue, and the noise on them.
+/// Marked colours, rectangle by rectangle: label, gamma-coded red, green and blue, with noise.
 fn marked(rectangles: &[(&str, [f64; 3])], noise: f64) -> ColourSamples {
     const PIXELS: usize = 100;
     let mut dice = Dice::new(5, "colours");
@@ -58,7 +58,7 @@ fn two_tapes_of_one_colour_are_confused_half_the_time_and_bad() {
     let verdicts = verdict::judge(&confusion, &[]);
     assert!(verdicts.iter().all(|v| v.grade == Grade::Bad), "{verdicts:?}");
     let said = verdicts[0].warning().unwrap();
-    assert!(said.contains("`one` is bad") && said.contains("most of that taken for `other`"), "{said}");
+    assert!(said.contains("`one` is bad") && said.contains("most of that is mistaken for `other`"), "{said}");
     let margin = confusion.margins[0].as_ref().unwrap().margin_steps;
     assert!(margin < 0.0 && said.contains("a shift of 0.0 of 255 steps"), "{margin}: {said}");
 }
@@ -116,7 +116,8 @@ fn a_session_s_colours_are_held_against_the_other_tools_and_the_rest_apart() {
 
 #[test]
 fn pixels_of_one_rectangle_do_not_vouch_for_each_other() {
-    // The tape looks otherwise on every frame: pixel by pixel each has its like, rectangle by rectangle none has.
+    // The tape looks different on every frame: each pixel has similar ones in its own rectangle, but none in the
+    // others.
     let looks = [[0.9, 0.2, 0.1], [0.9, 0.8, 0.1], [0.3, 0.8, 0.2], [0.8, 0.2, 0.8]].map(|rgb| ("tape", rgb));
     let background = [("background", GREY); 4];
     let samples = marked(&[looks, background].concat(), 0.01);

@@ -9,7 +9,8 @@ const TROCARS: [Point3<f64>; 2] = [Point3::new(-112.0, 96.0, 60.0), Point3::new(
 const FRAMES: usize = 240;
 const FRAME_S: f64 = 0.04;
 
-/// A tool of a trocar at a time: both pass the same places, one after the other, and turn enough to show their trocars.
+/// A tool's pose at a frame. Both tools pass the same places, one after the other, and turn enough to determine their
+/// trocars.
 fn pose(tool: usize, frame: usize) -> TubeEstimate {
     let t = frame as f64 * FRAME_S + 3.0 * tool as f64;
     let tip = Point3::new(35.0 * (0.9 * t).sin(), 25.0 * (1.3 * t).cos() - 10.0, 190.0 + 12.0 * (0.7 * t).sin());
@@ -31,7 +32,7 @@ fn seen(estimate: TubeEstimate) -> Record {
 
 const UNSEEN: Record = Record { pose: None, is_good: false, reason: Some(Reason::NoMarkerColour) };
 
-/// Records of both tools, each frame's as `of` makes it.
+/// Records of both tools, made by `of` for each tool and frame.
 fn records(of: impl Fn(usize, usize) -> Record) -> Records {
     [0, 1].map(|tool| (0..FRAMES).map(|frame| of(tool, frame)).collect())
 }
@@ -40,7 +41,7 @@ fn instants() -> Vec<Instant> {
     (0..FRAMES).map(|frame| (frame as u64, frame as f64 * FRAME_S)).collect()
 }
 
-/// How many records are the tool's own, the other's, and none.
+/// Counts the records that hold the tool's own pose, the other tool's, and none.
 fn count(records: &Records) -> [usize; 3] {
     let mut counts = [0; 3];
     for (tool, frame) in [0, 1].into_iter().flat_map(|tool| (0..FRAMES).map(move |frame| (tool, frame))) {
