@@ -1,8 +1,8 @@
-//! Decoding on a thread of its own, a few pictures ahead of whoever looks at them, so that both go on at the same time.
+//! Decodes on a separate thread, a few pictures ahead of the caller, so that decoding and processing run in parallel.
 //!
-//! Pictures go round: the decoder's thread makes one in memory that came back, the queue holds at most [`MOST_WAITING`],
-//! one is looked at. A full queue halts the decoder, an empty one whoever looks. Order, times and errors are those of
-//! [`VideoFile::next_picture`], whatever the threads' pace.
+//! Pictures circulate: the decoder thread fills a returned picture, the queue holds at most [`MAX_WAITING`], and the
+//! caller holds one. A full queue blocks the decoder, an empty queue blocks the caller. Order, times and errors are
+//! those of [`VideoFile::next_picture`], at any speed of the threads.
 
 use std::collections::VecDeque;
 use std::panic::resume_unwind;
@@ -12,21 +12,21 @@ use std::thread::{Builder, JoinHandle};
 use super::{MediaError, Picture, VideoFile};
 use crate::heap;
 
-/// Pictures that wait to be looked at. They take the edge off frames that are slow to decode or to look at; each takes
-/// 3 MB at 1080p.
+/// Maximum of decoded pictures in the queue. They even out frames that are slow to decode or to process; each takes 3
+/// MB at 1080p.
 const MOST_WAITING: usize = 3;
 
-/// Pictures kept at a recording's beginning take at most one more than this.
+/// Memory for pictures kept at a recording's beginning, bytes; the last picture may exceed it.
 const MOST_KEPT_BYTES: usize = 40 << 20;
 
 /// A recording that is decoded ahead.
 pub struct ReadAhead {
     seen: Option<Picture>,
-    /// Shown by [`Self::first_pictures`], and next to come.
+    /// Pictures returned by [`Self::first_pictures`]; they are returned again by [`Self::next_picture`].
     kept: VecDeque<Picture>,
-    /// Comes after those.
+    /// Error to return after the kept pictures.
     failed: Option<MediaError>,
-    // Gone when the decoder's thread has been joined.
+    // `None` once the decoder's thread has been joined.
     decoder: Option<Decoder>,
 }
 
@@ -56,12 +56,12 @@ impl ReadAhead {
         })
     }
 
-    /// The first pictures, at most so many and as many as [`MOST_KEPT_BYTES`] hold; they still come. Call before
-    /// [`Self::next_picture`]. They are copies, whose memory is free again once they have come; pictures of the decoder's own
-    /// that are held back make it take more for ever.
+    /// The first pictures, at most `most` and as many as [`MAX_KEPT_BYTES`] hold. [`Self::next_picture`] still returns
+    /// them; call this before it. They are copies, and their memory is freed once [`Self::next_picture`] has returned
+    /// them. To hold back the decoder's own pictures would make it allocate more for good.
     ///
     /// # Errors
-    /// Those of [`VideoFile::next_picture`], if not even one picture comes.
+    /// Those of [`VideoFile::next_picture`], if there is not even one picture.
     pub fn first_pictures(&mut self, most: usize) -> Result<&[Picture], MediaError> {
         let mut bytes = 0;
         while self.kept.len() < most && bytes <= MOST_KEPT_BYTES {
@@ -104,7 +104,7 @@ impl ReadAhead {
 
     fn done_with(&self, picture: Picture) {
         if let Some(decoder) = &self.decoder {
-            // Refused at the recording's end, when nothing is left to decode into it.
+            // Refused at the recording's end, when the picture is no longer needed.
             let _ = decoder.done_with.send(picture);
         }
     }
@@ -124,7 +124,7 @@ impl ReadAhead {
         }
     }
 
-    /// Ends the decoder's thread and waits for it, so that its memory is free; passes its panic on.
+    /// Ends the decoder's thread and waits for it, so that its memory is freed; passes on its panic.
     fn stop(&mut self) {
         let Some(Decoder { thread, pictures, done_with }) = self.decoder.take() else { return };
         drop((pictures, done_with)); // its next picture is refused

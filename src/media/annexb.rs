@@ -1,4 +1,4 @@
-//! H.264 as containers hold it, into Annex B form: FFmpeg's filter `h264_mp4toannexb`.
+//! Converts H.264 from the form used in containers to Annex B form, with FFmpeg's filter `h264_mp4toannexb`.
 
 use std::ptr;
 
@@ -9,19 +9,19 @@ use ffmpeg_next as ff;
 use super::mux::can_begin_with;
 use crate::domain::feed::FrameCodec;
 
-/// Turns packets into access units of Annex B form whose key frames bear their parameter sets. Those that are in that
-/// form already pass as they are.
+/// Turns packets into access units in Annex B form; every key frame includes its parameter sets. Packets already in
+/// this form stay unchanged.
 pub(super) struct AnnexB(*mut ffi::AVBSFContext);
 
-// SAFETY: a filter is bound to no thread, and only whoever owns it can use it.
+// SAFETY: a filter is not bound to a thread, and only its owner can use it.
 unsafe impl Send for AnnexB {}
 
 impl AnnexB {
-    /// A filter for a stream of these parameters.
+    /// Creates a filter for a stream with these parameters.
     pub(super) fn new(parameters: &codec::Parameters, time_base: Rational) -> Result<Self, ff::Error> {
         let mut context = ptr::null_mut();
-        // SAFETY: the name is a C string; the filter that is found is static; the context is made by it before anything is
-        // written to it, the copied parameters live while they are copied, and `Drop` frees the context whatever fails.
+        // SAFETY: the name is a C string; the filter found is static; the context is allocated before anything is
+        // written to it; the parameters live while they are copied; `Drop` frees the context after any failure.
         unsafe {
             let filter = ffi::av_bsf_get_by_name(c"h264_mp4toannexb".as_ptr());
             if filter.is_null() {
@@ -40,7 +40,8 @@ impl AnnexB {
     pub(super) fn access_unit(&mut self, mut packet: Packet) -> Result<Vec<u8>, ff::Error> {
         let is_key = packet.is_key();
         let mut filtered = Packet::empty();
-        // SAFETY: the context was initialised; both packets are whole, and the filter takes over what the first refers to.
+        // SAFETY: the context was initialised; both packets are valid, and the filter takes ownership of the first's
+        // data.
         unsafe {
             done(ffi::av_bsf_send_packet(self.0, packet.as_mut_ptr()))?;
             done(ffi::av_bsf_receive_packet(self.0, filtered.as_mut_ptr()))?;
@@ -54,7 +55,8 @@ impl AnnexB {
 
     /// The parameter sets that the container states, in Annex B form.
     fn parameter_sets(&self) -> &[u8] {
-        // SAFETY: the filter's output parameters live as long as it does, and are not written to after its initialisation.
+        // SAFETY: the filter's output parameters live as long as the filter, and are not written to after
+        // initialisation.
         unsafe {
             let stated = (*self.0).par_out;
             let length = usize::try_from((*stated).extradata_size).unwrap_or(0);
@@ -68,7 +70,7 @@ impl AnnexB {
 
 impl Drop for AnnexB {
     fn drop(&mut self) {
-        // SAFETY: the context is this value's own, and nobody uses it afterwards.
+        // SAFETY: this value owns the context, and it is not used afterwards.
         unsafe { ffi::av_bsf_free(&raw mut self.0) }
     }
 }
@@ -77,8 +79,8 @@ fn done(result: i32) -> Result<(), ff::Error> {
     if result < 0 { Err(ff::Error::from(result)) } else { Ok(()) }
 }
 
-/// Is the frame needed to decode others, and not to be shown?
+/// True if the frame is needed to decode others, but must not be shown.
 pub(super) fn is_hidden(packet: &Packet) -> bool {
-    // SAFETY: the packet is whole, and lives as long as it is looked at.
+    // SAFETY: the packet is valid, and lives while its flags are read.
     unsafe { (*packet.as_ptr()).flags & ffi::AV_PKT_FLAG_DISCARD != 0 }
 }

@@ -1,28 +1,28 @@
-//! From a container's time stamps to the time of each frame.
+//! Computes the time of each frame from the container's time stamps.
 //!
 //! The rule, for every container: **`time_s` is presentation time, counted from the start that the container states for
-//! the video stream.** An MP4 edit list or an MPEG-TS offset moves that start, so a sound file's head start or the usual 1.4 s
-//! of a transport stream do not show. Where no start is stated, the first frame is at 0. A first frame later than the
-//! stated start (its key frame was cut off) keeps its lateness. Gaps stay gaps: dropped frames and variable
-//! rates are what the stamps are for.
+//! the video stream.** An MP4 edit list or an MPEG-TS offset moves that start, so an earlier start of the sound or the
+//! usual 1.4 s of a transport stream do not show. Without a stated start, the first frame is at 0. A first frame later
+//! than the stated start (its key frame was cut off) keeps its delay. Gaps stay gaps, because the stamps exist to
+//! describe dropped frames and variable rates.
 //!
-//! Times increase strictly, whatever the stamps do:
+//! Times increase strictly for any stamps:
 //!
 //! | stamp | time |
 //! |---|---|
-//! | missing | one frame interval after the frame before |
-//! | not later than the frame before, by at most [`JITTER_S`] (stamps too coarse, or doubled) | the same |
-//! | earlier by more, or later by more than [`GAP_S`] (the recorder's clock was set) | the same, and all stamps after it are shifted along |
+//! | missing | one frame interval after the previous frame |
+//! | not later than the previous frame, by at most [`JITTER_S`] (stamps too coarse, or doubled) | the same |
+//! | earlier by more, or later by more than [`GAP_S`] (the recorder's clock was set) | the same, and all later stamps are shifted too |
 //!
 //! The interval is the container's frame rate; without one, the last interval seen; at first 1/25 s.
 
-/// A step back of up to this much is disorder among neighbours; beyond it, the clock was set.
+/// A step back of up to this time is disorder among neighbouring frames; beyond it, the clock was set.
 pub(super) const JITTER_S: f64 = 1.0;
 
-/// A step forward of up to this much is a gap in the recording; beyond it, the clock was set.
+/// A step forward of up to this time is a gap in the recording; beyond it, the clock was set.
 pub(super) const GAP_S: f64 = 600.0;
 
-/// Frame rates that a container may claim and be believed, Hz.
+/// Frame rates that are plausible if a container states them, Hz.
 const CREDIBLE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
 
 /// Turns stamps into strictly increasing times.
@@ -83,7 +83,7 @@ impl FrameClock {
         match stamped {
             Some(time) if (0.0..=GAP_S).contains(&time) => time,
             Some(time) => {
-                self.shift_s -= time; // the stated start is not this clock's
+                self.shift_s -= time; // the stated start belongs to another clock
                 0.0
             }
             None => 0.0,

@@ -1,4 +1,5 @@
-//! Frames into an H.264 recording, each with its own time stamp, so that uneven and missing frames can be made.
+//! Encodes frames into an H.264 recording, each with its own time stamp, so that uneven and missing frames are
+//! possible.
 
 use std::io::{Seek, Write};
 
@@ -10,10 +11,10 @@ use crate::pipeline::frame::{Frame, Matrix, Plane, Range};
 /// Ticks of a recording's clock in a second; the usual rate of video containers.
 pub const TICKS_PER_S: i32 = 90_000;
 
-/// How samples are stored.
+/// The sample format of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Samples {
-    /// 8 bits, chroma halved in both directions: what every player plays.
+    /// 8 bits, chroma halved in both directions: every player supports it.
     Yuv420,
     /// 8 bits, chroma halved across.
     Yuv422,
@@ -40,10 +41,10 @@ impl Samples {
 /// Why a recording cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum EncodeError {
-    /// A frame that is not later than the one before.
-    #[error("the frame at {time_s} s does not come after the one before it")]
+    /// A frame is not later than the previous one.
+    #[error("the frame at {time_s} s is not later than the previous frame")]
     Order {
-        /// Its time, s.
+        /// Time of the frame, s.
         time_s: f64,
     },
     /// This FFmpeg cannot write H.264.
@@ -58,10 +59,10 @@ pub enum EncodeError {
         width: u32,
         /// Picture height, pixels.
         height: u32,
-        /// FFmpeg's word.
+        /// FFmpeg's error.
         source: ff::Error,
     },
-    /// Chroma of a resolution that H.264 does not know.
+    /// A chroma resolution that H.264 does not support.
     #[error("chroma shifted by {x} and {y} cannot be encoded; use 4:2:0, 4:2:2 or 4:4:4")]
     Chroma {
         /// Shift across.
@@ -72,14 +73,14 @@ pub enum EncodeError {
     /// FFmpeg failed.
     #[error("while {doing}: {source}")]
     Ffmpeg {
-        /// What was being done.
+        /// The operation that failed.
         doing: &'static str,
-        /// FFmpeg's word.
+        /// FFmpeg's error.
         source: ff::Error,
     },
 }
 
-/// What a recording is to be.
+/// Settings of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VideoSettings {
     /// Picture width, pixels; even unless chroma is full.
@@ -90,11 +91,11 @@ pub struct VideoSettings {
     pub fps: f64,
     /// Sample format.
     pub samples: Samples,
-    /// Constant rate factor, 0 (lossless) to 51; 20 is a good camera.
+    /// Constant rate factor, 0 (lossless) to 51; 20 is like a good camera.
     pub crf: u8,
 }
 
-/// A recording in MP4 that is being written.
+/// Writes an MP4 recording.
 pub struct VideoWriter {
     output: format::context::Output,
     encoder: encoder::Video,
@@ -105,7 +106,10 @@ pub struct VideoWriter {
 }
 
 impl VideoWriter {
-    /// Begins a recording. Writes nothing that depends on the clock, the machine or its number of cores.
+    /// Begins a recording. The bytes do not depend on the clock, the machine or its number of cores.
+    ///
+    /// # Errors
+    /// [`EncodeError`] if the encoder is missing or refuses the settings.
     pub fn create(bytes: impl Write + Seek + Send + 'static, settings: VideoSettings) -> Result<Self, EncodeError> {
         ff::init().map_err(failed("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
@@ -122,7 +126,10 @@ impl VideoWriter {
         Ok(Self { output, encoder, stream_time_base, settings, scaler: None, last_ticks: None })
     }
 
-    /// Adds a frame; its time must lie after the one before.
+    /// Adds a frame; its time must be later than that of the previous frame.
+    ///
+    /// # Errors
+    /// [`EncodeError`] if the time is not later, the chroma resolution is not supported, or FFmpeg fails.
     pub fn write(&mut self, picture: &Frame<'_>) -> Result<(), EncodeError> {
         let ticks = ticks(picture.time_s);
         if self.last_ticks.is_some_and(|last| ticks <= last) {
@@ -166,7 +173,7 @@ impl VideoWriter {
         let mut packet = Packet::empty();
         while self.encoder.receive_packet(&mut packet).is_ok() {
             packet.set_stream(0);
-            // Without a duration the container ends where its last frame begins, and players leave that frame out.
+            // Without a duration the container ends at the start of its last frame, and players leave that frame out.
             packet.set_duration((f64::from(TICKS_PER_S) / self.settings.fps).round() as i64);
             packet.rescale_ts(Rational(1, TICKS_PER_S), self.stream_time_base);
             packet.write_interleaved(&mut self.output).map_err(failed("writing the recording"))?;
@@ -175,7 +182,7 @@ impl VideoWriter {
     }
 }
 
-/// A time as the recording's clock stores it.
+/// A time in ticks of the recording's clock.
 pub fn ticks(time_s: f64) -> i64 {
     (time_s * f64::from(TICKS_PER_S)).round() as i64
 }
@@ -191,7 +198,7 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError>
     video.set_colorspace(color::Space::BT709);
     video.set_color_range(color::Range::MPEG);
     video.set_gop((2.0 * settings.fps).round().max(1.0) as u32);
-    // Closed: a browser that seeks to a key frame must not meet pictures that need the group before.
+    // Closed groups: after a browser seeks to a key frame, no picture may need the previous group.
     video.set_flags(codec::Flags::GLOBAL_HEADER | codec::Flags::BITEXACT | codec::Flags::CLOSED_GOP);
     let mut options = Dictionary::new();
     options.set("preset", "veryfast");
@@ -204,7 +211,7 @@ fn open_encoder(settings: &VideoSettings) -> Result<encoder::Video, EncodeError>
     })
 }
 
-/// A frame's planes in memory that FFmpeg owns.
+/// Copies a frame's planes into memory that FFmpeg owns.
 pub(super) fn copied(picture: &Frame<'_>) -> Result<frame::Video, EncodeError> {
     let pixel = match (picture.shift_x, picture.shift_y) {
         (1, 1) => format::Pixel::YUV420P,

@@ -1,7 +1,8 @@
-//! Frames of a feed, decoded as they come: no container, one frame in, and as soon as the codec allows, one picture out.
+//! Decodes the frames of a feed as they arrive, without a container: one frame in, one picture out as soon as the codec
+//! allows.
 //!
-//! Frames come in the order of decoding, each with the moment it is shown. A damaged frame costs itself; behind a hole of
-//! H.264 nothing counts until the next key frame, which is for the caller to know.
+//! Frames come in decoding order, each with its presentation time. A damaged frame costs only itself. After a gap in
+//! H.264 the pictures are not valid until the next key frame; the caller has to handle this.
 
 use ff::{Dictionary, Packet, Rational, codec};
 use ffmpeg_next as ff;
@@ -13,7 +14,7 @@ use super::picture_maker::{PictureMaker, Rotation};
 use super::{Limits, MediaError};
 use crate::domain::feed::{FrameCodec, TimeBase};
 
-/// Frames that a decoder may keep back to put them in order: H.264 allows 16.
+/// Maximum of frames that a decoder may hold back for reordering: H.264 allows 16.
 const MOST_KEPT_BACK: usize = 32;
 
 /// The decoder of one feed.
@@ -24,13 +25,17 @@ pub struct FeedDecoder {
     time_base: TimeBase,
     size: (u32, u32),
     limits: Limits,
-    /// Time, ticks, and number of frames that went in and have not come out.
+    /// Time, ticks, and number of each frame that was sent to the decoder and not yet returned.
     inside: Vec<(i64, u64)>,
     last_time: Option<i64>,
 }
 
 impl FeedDecoder {
-    /// A decoder for frames of this size. One thread: with more, each picture would come frames later.
+    /// Creates a decoder for frames of this size. It uses one thread; more threads would delay each picture by some
+    /// frames.
+    ///
+    /// # Errors
+    /// [`MediaError`] if the size exceeds the limits, or the decoder cannot be opened.
     pub fn new(codec: FrameCodec, size: (u32, u32), time_base: TimeBase, limits: Limits) -> Result<Self, MediaError> {
         ff::init().map_err(failed("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
@@ -54,10 +59,11 @@ impl FeedDecoder {
         Ok(Self { codec, decoder, maker, time_base, size, limits, inside: Vec::new(), last_time: None })
     }
 
-    /// Takes the next frame: its number, the moment it is shown, ticks, and its bytes. Take the pictures before the next one.
+    /// Takes the next frame: its number, its presentation time in ticks, and its bytes. Fetch all pictures with
+    /// [`Self::next_picture`] before the next call.
     ///
     /// # Errors
-    /// A picture of another size than was agreed.
+    /// [`MediaError::SizeChanged`] if the frame states another picture size than was agreed.
     pub fn take(&mut self, number: u64, time: i64, bytes: &[u8]) -> Result<(), MediaError> {
         if let Some(size) = frame_size(self.codec, bytes).filter(|size| *size != self.size) {
             return Err(MediaError::SizeChanged { from: self.size, to: size, frame: number });
@@ -66,24 +72,24 @@ impl FeedDecoder {
         packet.set_pts(Some(time));
         if self.decoder.send_packet(&packet).is_ok() {
             if self.inside.len() == MOST_KEPT_BACK {
-                self.inside.remove(0); // damaged: it never came out
+                self.inside.remove(0); // damaged: the decoder never returned it
             }
             self.inside.push((time, number));
         }
         Ok(())
     }
 
-    /// The next picture, if one is ready. A picture whose time does not come after the one before is left out.
+    /// The next picture, if one is ready. A picture that is not later than the previous one is left out.
     ///
     /// # Errors
-    /// A picture of another size than was agreed, or one that cannot be brought to planar YUV.
+    /// [`MediaError`] if the picture has another size than was agreed, or cannot be converted to planar YUV.
     pub fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {
         loop {
             let mut video = self.maker.frame_to_fill();
             match self.decoder.receive_frame(&mut video) {
                 Ok(()) => {}
                 Err(ff::Error::Other { errno: ff::error::ENOMEM }) => return Err(MediaError::Memory),
-                Err(_) => return Ok(None), // it needs more, or what it got is damaged
+                Err(_) => return Ok(None), // it needs more frames, or the frames are damaged
             }
             let Some(time) = video.timestamp().or(video.pts()) else { continue };
             let Some(place) = self.inside.iter().position(|(shown, _)| *shown == time) else { continue };
@@ -100,18 +106,18 @@ impl FeedDecoder {
         }
     }
 
-    /// Forgets what it was given: what comes next is a key frame behind a hole.
+    /// Drops all frames that were sent; the next frame must be a key frame after a gap.
     pub fn start_over(&mut self) {
         self.decoder.flush();
         self.inside.clear();
     }
 
-    /// Nothing more comes: the pictures that were kept back are ready.
+    /// Ends the input; the pictures that the decoder held back are then ready.
     pub fn end(&mut self) {
-        let _ = self.decoder.send_eof(); // refused only by a decoder that is at its end
+        let _ = self.decoder.send_eof(); // refused only by a decoder that is already at its end
     }
 
-    /// Takes back a picture that is done with: its memory serves one to come.
+    /// Takes back a picture that is no longer needed, to reuse its memory.
     pub fn take_back(&mut self, picture: Picture) {
         self.maker.take_back(picture);
     }

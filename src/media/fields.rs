@@ -1,14 +1,17 @@
-//! Interlaced pictures: two moments in one picture, the odd lines a half frame after the even ones or the other way round.
+//! Removes interlacing. An interlaced picture holds two fields, two moments half a frame apart, on its even and odd
+//! lines.
 //!
-//! Whatever moves has combed edges then, and an edge that is measured across both moments is neither's. The first field is
-//! kept, for the picture's time stamp is its own, and the other's lines are filled in from their neighbours: half the
-//! resolution downwards, but of one moment. Rejected: both fields as pictures of their own, twice as many a second, as
-//! FFmpeg's `bwdif` does better with the lines of three fields; whoever needs that has it with one command.
+//! Moving objects then have combed edges, and an edge measured across both fields belongs to neither moment. The first
+//! field is kept, because the picture's time stamp belongs to it. The lines of the other field are filled in from their
+//! neighbours: this halves the vertical resolution, but the picture shows a single moment. Rejected: to make each field
+//! a picture, at twice the frame rate. FFmpeg's `bwdif` does this better, with the lines of three fields; users who
+//! need it can apply it to the recording with one command.
 
 use super::picture::OwnedPlane;
 use crate::pipeline::frame::Plane;
 
-/// Fills a plane with another's field that begins at this line, 0 or 1, and the mean of its lines between them.
+/// Copies one field of a plane, which begins at line `first` (0 or 1), and fills the lines between with the mean of
+/// their neighbours.
 pub(super) fn one_field(plane: Plane<'_>, first: usize, into: &mut OwnedPlane) {
     let (width, height) = (plane.width, plane.height);
     let is_kept = |row: usize| row % 2 == first;

@@ -1,7 +1,7 @@
-//! A recording that lies whole in a file: frames in presentation order, in display orientation.
+//! A recording in a complete file: frames in presentation order, in display orientation.
 //!
-//! A file may be cut anywhere, damaged anywhere or made to harm: every loop here has a bound, a damaged packet costs that
-//! packet, and what remains is an explained end.
+//! A file may be cut anywhere, damaged anywhere or made to harm. So every loop here has a bound, a damaged packet costs
+//! only that packet, and every failure has a reason.
 
 mod few;
 
@@ -15,19 +15,19 @@ use super::picture::Picture;
 use super::picture_maker::{PictureMaker, Rotation};
 use super::{Limits, MediaError};
 
-/// Containers that are accepted. FFmpeg would otherwise follow playlists to other files (TRUST, finding 1).
+/// Accepted containers. FFmpeg would otherwise follow playlists to other files (TRUST, finding 1).
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts";
 
-/// Decoders that may run, while the file is probed too: a decoder that is not needed is one that cannot be attacked.
+/// Decoders that may run, also while the file is probed: a decoder that never runs cannot be attacked.
 const DECODERS: &str = "h264,hevc,vp8,vp9,libdav1d,av1,mjpeg,mpeg4,mpeg2video";
 
-/// Streams that are opened to be counted; more end as a lack of memory.
+/// Maximum of streams that FFmpeg opens for the count; a file with more ends with an out-of-memory error.
 const MOST_OPENED_STREAMS: &str = "64";
 
-/// Reads of a demuxer that may fail in a row; one that fails for ever must not hold us.
+/// Maximum of failed reads in a row; a demuxer that always fails must not block the process.
 pub(super) const MOST_FAILED_READS: u32 = 1_000;
 
-/// Packets in a row that may give no picture. Ten seconds' wait for a key frame, with sound, is under 2,000.
+/// Maximum of packets in a row without a picture. Ten seconds until a key frame, with sound, are under 2,000 packets.
 const MOST_FRUITLESS_PACKETS: u32 = 50_000;
 
 const CODECS: [codec::Id; 8] = [
@@ -41,16 +41,16 @@ const CODECS: [codec::Id; 8] = [
     codec::Id::MPEG2VIDEO,
 ];
 
-/// What the container says before a frame is decoded.
+/// The container's statements, before a frame is decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecordingInfo {
     /// Width as displayed, pixels.
     pub width: u32,
     /// Height as displayed, pixels.
     pub height: u32,
-    /// Frames, as the container claims or its duration and rate suggest; for progress only.
+    /// Number of frames, as stated or computed from duration and rate; for progress only.
     pub frames_expected: Option<u64>,
-    /// Duration, s, as the container claims.
+    /// Duration as stated, s.
     pub duration_s: Option<f64>,
 }
 
@@ -71,6 +71,9 @@ pub struct VideoFile {
 
 impl VideoFile {
     /// Opens a recording from an open descriptor or any other seekable bytes.
+    ///
+    /// # Errors
+    /// [`MediaError`] if the recording cannot be read, is not accepted or exceeds the limits.
     pub fn open(bytes: impl Read + Seek + Send + 'static, limits: Limits) -> Result<Self, MediaError> {
         ff::init().map_err(failed("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
@@ -83,7 +86,7 @@ impl VideoFile {
         Self::from_input(input, limits)
     }
 
-    /// The same of an input that is open already, whatever its codec: for sources that are the person's own.
+    /// Wraps an input that is already open, with any codec: for trusted sources.
     pub(super) fn from_input(input: format::context::Input, limits: Limits) -> Result<Self, MediaError> {
         check_streams(&input, limits)?;
         let stream = input.streams().best(media::Type::Video).ok_or(MediaError::NoVideo)?;
@@ -117,18 +120,21 @@ impl VideoFile {
         })
     }
 
-    /// What the container says of itself.
+    /// The container's statements.
     pub fn info(&self) -> RecordingInfo {
         self.info
     }
 
-    /// Frames whose time stamp was missing or did not advance, so far; their times were continued at the frame rate.
+    /// Number of frames so far whose time stamp was missing or did not advance; their times continue at the frame rate.
     pub fn repaired_times(&self) -> u64 {
         self.clock.repaired()
     }
 
-    /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file cut short ends
-    /// where its bytes end.
+    /// The next frame in presentation order, or `None` at the end. A damaged packet is skipped; a file that was cut
+    /// ends where its bytes end.
+    ///
+    /// # Errors
+    /// [`MediaError`] if no frame can be decoded, the picture changes its size or a limit is exceeded.
     pub fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {
         let mut video = self.maker.frame_to_fill();
         for _ in 0..MOST_FRUITLESS_PACKETS {
@@ -143,12 +149,12 @@ impl VideoFile {
         self.end()
     }
 
-    /// Gives back a packet that was read ahead.
+    /// Puts back a packet that was read ahead.
     pub(super) fn unread(&mut self, packet: ff::Packet) {
         self.pending = Some(packet);
     }
 
-    /// Takes back a picture that is done with: its memory serves one to come.
+    /// Takes back a picture that is no longer needed, to reuse its memory.
     pub fn take_back(&mut self, picture: Picture) {
         self.maker.take_back(picture);
     }
@@ -166,8 +172,8 @@ impl VideoFile {
         self.pending.take().or_else(|| self.read_packet())
     }
 
-    /// Gives the decoder one more packet, or its end. A packet it refuses is damaged, and the frames around it still
-    /// count; one it has no room for yet is kept.
+    /// Sends the decoder one more packet, or the end of the stream. A refused packet is damaged and is dropped; the
+    /// frames around it still count. A packet that the decoder has no room for yet is kept.
     fn send(&mut self, packet: Option<ff::Packet>) {
         match packet {
             Some(packet) if packet.stream() != self.stream => {}
@@ -178,7 +184,7 @@ impl VideoFile {
             }
             None => {
                 self.drained = true;
-                // Only a decoder that is at its end already refuses to be ended.
+                // Only a decoder that is already at its end refuses this.
                 let _ = self.decoder.send_eof();
             }
         }
@@ -219,7 +225,7 @@ impl VideoFile {
 const NO_MEMORY: ff::Error = ff::Error::Other { errno: ff::error::ENOMEM };
 const AGAIN: ff::Error = ff::Error::Other { errno: ff::error::EAGAIN };
 
-/// Options for what strangers send: these containers, our decoders, and nothing that opens anything else.
+/// FFmpeg options for untrusted bytes: only these containers, our decoders, and no access to anything else.
 pub(super) fn wary_of(containers: &str) -> Dictionary<'static> {
     let mut options = Dictionary::new();
     options.set("format_whitelist", containers);
@@ -256,8 +262,8 @@ fn stated_duration(ticks: i64) -> Option<f64> {
     (ticks > 0).then(|| ticks as f64 / f64::from(ff::ffi::AV_TIME_BASE))
 }
 
-/// Does the container list at least a frame a second for the duration that it states? A placeholder, or the span of a
-/// clock that was set on the way, is no reason to refuse a recording; its frames will show how long it is.
+/// True if the container lists at least one frame per second of the stated duration. A placeholder, or a duration that
+/// is wrong because a clock was set, is no reason to refuse a recording; its frames will show how long it is.
 fn is_borne_out(duration_s: f64, frames_listed: Option<u64>) -> bool {
     frames_listed.is_some_and(|frames| duration_s <= frames as f64)
 }

@@ -1,10 +1,10 @@
-//! The picture's size, read from a coded frame's own head; nothing is decoded.
+//! Reads the picture's size from the header of a coded frame; nothing is decoded.
 
 use ffmpeg_next::ffi;
 
 use crate::domain::feed::FrameCodec;
 
-/// Width and height of the picture, pixels; `None` where the frame does not say, as frames of H.264 between key frames.
+/// Width and height of the picture, pixels; `None` if the frame does not state them, as in H.264 between key frames.
 pub fn frame_size(codec: FrameCodec, frame: &[u8]) -> Option<(u32, u32)> {
     match codec {
         FrameCodec::Jpeg => jpeg_size(frame),
@@ -12,7 +12,7 @@ pub fn frame_size(codec: FrameCodec, frame: &[u8]) -> Option<(u32, u32)> {
     }
 }
 
-/// From the frame header, the first segment whose marker is one of `SOF` (ITU-T T.81, B.2.2).
+/// Reads the frame header: the first segment with one of the `SOF` markers (ITU-T T.81, B.2.2).
 fn jpeg_size(mut bytes: &[u8]) -> Option<(u32, u32)> {
     bytes = bytes.strip_prefix(&[0xff, 0xd8])?;
     loop {
@@ -20,7 +20,7 @@ fn jpeg_size(mut bytes: &[u8]) -> Option<(u32, u32)> {
         match marker {
             0xff => bytes = &bytes[1..], // fill
             0x01 | 0xd0..=0xd7 => bytes = rest,
-            0xd8..=0xda => return None, // coded data: no frame header came
+            0xd8..=0xda => return None, // coded data without a frame header before it
             _ => {
                 let length = usize::from(u16::from_be_bytes(*rest.first_chunk()?));
                 if matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc) {
@@ -33,8 +33,8 @@ fn jpeg_size(mut bytes: &[u8]) -> Option<(u32, u32)> {
     }
 }
 
-/// Does a sequence parameter set come before the frame's first slice? Behind that the parser does not look either. What a
-/// unit is says the byte behind its start code (ITU-T H.264, B.1 and table 7-1).
+/// True if a sequence parameter set comes before the frame's first slice; the parser does not look further either. The
+/// byte after the start code gives the unit's type (ITU-T H.264, B.1 and table 7-1).
 fn says_its_size(frame: &[u8]) -> bool {
     const SLICES: [u8; 2] = [1, 5];
     const PARAMETERS: u8 = 7;
@@ -42,7 +42,7 @@ fn says_its_size(frame: &[u8]) -> bool {
     units.take_while(|unit| !SLICES.contains(unit)).any(|unit| unit == PARAMETERS)
 }
 
-/// From the sequence parameter set, by FFmpeg's parser. Most frames have none, and need no parser to be made.
+/// Reads the sequence parameter set with FFmpeg's parser. Most frames have none, so no parser is created for them.
 fn h264_size(frame: &[u8]) -> Option<(u32, u32)> {
     if !says_its_size(frame) {
         return None;
@@ -50,8 +50,8 @@ fn h264_size(frame: &[u8]) -> Option<(u32, u32)> {
     let length = i32::try_from(frame.len()).ok()?;
     let mut padded = frame.to_vec();
     padded.resize(frame.len() + ffi::AV_INPUT_BUFFER_PADDING_SIZE as usize, 0);
-    // SAFETY: parser and context are made here, used while they live, and freed once, whatever was made of them (freeing
-    // nothing is allowed); the parser reads `length` bytes and the padding behind them, which `padded` holds until the end.
+    // SAFETY: parser and context are created here, used while they live, and freed once in every case (freeing null is
+    // allowed). The parser reads `length` bytes and the padding after them, which `padded` holds until the end.
     let size = unsafe {
         let mut context = ffi::avcodec_alloc_context3(std::ptr::null());
         let parser = ffi::av_parser_init(ffi::AVCodecID::AV_CODEC_ID_H264 as i32);

@@ -1,4 +1,4 @@
-//! Pictures into good JPEGs.
+//! Codes pictures as good JPEGs.
 
 use ff::{Dictionary, Packet, Rational, codec, encoder, format, frame, software::scaling, util::color};
 use ffmpeg_next as ff;
@@ -8,19 +8,19 @@ use super::encode::{EncodeError, copied};
 use crate::domain::feed::MOST_PAYLOAD;
 use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Range};
 
-/// What JPEGs are for.
+/// Size and quality of JPEGs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JpegStyle {
-    /// Widest picture, pixels: a wider one is shrunk by a whole number.
+    /// Maximum width, pixels; a wider picture is shrunk by a whole factor.
     widest: usize,
-    /// Quantiser scales, best first: the next one is taken where a picture is longer than a feed allows.
+    /// Quantiser scales, best first; the next one is used if a picture is longer than a feed allows.
     quantisers: [i32; 4],
 }
 
 impl JpegStyle {
-    /// To be measured on: the first scale costs an edge less than the camera's own noise.
+    /// For measurement: the first scale shifts an edge by less than the camera's own noise.
     pub const FULL: Self = Self { widest: usize::MAX, quantisers: [2, 4, 8, 16] };
-    /// To be looked at, many a second: 960×540 take some 40 KB.
+    /// For viewing at many frames a second: 960×540 take some 40 KB.
     pub const SMALL: Self = Self { widest: 960, quantisers: [5, 8, 12, 16] };
 }
 
@@ -31,15 +31,15 @@ pub struct JpegMaker {
 }
 
 impl JpegMaker {
-    /// Makes JPEGs of this style.
+    /// A coder for JPEGs of this style.
     pub fn new(style: JpegStyle) -> Self {
         Self { style, coder: None }
     }
 
-    /// A picture as a JPEG, in the colours that it has.
+    /// Codes a picture as a JPEG with the same colours.
     ///
     /// # Errors
-    /// Chroma that JPEG does not know; FFmpeg's, where it lacks the encoder or the memory.
+    /// A chroma resolution that JPEG does not support, or FFmpeg's error if the encoder or memory is missing.
     pub fn code(&mut self, picture: &Frame<'_>) -> Result<Vec<u8>, EncodeError> {
         let of = Of {
             width: picture.width(),
@@ -62,7 +62,7 @@ struct Coder {
     made: i64,
 }
 
-/// What a coder is made for.
+/// The kind of pictures that a coder is made for.
 #[derive(Clone, Copy, PartialEq)]
 struct Of {
     width: usize,
@@ -71,7 +71,7 @@ struct Of {
     encoding: ColourEncoding,
 }
 
-// SAFETY: encoder and scaler are bound to no thread, and only whoever owns them can use them.
+// SAFETY: encoder and scaler are not bound to a thread, and only their owner can use them.
 unsafe impl Send for Coder {}
 
 impl Coder {
@@ -93,12 +93,12 @@ impl Coder {
         video.set_height(to_height);
         video.set_format(to);
         video.set_color_range(color::Range::JPEG);
-        video.set_time_base(Rational(1, 90_000)); // of no use to JPEG; FFmpeg wants one
+        video.set_time_base(Rational(1, 90_000)); // JPEG does not use it, but FFmpeg requires one
         video.set_flags(codec::Flags::QSCALE);
         let mut options = Dictionary::new();
         options.set("threads", "1");
         let encoder = video.open_with(options).map_err(failed("opening the JPEG encoder"))?;
-        // Not the fast bilinear scaler: it makes machine code as it goes, which a confined child must not.
+        // Not the fast bilinear scaler: it generates machine code at run time, which a confined child must not do.
         let flags =
             if step > 1 { scaling::Flags::AREA } else { scaling::Flags::BILINEAR | scaling::Flags::ACCURATE_RND };
         let mut scaler = scaling::Context::get(from, width, height, to, to_width, to_height, flags)
@@ -109,7 +109,8 @@ impl Coder {
             Matrix::Bt2020 => ffi::SWS_CS_BT2020,
         };
         let is_full = i32::from(of.encoding.range == Range::Full);
-        // SAFETY: the context was just made; the tables of coefficients are static. JPEG's (JFIF) are those of BT.601, full.
+        // SAFETY: the context was just created; the tables of coefficients are static. JPEG (JFIF) uses BT.601, full
+        // range.
         let set = unsafe {
             let (from, to) = (ffi::sws_getCoefficients(matrix), ffi::sws_getCoefficients(ffi::SWS_CS_ITU601));
             ffi::sws_setColorspaceDetails(scaler.as_mut_ptr(), from, is_full, to, 1, 0, 1 << 16, 1 << 16)
@@ -126,8 +127,8 @@ impl Coder {
         let mut packet = Packet::empty();
         for quantiser in style.quantisers {
             self.made += 1;
-            converted.set_pts(Some(self.made)); // later than the one before, or the encoder refuses it
-            // SAFETY: the frame is whole and this function's own.
+            converted.set_pts(Some(self.made)); // must increase, or the encoder refuses the frame
+            // SAFETY: the frame is valid and owned by this function.
             unsafe { (*converted.as_mut_ptr()).quality = quantiser * ffi::FF_QP2LAMBDA };
             self.encoder.send_frame(&converted).map_err(failed("coding a JPEG"))?;
             self.encoder.receive_packet(&mut packet).map_err(failed("coding a JPEG"))?;
@@ -150,7 +151,7 @@ mod tests {
     use super::*;
     use crate::pipeline::frame::Plane;
 
-    /// A picture of one colour as the camera's samples have it, and what a JPEG decoder shows.
+    /// Codes a picture of one colour, given as camera samples, and returns the colour that a JPEG decoder shows.
     fn shown(codes: [u8; 3], encoding: ColourEncoding) -> [u8; 3] {
         let plane = |code: u8| vec![code; 64 * 48];
         let planes = codes.map(plane);

@@ -1,19 +1,20 @@
-//! How much a recording may ask for.
+//! Limits of a recording.
 
-/// Budgets of one recording; beyond them it is refused with a reason.
+/// Limits of one recording; a recording beyond them is refused with a reason.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Widest picture, pixels.
+    /// Maximum width of the picture, pixels.
     pub width: u32,
-    /// Highest picture, pixels.
+    /// Maximum height of the picture, pixels.
     pub height: u32,
-    /// Most streams in a container.
+    /// Maximum of streams in a container.
     pub streams: usize,
-    /// Longest recording, s.
+    /// Maximum duration, s.
     pub duration_s: f64,
-    /// Most frames.
+    /// Maximum of frames.
     pub frames: u64,
-    /// Decoder threads; cores divided by recordings decoded at a time. With [`super::ReadAhead`] they work beside the caller's.
+    /// Decoder threads: cores divided by the recordings decoded at a time. With [`super::ReadAhead`] they run in
+    /// addition to the caller's thread.
     pub threads: usize,
 }
 

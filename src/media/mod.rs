@@ -1,13 +1,14 @@
-//! Bytes of a recording or photo in, decoded pictures with their time stamps out. The only place that names FFmpeg.
+//! Decodes recordings and photos into pictures with time stamps. This is the only module that names FFmpeg.
 //!
-//! Recordings come from strangers. A whitelist of containers and codecs, no protocols at all (bytes are read from an
-//! open descriptor), and budgets for pixels, frames, streams and time bound what a file can do; the process around it
-//! is confined by [`crate::sandbox`].
+//! Recordings come from strangers and are not trusted. Only listed containers and codecs are accepted, no protocols at
+//! all (bytes are read from an open descriptor), and pixels, frames, streams and time have limits. The process that
+//! decodes is confined by [`crate::sandbox`].
 //!
-//! A [`Source`] is a person's own: a camera, file or address from which a box's agent captures frames, coded as they are.
+//! A [`CaptureSource`] belongs to the person who runs a box's agent and is trusted: a camera, file or address. The
+//! agent captures its frames without decoding them, where possible.
 //!
-//! A [`VideoFile`] decodes when it is asked; a [`ReadAhead`] does so on a thread of its own while its user looks at the
-//! picture before.
+//! A [`VideoFile`] decodes on the caller's thread; a [`ReadAhead`] decodes on its own thread while the caller processes
+//! the previous picture.
 
 mod ahead;
 mod annexb;
@@ -39,30 +40,30 @@ pub use mux::{CodedFrame, MuxError, Muxer, Stream, can_begin_with};
 pub use picture::Picture;
 pub use source::{CapturedFrame, Source, SourceError, SourceInfo};
 
-/// Why a recording cannot be read, or not further.
+/// Why a recording cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum MediaError {
-    /// The container is none of those accepted, or the file is no video at all.
+    /// The container is not accepted, or the file is no video at all.
     #[error("not a video that can be read ({0}); accepted are MP4/MOV, Matroska/WebM, AVI and MPEG-TS")]
     Container(String),
-    /// No video stream inside, e.g. sound alone.
-    #[error("the file holds no video stream; record the camera's picture, not sound alone")]
+    /// There is no video stream, for example only sound.
+    #[error("the file holds no video stream; record the camera's picture, not only sound")]
     NoVideo,
     /// A codec outside the accepted list.
     #[error("video codec {0} is not accepted; use H.264, H.265, VP8, VP9, AV1, MJPEG or MPEG-4")]
     Codec(String),
-    /// The file has more of something than a recording can need.
+    /// The file exceeds one of the limits of a recording.
     #[error("{what} is {value}, above the limit of {limit}")]
     OverLimit {
-        /// Of what.
+        /// The limited quantity.
         what: &'static str,
-        /// How much there is.
+        /// Its value in the file.
         value: String,
-        /// How much is accepted.
+        /// Its limit.
         limit: String,
     },
     /// The picture changed its size during the recording.
-    #[error("the picture changes from {}×{} to {}×{} at frame {frame}; record each size to a file of its own", from.0, from.1, to.0, to.1)]
+    #[error("the picture changes from {}×{} to {}×{} at frame {frame}; record each size in a separate file", from.0, from.1, to.0, to.1)]
     SizeChanged {
         /// Width and height so far.
         from: (u32, u32),
@@ -74,12 +75,12 @@ pub enum MediaError {
     /// No frame could be decoded.
     #[error("the video stream holds no frame that can be decoded; the file may be cut before its first picture")]
     NoFrames,
-    /// Memory ran out under the process's limit.
+    /// The process's memory limit was reached.
     #[error(
-        "reading it needs more memory than one recording may use: its picture or its tables are too large, or it is damaged"
+        "reading the recording needs more memory than allowed: its picture or its tables are too large, or it is damaged"
     )]
     Memory,
-    /// A pixel format that cannot be brought to planar YUV.
+    /// A pixel format that cannot be converted to planar YUV.
     #[error("pixel format {0} cannot be converted")]
     PixelFormat(String),
     /// Not a photo, or a damaged one.
@@ -88,9 +89,9 @@ pub enum MediaError {
     /// FFmpeg failed.
     #[error("while {doing}: {source}")]
     Ffmpeg {
-        /// What was being done.
+        /// The operation that failed.
         doing: &'static str,
-        /// FFmpeg's word.
+        /// FFmpeg's error.
         source: ffmpeg_next::Error,
     },
 }

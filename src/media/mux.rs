@@ -1,4 +1,4 @@
-//! Frames that are coded already, into an MP4 recording: nothing is decoded, nothing coded anew.
+//! Writes coded frames into an MP4 recording: nothing is decoded or coded again.
 
 use std::io::{Seek, Write};
 
@@ -7,26 +7,26 @@ use ffmpeg_next as ff;
 
 use crate::domain::feed::{FrameCodec, TimeBase};
 
-/// Why a recording cannot be put together.
+/// Why a recording cannot be assembled.
 #[derive(Debug, thiserror::Error)]
 pub enum MuxError {
-    /// The first frame of H.264 bears no parameter sets.
-    #[error("the first key frame bears no parameter sets (SPS and PPS); senders must repeat them with every key frame")]
+    /// The first H.264 frame has no parameter sets.
+    #[error("the first key frame has no parameter sets (SPS and PPS); senders must repeat them with every key frame")]
     NoParameterSets,
     /// FFmpeg failed.
     #[error("while {doing}: {source}")]
     Ffmpeg {
-        /// What was being done.
+        /// The operation that failed.
         doing: &'static str,
-        /// FFmpeg's word.
+        /// FFmpeg's error.
         source: ff::Error,
     },
 }
 
-/// What a recording is made of.
+/// Properties of the video stream of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stream<'a> {
-    /// How frames are coded.
+    /// Codec of the frames.
     pub codec: FrameCodec,
     /// Picture width and height, pixels.
     pub size: (u32, u32),
@@ -36,22 +36,22 @@ pub struct Stream<'a> {
     pub first: &'a [u8],
 }
 
-/// A frame as it goes into a recording.
+/// A coded frame to write into a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CodedFrame<'a> {
-    /// When it is shown, ticks.
+    /// Presentation time, ticks.
     pub pts: i64,
-    /// When it is decoded, ticks: later than the frame before, and not after it is shown.
+    /// Decoding time, ticks: later than that of the previous frame, and not after the presentation time.
     pub dts: i64,
-    /// How long it is shown, ticks.
+    /// Duration, ticks.
     pub duration: i64,
-    /// Can it be decoded without the ones before?
+    /// True if the frame can be decoded without earlier frames.
     pub is_key: bool,
     /// Its bytes.
     pub bytes: &'a [u8],
 }
 
-/// A recording that is being put together.
+/// Assembles an MP4 recording from coded frames.
 pub struct Muxer {
     output: format::context::Output,
     from: Rational,
@@ -60,6 +60,9 @@ pub struct Muxer {
 
 impl Muxer {
     /// Begins a recording.
+    ///
+    /// # Errors
+    /// [`MuxError`] if the first frame has no parameter sets, or FFmpeg fails.
     pub fn create(bytes: impl Write + Seek + Send + 'static, stream: Stream<'_>) -> Result<Self, MuxError> {
         ff::init().map_err(failed("starting FFmpeg"))?;
         ff::log::set_level(ff::log::Level::Quiet);
@@ -73,7 +76,7 @@ impl Muxer {
         track.set_parameters(parameters(stream)?);
         let mut options = Dictionary::new();
         options.set("fflags", "+bitexact");
-        options.set("video_track_timescale", &den.to_string()); // times stay what they are, to the last bit
+        options.set("video_track_timescale", &den.to_string()); // keeps the times exact
         output.write_header_with(options).map(drop).map_err(failed("writing the recording's header"))?;
         let to = output.stream(0).map_or(from, |s| s.time_base());
         Ok(Self { output, from, to })
@@ -99,7 +102,7 @@ impl Muxer {
     }
 }
 
-/// Can a decoder begin with this frame?
+/// True if a decoder can begin with this frame.
 pub fn can_begin_with(codec: FrameCodec, frame: &[u8]) -> bool {
     codec == FrameCodec::Jpeg || parameter_sets(frame).is_some()
 }
@@ -112,8 +115,8 @@ fn parameters(stream: Stream<'_>) -> Result<codec::Parameters, MuxError> {
     let mut parameters = codec::Parameters::new();
     parameters.set_medium(ff::media::Type::Video);
     parameters.set_id(id);
-    // SAFETY: the pointer is that of parameters just made, which own what is put into them; the copied bytes lie in memory
-    // of FFmpeg's own allocator, with the padding that its readers ask for, zeroed.
+    // SAFETY: the pointer is that of parameters just created, which own everything put into them. The copied bytes lie
+    // in memory from FFmpeg's allocator, with the zeroed padding that its readers require.
     unsafe {
         let raw = parameters.as_mut_ptr();
         (*raw).width = stream.size.0 as i32; // checked: at most 65,535
@@ -132,8 +135,8 @@ fn parameters(stream: Stream<'_>) -> Result<codec::Parameters, MuxError> {
     Ok(parameters)
 }
 
-/// Sequence and picture parameter sets of an access unit in Annex B form, each behind a start code; `None` if one kind is
-/// missing.
+/// Sequence and picture parameter sets of an access unit in Annex B form, each after a start code; `None` if one of the
+/// two kinds is missing.
 fn parameter_sets(access_unit: &[u8]) -> Option<Vec<u8>> {
     const SPS: u8 = 7;
     const PPS: u8 = 8;

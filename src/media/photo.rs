@@ -1,7 +1,7 @@
-//! A photo that lies whole in a file: its luma, or its colours as a frame, in display orientation.
+//! A photo in a complete file: its luma, or its colours as a frame, in display orientation.
 //!
-//! Photos come from strangers: only JPEG and PNG are decoded (in Rust, without FFmpeg), sizes and memory are bounded
-//! before a pixel is read. The EXIF orientation is honoured, as [`super::VideoFile`] honours a video's rotation:
+//! Photos come from strangers: only JPEG and PNG are decoded (in Rust, without FFmpeg), and sizes and memory are
+//! bounded before a pixel is read. The EXIF orientation is applied, as [`super::VideoFile`] applies a video's rotation;
 //! otherwise a phone's photos and its videos would calibrate two different cameras.
 
 use std::fs::File;
@@ -13,10 +13,11 @@ use super::file::check_size;
 use super::{Limits, MediaError, Picture, VideoFile};
 use crate::pipeline::frame::Plane;
 
-/// Most memory that decoding one photo may take, bytes: four bytes of sixteen bits for each pixel within [`Limits`].
+/// Maximum memory for decoding one photo, bytes. A picture of the largest size in [`MediaLimits`] with four channels of
+/// sixteen bits takes 75 MB.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// A photo's luma, 0–255; owns its memory.
+/// The luma of a photo, 0–255; owns its memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Luma {
     data: Vec<u8>,
@@ -42,7 +43,7 @@ impl Luma {
     }
 }
 
-/// Whether a file that begins like this is a photo, of whatever kind: not a video.
+/// True if a file with these first bytes is a photo of any format, and not a video.
 pub fn is_photo(first_bytes: &[u8]) -> bool {
     image::guess_format(first_bytes).is_ok()
 }
@@ -55,12 +56,12 @@ pub fn read_luma(bytes: impl BufRead + Seek, limits: Limits) -> Result<Luma, Med
     Ok(Luma { data: luma(picture), width, height })
 }
 
-/// A photo, or a video's first frame, whatever the file is. Errors as [`read_luma`] and [`VideoFile`].
+/// The picture of a photo, or the first frame of a video. Errors as [`read_luma`] and [`VideoFile`].
 pub fn first_picture(mut file: File, limits: Limits) -> Result<Picture, MediaError> {
     const ENOUGH_TO_TELL: u64 = 64;
     let mut beginning = Vec::new();
-    let told = (&mut file).take(ENOUGH_TO_TELL).read_to_end(&mut beginning).and_then(|_| file.rewind());
-    told.map_err(|error| MediaError::Photo(error.to_string()))?;
+    let rewound = (&mut file).take(ENOUGH_TO_TELL).read_to_end(&mut beginning).and_then(|_| file.rewind());
+    rewound.map_err(|error| MediaError::Photo(error.to_string()))?;
     if is_photo(&beginning) {
         return read_picture(BufReader::new(file), 0, limits);
     }
@@ -88,8 +89,9 @@ fn decode(bytes: impl BufRead + Seek, limits: Limits) -> Result<DynamicImage, Me
     Ok(picture)
 }
 
-/// Grey pictures as they are; colour by BT.601's weights, which give back the Y that a JPEG holds. (`into_luma8` weighs
-/// by BT.709: on a lens with colour fringes its edges lie elsewhere, half a pixel on a real laparoscope.)
+/// Luma of a picture. Grey pictures stay unchanged; colour uses the weights of BT.601, which give the Y stored in a
+/// JPEG. (`into_luma8` uses BT.709: with a lens that has colour fringes its edges lie elsewhere, half a pixel on a real
+/// laparoscope.)
 fn luma(picture: DynamicImage) -> Vec<u8> {
     if !picture.color().has_color() {
         return picture.into_luma8().into_raw();
@@ -119,7 +121,7 @@ mod tests {
         bytes
     }
 
-    /// The smallest EXIF block that says nothing but the orientation.
+    /// The smallest EXIF block with an orientation.
     fn exif(orientation: u8) -> Vec<u8> {
         let mut block = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
         block.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);

@@ -1,4 +1,4 @@
-//! A decoded picture in planar 8-bit YUV and display orientation, lent to the pipeline as a [`Frame`].
+//! A decoded picture in planar 8-bit YUV and display orientation; the pipeline borrows it as a [`Frame`].
 
 use ffmpeg_next::frame;
 
@@ -14,20 +14,20 @@ pub struct Picture {
     is_interlaced: bool,
 }
 
-/// Whose memory a picture's planes lie in.
+/// The owner of a picture's planes.
 pub(super) enum Planes {
-    /// FFmpeg's.
+    /// FFmpeg owns the memory.
     Frame(PlanarFrame),
-    /// Our own.
+    /// We own the memory, and reuse it.
     Owned([OwnedPlane; 3]),
-    /// Our own, of a copy: nobody asks for its memory again.
+    /// We own the memory of a copy; it is not reused.
     Copied([OwnedPlane; 3]),
 }
 
-/// A frame of FFmpeg's in planar 8-bit YUV.
+/// An FFmpeg frame in planar 8-bit YUV.
 pub(super) struct PlanarFrame {
     pub(super) frame: frame::Video,
-    /// Converted into a buffer of its own; otherwise the buffer is the decoder's.
+    /// True if the frame was converted into a separate buffer; otherwise the buffer is the decoder's.
     pub(super) is_converted: bool,
 }
 
@@ -44,17 +44,18 @@ impl Picture {
         Self { index, time_s, planes, shift, encoding, is_interlaced: false }
     }
 
-    /// The same, made of one of an interlaced frame's two fields.
+    /// The same picture, marked as one field of an interlaced frame.
     pub(super) fn of_one_field(self) -> Self {
         Self { is_interlaced: true, ..self }
     }
 
-    /// Was the frame interlaced? Then this is its first field.
+    /// True if the frame was interlaced; the picture is then its first field.
     pub fn is_interlaced(&self) -> bool {
         self.is_interlaced
     }
 
-    /// The same in memory of its own, for as long as it is kept: a decoder never gives back what it needed at most.
+    /// A copy in separate memory. Use it for a picture that is kept for long: a decoder that has to allocate more
+    /// buffers never frees them.
     pub fn copied(&self) -> Self {
         let frame = self.frame();
         let planes = [frame.y, frame.u, frame.v].map(OwnedPlane::of);
@@ -65,7 +66,8 @@ impl Picture {
         self.planes
     }
 
-    /// A still picture of packed R, G, B as a frame at time 0, coded as a JPEG would be: full range, BT.601, no subsampling.
+    /// A still picture of packed R, G, B as a frame at time 0, coded as a JPEG would be: full range, BT.601, no
+    /// subsampling.
     pub(super) fn from_rgb(rgb: &[u8], width: usize, height: usize, index: u64) -> Self {
         let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
         let [mut y, mut u, mut v] = [const { Vec::new() }; 3];
@@ -79,7 +81,7 @@ impl Picture {
         Self { index, time_s: 0.0, planes: Planes::Owned(planes), shift: (0, 0), encoding, is_interlaced: false }
     }
 
-    /// Memory that its planes take.
+    /// Memory of its planes, bytes.
     pub(super) fn bytes(&self) -> usize {
         let frame = self.frame();
         [frame.y, frame.u, frame.v].iter().map(|plane| plane.data.len()).sum()

@@ -1,5 +1,5 @@
-//! From what the decoder gives to [`Picture`]s: planar, 8 bits, in display orientation; in memory of pictures that are
-//! done with, so that after the first few nothing is allocated here any more.
+//! Turns decoded frames into [`Picture`]s: planar, 8 bits, in display orientation. The memory of returned pictures is
+//! reused, so that nothing is allocated here after the first few pictures.
 
 use ffmpeg_next::{format, frame, software::scaling, util::color};
 
@@ -8,7 +8,7 @@ use super::fields::one_field;
 use super::picture::{OwnedPlane, Picture, PlanarFrame, Planes, plane_of};
 use crate::pipeline::frame::{ColourEncoding, Matrix, Plane, Range};
 
-/// A quarter turn's multiple, clockwise, that display asks for.
+/// The rotation needed for display, clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rotation {
     /// As recorded.
@@ -38,7 +38,7 @@ pub(super) struct PictureMaker {
     spare: Spare,
 }
 
-/// Memory that was given back. There is as much of it as there are pictures about, which is for their holder to bound.
+/// Memory of returned pictures. Its amount equals the number of pictures in use, which the caller bounds.
 #[derive(Default)]
 struct Spare {
     decoded: Vec<frame::Video>,
@@ -51,12 +51,12 @@ impl PictureMaker {
         Self { rotation, scaler: None, spare: Spare::default() }
     }
 
-    /// A frame for the decoder to fill; what it still refers to goes back to the decoder then.
+    /// A frame for the decoder to fill; the buffer that it still refers to then goes back to the decoder.
     pub(super) fn frame_to_fill(&mut self) -> frame::Video {
         self.spare.decoded.pop().unwrap_or_else(frame::Video::empty)
     }
 
-    /// Takes the memory of a picture that is done with.
+    /// Takes the memory of a picture that is no longer needed.
     pub(super) fn take_back(&mut self, picture: Picture) {
         match picture.into_planes() {
             Planes::Frame(planar) => self.spare.keep(planar),
@@ -65,15 +65,15 @@ impl PictureMaker {
         }
     }
 
-    /// The picture that the decoder gave, or its first field; nothing is copied if it is planar, of 8 bits, progressive and
-    /// upright.
+    /// The decoded picture, or its first field if interlaced; nothing is copied if it is planar, of 8 bits, progressive
+    /// and upright.
     pub(super) fn make(&mut self, decoded: frame::Video, index: u64, time_s: f64) -> Result<Picture, MediaError> {
         let first_line = decoded.is_interlaced().then(|| usize::from(!decoded.is_top_first()));
         let planar = self.planar(decoded)?;
         Ok(self.picture_of(planar, first_line, index, time_s))
     }
 
-    /// The frame as a picture; of an interlaced one the field that begins at this line.
+    /// The frame as a picture; if interlaced, only the field that begins at `first_line`.
     fn picture_of(&mut self, planar: PlanarFrame, first_line: Option<usize>, index: u64, time_s: f64) -> Picture {
         let (sx, sy) = chroma_shift(planar.frame.format());
         let encoding = encoding_of(&planar.frame);
@@ -94,7 +94,8 @@ impl PictureMaker {
         if first_line.is_some() { picture.of_one_field() } else { picture }
     }
 
-    /// 8-bit planar frames pass untouched; deeper ones keep their chroma resolution, anything else becomes 4:4:4.
+    /// Converts to 8-bit planar: 8-bit planar frames stay unchanged, deeper ones keep their chroma resolution, any
+    /// other format becomes 4:4:4.
     fn planar(&mut self, decoded: frame::Video) -> Result<PlanarFrame, MediaError> {
         let from = decoded.format();
         let unusable = || MediaError::PixelFormat(format!("{from:?}"));
@@ -119,7 +120,7 @@ impl PictureMaker {
         let mut planar = self.spare.converted.pop().filter(fits).unwrap_or_else(frame::Video::empty);
         scaler.0.run(&decoded, &mut planar).map_err(|_| unusable())?;
         if is_rgb_or_grey(from) {
-            // What the scaler makes of them.
+            // The scaler's output for these formats.
             planar.set_color_range(color::Range::MPEG);
             planar.set_color_space(color::Space::SMPTE170M);
         } else {
@@ -140,7 +141,7 @@ impl Spare {
 
 struct Scaler(scaling::Context);
 
-// SAFETY: a scaler is bound to no thread, and only whoever owns it can use it.
+// SAFETY: a scaler is not bound to a thread, and only its owner can use it.
 unsafe impl Send for Scaler {}
 
 fn chroma_shift(format: format::Pixel) -> (u8, u8) {
@@ -157,7 +158,7 @@ fn is_rgb_or_grey(format: format::Pixel) -> bool {
     ["gbr", "rgb", "bgr", "gray", "pal"].iter().any(|family| name.starts_with(family))
 }
 
-/// Three planes whose rows run downwards and hold the width: what [`plane_of`] relies on.
+/// True if there are three planes with rows in top-down order that hold the width; [`plane_of`] relies on this.
 fn has_whole_planes(video: &frame::Video) -> bool {
     const WIDEST_STRIDE: usize = 1 << 20; // a bottom-up picture's negative stride reads as far more
     video.planes() >= 3 && (0..3).all(|i| (video.plane_width(i) as usize..WIDEST_STRIDE).contains(&video.stride(i)))
@@ -171,14 +172,14 @@ fn encoding_of(video: &frame::Video) -> ColourEncoding {
         color::Space::BT709 => Matrix::Bt709,
         color::Space::BT2020NCL | color::Space::BT2020CL => Matrix::Bt2020,
         color::Space::BT470BG | color::Space::SMPTE170M | color::Space::FCC => Matrix::Bt601,
-        // Unlabelled: players take 709 from 720 lines on.
+        // Unlabelled: players assume BT.709 from 720 lines on.
         _ if !jpeg && video.height() >= 720 => Matrix::Bt709,
         _ => Matrix::Bt601,
     };
     ColourEncoding { range, matrix }
 }
 
-/// Fills a plane with another, or one field of it, turned.
+/// Fills a plane with another plane, or one field of it, rotated.
 fn change_plane(plane: Plane<'_>, first_line: Option<usize>, turn: Rotation, into: &mut OwnedPlane) {
     match (first_line, turn) {
         (Some(first), Rotation::None) => one_field(plane, first, into),
@@ -191,7 +192,7 @@ fn change_plane(plane: Plane<'_>, first_line: Option<usize>, turn: Rotation, int
     }
 }
 
-/// Fills a plane with another that is turned.
+/// Fills a plane with another plane, rotated.
 fn turn_plane(plane: Plane<'_>, turn: Rotation, turned: &mut OwnedPlane) {
     let (w, h) = (plane.width, plane.height);
     (turned.width, turned.height) = if turn == Rotation::Half { (w, h) } else { (h, w) };

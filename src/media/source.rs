@@ -1,11 +1,12 @@
-//! Where frames come from: a camera, a file or an address at which a box's agent captures, or a stream that somebody pushes.
-//! They come coded as they are, if the feed knows their codec; others are decoded, turned upright, and coded as good JPEGs.
+//! Sources of frames: a camera, a file or an address that a box's agent captures, or a stream that a sender pushes.
+//! Frames keep their coding if the feed supports the codec; other frames are decoded, rotated upright, and coded as
+//! good JPEGs.
 //!
 //! | source | frames |
 //! |---|---|
-//! | H.264 | as they are, in Annex B form, parameter sets with every key frame |
-//! | MJPEG | as they are |
-//! | H.264 without times of showing, or that begins with frames not to be shown; pictures to be turned; any other codec; raw pictures | JPEG |
+//! | H.264 | unchanged, in Annex B form, parameter sets with every key frame |
+//! | MJPEG | unchanged |
+//! | H.264 without presentation times, or that begins with hidden frames; pictures that need rotation; any other codec; raw pictures | JPEG |
 
 use std::ffi::CString;
 use std::io::Read;
@@ -27,71 +28,73 @@ use super::{Limits, MediaError, VideoFile, device};
 use crate::domain::feed::record::{Body, GapReason};
 use crate::domain::feed::{FrameCodec, LONGEST_S, MOST_PAYLOAD, TimeBase};
 
-/// Containers of live streams: those that can be read from their beginning to their end, and are whole wherever they are cut.
+/// Containers of live streams: they can be read from beginning to end without seeking, and are valid wherever they are
+/// cut.
 const LIVE_CONTAINERS: &str = "mpegts,matroska,webm";
 
-/// How much of a pushed stream is looked at before its first frame comes out, µs of it: a key frame must be among it. More
-/// holds the first positions back, less finds no picture in streams whose key frames are rare.
+/// Duration of a pushed stream that is probed before its first frame is returned, µs; it must contain a key frame. A
+/// longer time delays the first positions; a shorter one finds no picture in streams with rare key frames.
 const LOOKED_AT_US: &str = "2000000";
 
-/// Bytes of a pushed stream that are kept while it is looked at: a transport stream is gone back in to its beginning.
+/// Bytes of a pushed stream that are kept while it is probed: FFmpeg goes back to the beginning of a transport stream.
 const KEPT_BYTES: usize = 1 << 20;
 
-/// Why nothing can be captured, or no more.
+/// Why a source cannot be captured, or not any longer.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
-    /// An address that cannot be one.
+    /// The address is invalid.
     #[error("the source's name holds a zero byte")]
     Address,
     /// Cameras cannot be read.
     #[error("{0}")]
     Device(String),
-    /// FFmpeg cannot open it.
-    #[error("it cannot be opened ({0})")]
+    /// FFmpeg cannot open the source.
+    #[error("the source cannot be opened ({0})")]
     Open(ff::Error),
-    /// It cannot be read any more.
-    #[error("it cannot be read any more ({0})")]
+    /// FFmpeg can no longer read the source.
+    #[error("the source can no longer be read ({0})")]
     Read(ff::Error),
-    /// What it holds cannot be used.
+    /// The source's contents cannot be used.
     #[error(transparent)]
     Media(#[from] MediaError),
-    /// Its pictures cannot be coded.
-    #[error("its pictures cannot be coded: {0}")]
+    /// The source's pictures cannot be coded.
+    #[error("the source's pictures cannot be coded: {0}")]
     Encode(#[from] EncodeError),
 }
 
-/// What a source gives.
+/// Properties of a source.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SourceInfo {
-    /// How its frames are coded when they come from here.
+    /// The codec of the returned frames.
     pub codec: FrameCodec,
     /// Width and height of the picture, pixels.
     pub size: (u32, u32),
-    /// The clock of [`CapturedFrame::time`]: the source's own if a feed can have it.
+    /// The clock of [`CapturedFrame::time`]: the source's own if a feed allows it.
     pub time_base: TimeBase,
-    /// The codec that its frames had, if they are coded anew.
+    /// The source's codec, if its frames are coded again.
     pub coded_from: Option<String>,
-    /// Is it a file, read as fast as one likes?
+    /// True for a file, which can be read at any speed.
     pub is_file: bool,
-    /// Is it a camera?
+    /// True for a camera.
     pub is_camera: bool,
 }
 
-/// A frame, in the order of decoding.
+/// A captured frame; frames come in decoding order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CapturedFrame {
-    /// When it is shown, ticks since the recording's start; not checked against a feed's limits.
+    /// Presentation time, ticks since the recording's start; not checked against a feed's limits.
     pub time: i64,
-    /// When it is due, in order of decoding, s since the first frame.
+    /// Decoding time, s since the first frame.
     pub due_s: f64,
-    /// Can it be decoded without the ones before?
+    /// True if the frame can be decoded without earlier frames.
     pub is_key: bool,
-    /// Its bytes; none if it was damaged.
+    /// Its bytes; empty if the frame was damaged.
     pub bytes: Vec<u8>,
 }
 
 impl CapturedFrame {
-    /// What a feed hears of it. One that a feed cannot have, because it is damaged, too long or out of time, is a gap.
+    /// The frame as a record of a feed. A frame that a feed does not accept, because it is damaged, too long or out of
+    /// time, becomes a gap.
     pub fn body(&self, number: u64, clock: TimeBase) -> Body<'_> {
         let is_in_time = (0.0..=LONGEST_S).contains(&clock.seconds(self.time));
         if (1..=MOST_PAYLOAD).contains(&self.bytes.len()) && is_in_time {
@@ -121,7 +124,10 @@ struct Passed {
 }
 
 impl Source {
-    /// Opens a source, with options for FFmpeg. Reading it ends soon after `is_over` says so.
+    /// Opens a source, with options for FFmpeg. Reading ends soon after `is_over` returns true.
+    ///
+    /// # Errors
+    /// [`SourceError`] if the source cannot be opened or holds no usable video.
     pub fn open(
         address: &str,
         options: &[(String, String)],
@@ -131,12 +137,12 @@ impl Source {
         ff::init().map_err(SourceError::Open)?;
         ff::log::set_level(ff::log::Level::Quiet);
         let mut dictionary = Dictionary::new();
-        dictionary.set("rtsp_transport", "tcp"); // over UDP frames are lost without a word
+        dictionary.set("rtsp_transport", "tcp"); // over UDP, frames are lost without notice
         options.iter().for_each(|(key, value)| dictionary.set(key, value));
         let kind = std::fs::metadata(address).map(|found| found.file_type());
         let (is_file, is_camera) = kind.map_or((false, false), |kind| (kind.is_file(), kind.is_char_device()));
         let input = if is_camera {
-            // Times as the kernel has them, from its monotonic clock.
+            // The kernel's time stamps, from its monotonic clock.
             dictionary.set("timestamps", "default");
             let camera = ff::Format::Input(device::format(device::CAMERA).map_err(SourceError::Device)?);
             format::open_with(address, &camera, dictionary).map_err(SourceError::Open)?.input()
@@ -147,8 +153,11 @@ impl Source {
         Self::of(input, is_file, is_camera)
     }
 
-    /// Opens a live stream as somebody pushes it: MPEG-TS or Matroska from bytes that come once. They are a stranger's, as
-    /// those of a [`VideoFile`] are.
+    /// Opens a live stream that a sender pushes: MPEG-TS or Matroska from bytes that can be read once. The bytes are
+    /// not trusted, like those of a [`VideoFile`].
+    ///
+    /// # Errors
+    /// [`SourceError`] if the stream cannot be read, exceeds the limits or holds no usable video.
     pub fn pushed(bytes: impl Read + Send + 'static, limits: Limits) -> Result<Self, SourceError> {
         ff::init().map_err(SourceError::Open)?;
         ff::log::set_level(ff::log::Level::Quiet);
@@ -185,7 +194,7 @@ impl Source {
             let passed = Passed { input, stream: index, first: Some(first), annex_b, stamps };
             return Ok(Self { info, frames: Frames::Passed(passed) });
         }
-        // One thread: others would hold frames back.
+        // One thread: more threads would delay frames.
         let mut video = Box::new(VideoFile::from_input(input, Limits { threads: 1, ..Limits::default() })?);
         video.unread(first);
         let size = (video.info().width, video.info().height);
@@ -194,12 +203,15 @@ impl Source {
         Ok(Self { info, frames: Frames::Coded { video, coder: JpegMaker::new(JpegStyle::FULL) } })
     }
 
-    /// What it gives.
+    /// Properties of the source.
     pub fn info(&self) -> &SourceInfo {
         &self.info
     }
 
-    /// The next frame, or `None` at its end.
+    /// The next frame, or `None` at the source's end.
+    ///
+    /// # Errors
+    /// [`SourceError`] if the source can no longer be read, or a picture cannot be coded.
     pub fn next_frame(&mut self) -> Result<Option<CapturedFrame>, SourceError> {
         match &mut self.frames {
             Frames::Passed(passed) => passed.next_frame(),
@@ -231,7 +243,7 @@ impl Passed {
     }
 }
 
-/// From a packet's stamps to the time of its frame, as [`VideoFile`] will find it again.
+/// Computes the time of a frame from its packet's stamps; [`VideoFile`] will compute the same time from the recording.
 struct Stamps {
     order: Order,
     seconds_per_tick: f64,
@@ -239,10 +251,11 @@ struct Stamps {
 }
 
 enum Order {
-    /// Frames are shown as they are decoded.
+    /// Presentation order equals decoding order.
     AsDecoded(FrameClock),
-    /// They are not. What the stream's stamps are ahead of the recording's times, ticks of the stream, changes where those
-    /// of decoding jump because a clock was set; `last` is the latest of those, and `step` the latest step.
+    /// Frames are presented in another order. `ahead` is the offset between the stream's stamps and the recording's
+    /// times, in ticks of the stream; it changes if the decoding stamps jump because a clock was set. `last` is the
+    /// latest decoding stamp, and `step` its latest step.
     Reordered { ahead: Option<i64>, last: Option<i64>, step: i64 },
 }
 
@@ -256,7 +269,7 @@ impl Stamps {
         Ok(Self { order, seconds_per_tick: f64::from(stream.time_base()), time_base })
     }
 
-    /// When a frame is shown, ticks of the feed, and when it is due, s.
+    /// Presentation time of a frame, ticks of the feed, and its decoding time, s.
     fn of(&mut self, packet: &Packet) -> (i64, f64) {
         let (shown_s, due_s) = match &mut self.order {
             Order::AsDecoded(clock) => {
@@ -288,7 +301,8 @@ fn in_ticks(time_s: f64, time_base: TimeBase) -> i64 {
     (time_s * f64::from(den) / f64::from(num)).round() as i64
 }
 
-/// The stream's own clock; a finer one that holds its ticks exactly where it is too coarse; else that of video.
+/// The stream's own clock; if that is too coarse, a finer one that contains its ticks exactly; otherwise the usual
+/// video clock.
 fn feed_time_base(ticks: ff::Rational) -> Result<TimeBase, MediaError> {
     const FINEST: u32 = 100_000;
     const VIDEO: u32 = 90_000;
@@ -301,14 +315,14 @@ fn feed_time_base(ticks: ff::Rational) -> Result<TimeBase, MediaError> {
     TimeBase::try_from([1, den]).map_err(|error| MediaError::Container(error.to_string()))
 }
 
-/// May frames be shown in another order than that in which they are decoded?
+/// True if the presentation order may differ from the decoding order.
 fn may_reorder(stream: &format::stream::Stream<'_>) -> bool {
     let parameters = stream.parameters();
     // SAFETY: the parameters live as long as `parameters`, and FFmpeg does not write to them after probing.
     unsafe { (*parameters.as_ptr()).video_delay > 0 }
 }
 
-/// The next packet of a stream, or `None` at the end. A damaged one is passed over.
+/// The next packet of a stream, or `None` at the end. Damaged packets are skipped.
 fn read_packet(input: &mut format::context::Input, stream: usize) -> Result<Option<Packet>, SourceError> {
     let mut failures = 0;
     loop {

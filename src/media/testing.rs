@@ -1,4 +1,4 @@
-//! Recordings for this folder's tests, and what their frames hold.
+//! Recordings for this folder's tests, and hashes of their frames.
 
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -11,7 +11,7 @@ use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 const WIDTH: usize = 96;
 const HEIGHT: usize = 64;
 
-/// The bytes of an MP4 recording at 25 Hz with a key frame every two seconds: a texture that moves, and grain.
+/// The bytes of an MP4 recording at 25 Hz with a key frame every two seconds: a moving texture with grain.
 pub(super) fn recording(samples: Samples, frames: u64) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.mp4");
@@ -41,12 +41,12 @@ pub(super) fn recording(samples: Samples, frames: u64) -> Vec<u8> {
     std::fs::read(&path).unwrap()
 }
 
-/// Opens it. Whether it is still held shows in the count of its owners.
+/// Opens the recording. The reference count of `recording` shows whether it is still open.
 pub(super) fn open(recording: &Arc<[u8]>, limits: Limits) -> VideoFile {
     VideoFile::open(Cursor::new(recording.clone()), limits).unwrap()
 }
 
-/// A frame's number, time and all that can be seen of it.
+/// A frame's number, time and pixel hash.
 pub(super) fn seen(frame: &Frame<'_>) -> (u64, f64, u64) {
     let mut hasher = DefaultHasher::new();
     for plane in [frame.y, frame.u, frame.v] {
@@ -55,7 +55,7 @@ pub(super) fn seen(frame: &Frame<'_>) -> (u64, f64, u64) {
     (frame.index, frame.time_s, hasher.finish())
 }
 
-/// All its frames, decoded one after the other.
+/// All frames of the recording, decoded one after the other.
 pub(super) fn all(recording: &Arc<[u8]>) -> Vec<(u64, f64, u64)> {
     let mut video = open(recording, Limits::default());
     std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| seen(&picture.frame())).collect()

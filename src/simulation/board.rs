@@ -1,4 +1,4 @@
-//! What lies still in the box: a coloured mat with printed guides, walls, and things that stand on the mat.
+//! The fixed scenery of the box: a coloured mat with printed guides, walls, and objects on the mat.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -40,16 +40,16 @@ pub struct Stroke {
     pub colour: Rgb,
 }
 
-/// A solid that stands in the box; board frame.
+/// A fixed solid in the box; board frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prop {
-    /// Its form.
+    /// Its shape.
     pub solid: RoundCone,
     /// Its surface.
     pub material: Material,
 }
 
-/// Everything that stays where it is.
+/// Everything in the box that does not move.
 #[derive(Clone, Debug)]
 pub struct Scenery {
     board_from_camera: Isometry3<f64>,
@@ -58,7 +58,7 @@ pub struct Scenery {
     cells: [[Cell; COLUMNS]; ROWS],
     strokes: Vec<Stroke>,
     props: Vec<Prop>,
-    /// A printed checkerboard, and its pose the other way round.
+    /// A printed checkerboard, and the inverse of its pose.
     sheet: Option<(Held, Isometry3<f64>)>,
 }
 
@@ -77,17 +77,17 @@ enum Form {
     Diamond,
 }
 
-/// What the camera sees along a ray.
+/// The first surface point along a camera ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
-    /// Radiance, lamps apart; shadows of other things in the scenery already taken off.
+    /// Radiance, with a separate share for each lamp; shadows of the scenery's props are already subtracted.
     pub lit: Lit,
     /// Depth, mm.
     pub depth: f64,
 }
 
 impl Scenery {
-    /// The scenery of one box (`number` shuffles the mat), with a task's props and prints, seen through this camera.
+    /// The scenery of one box (`number` seeds the mat), with a task's props and printed lines, seen by this camera.
     pub fn new(
         number: u64,
         camera_from_board: &Isometry3<f64>,
@@ -111,12 +111,12 @@ impl Scenery {
         }
     }
 
-    /// The same with a printed checkerboard in it, in place of the mat.
+    /// The same scenery with a printed checkerboard instead of the mat.
     pub fn with_sheet(self, held: Held) -> Self {
         Self { sheet: Some((held, held.camera_from_sheet.inverse())), ..self }
     }
 
-    /// What the ray `v = (x, y, 1)` meets first.
+    /// The first surface point that the ray `v = (x, y, 1)` meets.
     pub fn look(&self, v: Vector3<f64>) -> Sight {
         let (mut depth, mut normal, mut material, mut own) = {
             let (depth, normal, material) = self.meet_box(v);
@@ -140,7 +140,7 @@ impl Scenery {
         Sight { lit, depth }
     }
 
-    /// Depth of the nearest prop that stands before `depth` on this ray, if any.
+    /// Depth of a prop in front of `depth` on this ray, if any.
     pub fn prop_before(&self, v: Vector3<f64>, depth: f64) -> Option<f64> {
         self.props.iter().filter_map(|p| p.solid.meet(v)).map(|met| met.depth).find(|d| *d < depth)
     }
@@ -152,7 +152,7 @@ impl Scenery {
         })
     }
 
-    /// Floor and walls: the nearest of the five planes that the ray runs towards.
+    /// The point on floor or walls: the nearest of the five planes ahead of the ray.
     fn meet_box(&self, v: Vector3<f64>) -> (f64, Vector3<f64>, Material) {
         let way = self.board_from_camera * v;
         let planes = [
@@ -204,7 +204,7 @@ impl Stroke {
 }
 
 impl Form {
-    /// Is the point (−½..½) part of the figure?
+    /// True if the point (−½..½) is part of the figure.
     fn covers(self, u: f64, v: f64) -> bool {
         match self {
             Form::Triangle { falling } => {
@@ -239,14 +239,14 @@ fn wall(at: Point3<f64>) -> Rgb {
     WALL.map(|c| c * grain(at.x + at.y, at.z, 1.6, 0.04) * grain(at.x - at.y, at.z, 24.0, 0.05))
 }
 
-/// Less light from around reaches the corners of a box.
+/// Factor on the ambient light: less of it reaches the corners of the box.
 fn corner_shade(at: Point3<f64>) -> f32 {
     let mut gaps = [WALLS.0 - at.x.abs(), at.y - WALLS.1, WALLS.2 - at.y, -at.z];
     gaps.sort_by(f64::total_cmp);
-    (1.0 - 0.4 * (-gaps[1].max(0.0) / 16.0).exp()) as f32 // the nearest surface is the one the point lies on
+    (1.0 - 0.4 * (-gaps[1].max(0.0) / 16.0).exp()) as f32 // gaps[0] is the surface that the point lies on
 }
 
-/// Unevenness of a surface: smooth noise with blobs of `size` mm, between `1 − depth` and `1 + depth`.
+/// Texture of a surface: smooth noise with blobs of `size` mm, between `1 − depth` and `1 + depth`.
 fn grain(x: f64, y: f64, size: f64, depth: f32) -> f32 {
     let (x, y) = (x / size, y / size);
     let (column, row) = (x.floor(), y.floor());

@@ -1,4 +1,4 @@
-//! Photos of a checkerboard held before the box's camera, for its calibration; some of a bent board, if asked.
+//! Photos of a checkerboard held in front of the box's camera, for its calibration; on request, some with a bent board.
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -16,12 +16,12 @@ pub const ROWS: usize = 6;
 /// Side of a square, mm.
 pub const SQUARE_MM: f64 = 21.0;
 
-/// White paper round the outer squares, mm.
+/// White paper around the outer squares, mm.
 const MARGIN_MM: f64 = 16.0;
 const BLACK_INK: Rgb = [0.025, 0.025, 0.026];
 const WHITE_PAPER: Rgb = [0.72, 0.72, 0.7];
 
-/// A board as it is held.
+/// A board with its pose and bend.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
     /// Sheet frame (x along the longer side, y along the shorter, origin in the middle) → camera frame, mm.
@@ -32,8 +32,8 @@ pub struct Held {
     pub bend_direction: (f64, f64),
 }
 
-/// Boards for a calibration: every one whole in the picture, at many angles, distances and places. The last `bent` of
-/// them are slightly bent.
+/// Boards for a calibration, each whole in the picture, at many angles, distances and positions. The last `bent` boards
+/// are slightly bent.
 pub fn poses(rig: &Rig, seed: u64, count: usize, bent: usize) -> Vec<Held> {
     let mut dice = Dice::new(seed, "boards");
     (0..count).map(|i| pose(rig, &mut dice, i, i + bent >= count)).collect()
@@ -45,7 +45,7 @@ pub fn photo(photographer: &Photographer, lighting: &Lighting, held: &Held, seed
     photographer.take(|v| look(held, &sheet_from_camera, lighting, v), seed)
 }
 
-/// Where an inner corner is; column 0..9, row 0..6; camera frame, mm.
+/// Position of an inner corner; column 0..9, row 0..6; camera frame, mm.
 pub fn corner(held: &Held, column: usize, row: usize) -> Point3<f64> {
     let x = (column as f64 - 0.5 * (COLUMNS - 1) as f64) * SQUARE_MM;
     let y = (row as f64 - 0.5 * (ROWS - 1) as f64) * SQUARE_MM;
@@ -62,12 +62,12 @@ fn pose(rig: &Rig, dice: &mut Dice, index: usize, bent: bool) -> Held {
         }
         found = Some(held);
     }
-    found.unwrap_or_else(|| draw(dice, index, bent)) // a picture so narrow that no board fits: some of it is seen
+    found.unwrap_or_else(|| draw(dice, index, bent)) // the picture is too narrow for a whole board: part of it is seen
 }
 
 fn draw(dice: &mut Dice, index: usize, bent: bool) -> Held {
     let tilt = Vector3::new(dice.within(-0.62, 0.62), dice.within(-0.62, 0.62), 0.0);
-    // Most boards are held upright; every fourth is turned by a quarter or a half.
+    // Most boards are held upright; every fourth is rotated by 90°, 180° or 270°.
     let quarters = if index % 4 == 3 { 1.0 + (index / 4 % 3) as f64 } else { 0.0 };
     let roll = std::f64::consts::FRAC_PI_2 * quarters + dice.within(-0.35, 0.35);
     let turn = Rotation3::new(tilt) * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
@@ -82,7 +82,7 @@ fn draw(dice: &mut Dice, index: usize, bent: bool) -> Held {
     }
 }
 
-/// Is the whole sheet in the picture, with a little to spare?
+/// True if the whole sheet is in the picture, with a small margin.
 fn in_picture(rig: &Rig, held: &Held) -> bool {
     let (half_width, half_height) = half_sheet();
     let (width, height) = (f64::from(rig.camera.width), f64::from(rig.camera.height));
@@ -108,9 +108,9 @@ impl Held {
         0.5 * self.bend * across * across
     }
 
-    /// Where a ray, in the sheet's frame, meets the sheet: Newton's method on its height over the sheet.
+    /// Intersection of a ray, in the sheet's frame, with the sheet: Newton's method on the ray's height over the sheet.
     fn meet(&self, eye: Point3<f64>, way: Vector3<f64>) -> Option<(f64, Point3<f64>)> {
-        const STEPS: usize = 6; // the sheet is nearly flat: two would do
+        const STEPS: usize = 6; // the sheet is nearly flat: two would be enough
         let mut depth = -eye.z / way.z;
         for _ in 0..STEPS {
             let at = eye + way * depth;
@@ -138,7 +138,7 @@ impl Held {
         Self { camera_from_sheet, bend: 0.0, bend_direction: (1.0, 0.0) }
     }
 
-    /// Where a ray from the camera meets the sheet: depth, normal in the camera frame, and what is printed there.
+    /// Intersection of a camera ray with the sheet: depth, normal in the camera frame, and the printed material.
     pub fn meet_ray(
         &self,
         sheet_from_camera: &Isometry3<f64>,
@@ -149,7 +149,7 @@ impl Held {
         Some((depth, self.camera_from_sheet * self.normal(at, way), paper(print(at))))
     }
 
-    /// Unit normal towards the side that the ray comes from; sheet frame.
+    /// Unit normal on the side of the ray's origin; sheet frame.
     fn normal(&self, at: Point3<f64>, way: Vector3<f64>) -> Vector3<f64> {
         let slope = self.bend * (at.x * self.bend_direction.0 + at.y * self.bend_direction.1);
         let normal = Vector3::new(-slope * self.bend_direction.0, -slope * self.bend_direction.1, 1.0).normalize();

@@ -1,7 +1,7 @@
-//! Lamps of some size, what they do to a surface, and the soft shadow that a rod throws.
+//! Lamps with a size, the light that surfaces reflect, and the soft shadow of a rod.
 //!
-//! Radiance is linear; 1 is what the sensor calls white. Surfaces reflect a matt share (Lambert) and a gloss
-//! (Blinn–Phong), and dark polished ones mirror their surroundings more the flatter they are looked at (Schlick).
+//! Radiance is linear; 1 is the sensor's white. Surfaces reflect a matt share (Lambert) and a gloss (Blinn–Phong). Dark
+//! polished surfaces also mirror their surroundings, the more the flatter the viewing angle (Schlick).
 
 use nalgebra::{Point3, Vector3};
 
@@ -10,29 +10,30 @@ use super::shape::RoundCone;
 /// Linear red, green, blue.
 pub type Rgb = [f32; 3];
 
-/// Lamps in a box; the renderer keeps each one's share of every background pixel apart, for the tools' shadows.
+/// Number of lamps in a box; the renderer stores the share of each lamp for every background pixel, for the tools'
+/// shadows.
 pub const LAMPS: usize = 2;
 
-/// A shining ball.
+/// A spherical lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lamp {
     /// Centre in the camera frame, mm.
     pub at: Point3<f64>,
     /// Radius, mm: the larger, the softer its shadows.
     pub radius: f64,
-    /// Radiance that it gives a white matt surface facing it from [`Lamp::REFERENCE_MM`].
+    /// Radiance of a white matt surface that faces the lamp at [`Lamp::REFERENCE_MM`].
     pub power: Rgb,
 }
 
 impl Lamp {
-    /// Distance at which [`Lamp::power`] holds; beyond, light falls off with the square.
+    /// Distance that [`Lamp::power`] refers to; light falls off with the square of the distance.
     pub const REFERENCE_MM: f64 = 200.0;
 
     /// Share of the lamp that the solid hides from a point, 0 to 1.
     ///
-    /// Seen from the point, the solid is a strip across the lamp's disc: the line of sight to the lamp's centre passes
-    /// the solid's axis at a distance, where the cone of light has its width there. Exact for a long thin rod far from
-    /// its ends; the ends are rounded.
+    /// Seen from the point, the solid is a strip across the lamp's disc. The strip's offset is the distance between the
+    /// solid's axis and the line of sight to the lamp's centre, compared with the width of the light cone at that
+    /// place. Exact for a long thin rod far from its ends; the ends are rounded.
     pub fn hidden(&self, point: Point3<f64>, solid: &RoundCone) -> f64 {
         let (share, on_axis, miss) = closest_approach(point, self.at, solid.a, solid.b);
         let radius = solid.radius_a + (solid.radius_b - solid.radius_a) * on_axis;
@@ -43,20 +44,21 @@ impl Lamp {
         disc_left_of((miss + radius) / width) - disc_left_of((miss - radius) / width)
     }
 
-    /// Could the solid hide any of the lamp from a point within `spread` mm of this one? Never wrongly "no".
+    /// True if the solid may hide part of the lamp from a point within `spread` mm of this one. May be true wrongly,
+    /// never false wrongly.
     pub fn may_hide(&self, point: Point3<f64>, spread: f64, solid: &RoundCone) -> bool {
         let (share, _, miss) = closest_approach(point, self.at, solid.a, solid.b);
         miss < solid.radius_a.max(solid.radius_b) + self.radius * share + spread
     }
 }
 
-/// Share of the unit disc's area left of the line at `x` (a cubic that meets it within 0.02).
+/// Share of the unit disc's area left of the line at `x` (a cubic approximation, within 0.02).
 fn disc_left_of(x: f64) -> f64 {
     let u = (0.5 * (x + 1.0)).clamp(0.0, 1.0);
     u * u * (3.0 - 2.0 * u)
 }
 
-/// Where the segments `p→l` and `a→b` come nearest: share of the first, share of the second, distance.
+/// Closest approach of the segments `p→l` and `a→b`: share along the first, share along the second, distance.
 fn closest_approach(p: Point3<f64>, l: Point3<f64>, a: Point3<f64>, b: Point3<f64>) -> (f64, f64, f64) {
     let (sight, rod, offset) = (l - p, b - a, p - a);
     let (ss, rr, sr) = (sight.norm_squared(), rod.norm_squared().max(1e-9), sight.dot(&rod));
@@ -71,7 +73,7 @@ fn closest_approach(p: Point3<f64>, l: Point3<f64>, a: Point3<f64>, b: Point3<f6
     (share, on_rod, (offset + sight * share - rod * on_rod).norm())
 }
 
-/// How a surface answers light.
+/// Reflection properties of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Matt reflectance.
@@ -80,7 +82,7 @@ pub struct Material {
     pub gloss: f32,
     /// Blinn–Phong exponent: the larger, the smaller the highlight.
     pub sharpness: i32,
-    /// Share of the surroundings mirrored when looked at squarely.
+    /// Share of the surroundings that is mirrored at a perpendicular view.
     pub mirror: f32,
 }
 
@@ -89,27 +91,27 @@ pub struct Material {
 pub struct Lighting {
     /// Lamps.
     pub lamps: [Lamp; LAMPS],
-    /// Light from everywhere, as reflected by a white surface.
+    /// Ambient light, as reflected by a white surface.
     pub ambient: Rgb,
-    /// What polished surfaces mirror towards the board.
+    /// Light that polished surfaces mirror from the side of the board.
     pub below: Rgb,
-    /// What polished surfaces mirror towards the lid.
+    /// Light that polished surfaces mirror from the side of the lid.
     pub above: Rgb,
     /// Unit vector away from the board.
     pub up: Vector3<f64>,
 }
 
-/// A surface's radiance, split so that shadows can be taken off later.
+/// A surface's radiance, split by lamp so that shadows can be subtracted later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lit {
-    /// Without lamps.
+    /// Radiance without the lamps.
     pub base: Rgb,
-    /// From each lamp, unhidden.
+    /// Radiance from each lamp, without shadows.
     pub from_lamp: [Rgb; LAMPS],
 }
 
 impl Lit {
-    /// The sum, with a share of each lamp hidden.
+    /// The total radiance, with a share of each lamp hidden.
     pub fn with_hidden(&self, hidden: [f32; LAMPS]) -> Rgb {
         let mut sum = self.base;
         for (rgb, hidden) in self.from_lamp.iter().zip(hidden) {
@@ -122,7 +124,8 @@ impl Lit {
 }
 
 impl Lighting {
-    /// What the camera sees of a point with this normal and material; `v` is the ray `(x, y, 1)` to it.
+    /// The radiance of a point with this normal and material towards the camera; `v` is the ray `(x, y, 1)` to the
+    /// point.
     pub fn reflect(&self, point: Point3<f64>, normal: Vector3<f64>, v: Vector3<f64>, material: &Material) -> Lit {
         let eye = -v.normalize();
         let facing = eye.dot(&normal).max(0.0);

@@ -1,4 +1,4 @@
-//! What an instructor would mark: small rectangles on the tapes, the shafts, the jaws and the empty box.
+//! Marks as an instructor would set them: small rectangles on the tapes, the shafts, the jaws and the empty box.
 
 use nalgebra::Point3;
 
@@ -25,16 +25,16 @@ pub struct Mark {
     pub h: i64,
 }
 
-/// Frames on which each tool, and the empty box, are marked.
+/// Number of frames where each tool is marked, and number of frames where the empty box is marked.
 const FRAMES: usize = 5;
-/// Frames that an instructor leafs through to find them.
+/// Number of frames that an instructor browses to find these frames.
 const LEAFED: usize = 40;
-/// Rectangles on the empty box, each frame.
+/// Rectangles on the empty box per frame.
 const BACKGROUNDS: usize = 9;
-/// An instructor marks what is plain to see.
+/// Minimum visible share of a band that an instructor marks.
 const PLAIN: f64 = 0.98;
 
-/// Marks on a few frames spread over a recording whose frames have these times, s; sorted by frame.
+/// Marks on a few frames spread over a recording with these frame times, s; sorted by frame.
 pub fn of_recording(world: &World, times_s: &[f64]) -> Vec<Mark> {
     let leafed = spread(&(0..times_s.len()).collect::<Vec<_>>(), LEAFED);
     let seen: Vec<Vec<f64>> =
@@ -72,7 +72,7 @@ fn on_tool(world: &World, tool: usize, frame: usize, time_s: f64) -> Vec<Mark> {
     on_tube.into_iter().chain(jaw).flatten().collect()
 }
 
-/// The largest square round a point of the axis that stays on the tube, with a fifth of its width to spare.
+/// The largest square around a point of the axis that stays on the tube, with a margin of a fifth of the tube's width.
 fn on_axis(
     world: &World,
     pose: &ToolPose,
@@ -90,7 +90,7 @@ fn on_axis(
     inside_picture(world, &mark).then_some(mark)
 }
 
-/// A rectangle somewhere in the box, away from every tool.
+/// A random rectangle in the box, away from every tool.
 fn background(world: &World, poses: &[ToolPose], dice: &mut Dice, frame: usize) -> Option<Mark> {
     const TRIES: usize = 50;
     let camera = &world.rig.camera;

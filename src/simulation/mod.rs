@@ -1,18 +1,18 @@
-//! A simulated box trainer with known truth: to test the tracker against, and to show the service without a hospital.
+//! A simulated box trainer with known truth: it tests the tracker, and demonstrates the service without a hospital.
 //!
-//! Pure: a [`World`] is a function of time and seed, a [`render::Renderer`] turns a moment of it into the planes that a
-//! camera would deliver, [`truth`] says what is really there. Writing files is the rim's work.
+//! Pure: a [`World`] is a function of time and seed, a [`render::Renderer`] turns one moment of it into the planes that
+//! a camera would deliver, and [`truth`] gives the true poses. The `commands` layer writes the files.
 //!
 //! | what | file |
 //! |---|---|
-//! | the scenes, and how hands play them | `scenario/`, [`skill`], [`motion`] |
+//! | the scenes, and how the hands perform them | `scenario/`, [`skill`], [`motion`] |
 //! | the box: camera, lens, lamps, trocars | [`rig`] |
 //! | the mat, walls and props | [`board`] |
 //! | the tools and their tapes | [`tool`] |
-//! | all of it at a time | [`world`] |
+//! | everything together, at any time | [`world`] |
 //! | rays and solids; light and shadow | [`shape`], [`light`] |
 //! | pixels | [`render`] |
-//! | what is really there; what an instructor would mark | [`truth`], [`marks`] |
+//! | the true poses; what an instructor would mark | [`truth`], [`marks`] |
 //! | photos of a checkerboard | [`checkerboard`] |
 
 pub mod board;

@@ -1,7 +1,7 @@
-//! How a hand moves, as pure functions of time: minimum-jerk reaches that add up, and tremor.
+//! Motion of a hand as pure functions of time: minimum-jerk reaches that add up, and tremor.
 //!
 //! A reach follows `10τ³ − 15τ⁴ + 6τ⁵` (Flash & Hogan 1985). Reaches that overlap in time simply add (Flash & Henis
-//! 1991), which rounds the corners of a fluent hand and leaves a hesitant one with its stops.
+//! 1991), which rounds the corners of a fluent hand's path; a hesitant hand stops at each of them.
 
 use std::f64::consts::TAU;
 use std::ops::{Add, Mul};
@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use crate::random::Dice;
 
-/// A quantity that starts somewhere and is moved by reaches.
+/// A quantity over time: a start value plus the sum of all reaches so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Course<V> {
     start: V,
@@ -25,7 +25,7 @@ struct Reach<V> {
 }
 
 impl<V: Copy + Add<Output = V> + Mul<f64, Output = V>> Course<V> {
-    /// A course that stays at `start`.
+    /// A quantity that stays at `start`.
     pub fn resting_at(start: V) -> Self {
         Self { start, reaches: Vec::new() }
     }
@@ -35,7 +35,7 @@ impl<V: Copy + Add<Output = V> + Mul<f64, Output = V>> Course<V> {
         self.reaches.push(Reach { start_s, duration_s, by });
     }
 
-    /// Where it is at a time.
+    /// The value at a time.
     pub fn at(&self, time_s: f64) -> V {
         let begun = self.reaches.iter().filter(|r| r.start_s < time_s);
         begun.fold(self.start, |sum, r| sum + r.by * progress((time_s - r.start_s) / r.duration_s))
@@ -53,7 +53,7 @@ fn progress(tau: f64) -> f64 {
     tau * tau * tau * (10.0 + tau * (6.0 * tau - 15.0))
 }
 
-/// A sum of slow or fast sines in fixed directions.
+/// A sum of sines in fixed directions: tremor or slow unsteadiness.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Oscillation(Vec<Sine>);
 

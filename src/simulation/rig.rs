@@ -1,4 +1,4 @@
-//! A training box as it stands on the table: camera, lens, lamps and trocars, which stay while trainees come and go.
+//! The fixed parts of a training box: camera, lens, lamps and trocars, which stay the same for all trainees.
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -6,23 +6,23 @@ use super::light::{Lamp, Lighting};
 use crate::pipeline::camera::Camera;
 use crate::random::Dice;
 
-/// From where the camera looks.
+/// Position of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum View {
-    /// From the lid, straight down; hands enter at the lower edge of the picture.
+    /// In the lid, facing straight down; hands enter at the lower edge of the picture.
     Top,
-    /// From the trainee's side, aslant; tools come down from the upper corners.
+    /// At the trainee's side, at an angle; tools come down from the upper corners.
     Side,
 }
 
-/// What lens and sensor do to light.
+/// Properties of lens and sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Optics {
     /// Lens blur, standard deviation, pixels.
     pub blur_px: f64,
     /// Light lost at the picture's corner, share.
     pub vignetting: f64,
-    /// Exposure time, s: what moves smears over it.
+    /// Exposure time, s; it sets the motion blur.
     pub exposure_s: f64,
     /// Sensor noise in the dark, standard deviation, share of white.
     pub read_noise: f64,
@@ -35,7 +35,7 @@ pub struct Optics {
 pub struct Rig {
     /// The camera.
     pub camera: Camera,
-    /// Where its camera looks from.
+    /// Position of the camera.
     pub view: View,
     /// Board frame (x right, y to the trainee, z into the board; origin in its middle) → camera frame, mm.
     pub camera_from_board: Isometry3<f64>,
@@ -48,7 +48,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// The box of this number, as a camera of this size sees it. Lens and mounting differ a little from box to box.
+    /// The box of this number, with a camera of this picture size. Lens and mounting differ a little from box to box.
     pub fn new(number: u64, view: View, width: u32, height: u32) -> Self {
         let mut dice = Dice::new(number, "rig");
         let camera = camera(&mut dice, width, height);
@@ -69,7 +69,7 @@ impl Rig {
         Self { camera, view, camera_from_board, fulcrums, lighting: lighting(&camera_from_board), optics }
     }
 
-    /// The same after somebody has moved its camera to the camera's right, mm.
+    /// The same box after its camera was moved to the camera's right by `right_mm`.
     pub fn moved(self, right_mm: f64) -> Self {
         let shift = Translation3::new(-right_mm, 0.0, 0.0);
         let camera_from_board = shift * self.camera_from_board;

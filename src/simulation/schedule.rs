@@ -1,13 +1,13 @@
-//! When frames are taken: evenly, or as a live feed delivers them.
+//! Times of the frames: even, or uneven as in a live feed.
 
 use crate::random::Dice;
 
-/// How even a camera's frames are.
+/// Whether a camera takes its frames at even times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evenness {
     /// One frame every `1/fps` s.
     Even,
-    /// Each up to a quarter of a period early or late, one in twenty-five lost: a webcam on a busy machine.
+    /// Each frame up to a quarter of a period early or late, and one in twenty-five lost: a webcam on a busy machine.
     Uneven,
 }
 

@@ -1,10 +1,11 @@
-//! Solids met by rays from the camera: the tube of a tool, and the rounded cone for everything else.
+//! Intersections of camera rays with solids: the tube of a tool, and the rounded cone for everything else.
 //!
-//! Rays start at the camera's centre and run along `v = (x, y, 1)`, so that the distance along a ray *is* the depth z.
+//! Rays start at the camera's centre and have the direction `v = (x, y, 1)`, so that the factor along a ray *is* the
+//! depth z.
 
 use nalgebra::{Point3, Vector3};
 
-/// Where a ray first meets a solid.
+/// The first intersection of a ray with a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Meeting {
     /// Depth, mm: the point is `depth · v`.
@@ -13,21 +14,21 @@ pub struct Meeting {
     pub normal: Vector3<f64>,
 }
 
-/// The convex hull of two spheres: a peg, a piece of wire, half a jaw; a sphere where the ends coincide.
+/// The convex hull of two spheres: a peg, a piece of wire, half a jaw; a sphere if the ends coincide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoundCone {
     /// Centre of the first sphere, mm.
     pub a: Point3<f64>,
-    /// Its radius, mm; at least the other one.
+    /// Radius of the first sphere, mm; at least that of the second.
     pub radius_a: f64,
     /// Centre of the second sphere, mm.
     pub b: Point3<f64>,
-    /// Its radius, mm.
+    /// Radius of the second sphere, mm.
     pub radius_b: f64,
 }
 
 impl RoundCone {
-    /// Same radius at both ends.
+    /// A rod with the same radius at both ends.
     pub fn capsule(a: Point3<f64>, b: Point3<f64>, radius: f64) -> Self {
         Self { a, radius_a: radius, b, radius_b: radius }
     }
@@ -37,7 +38,7 @@ impl RoundCone {
         Self::capsule(centre, centre, radius)
     }
 
-    /// First meeting of the ray with the solid.
+    /// The first intersection of the ray with the solid.
     pub fn meet(&self, v: Vector3<f64>) -> Option<Meeting> {
         // The solid is convex: a ray enters it once, through the side or through one of the ends.
         self.meet_side(v).or_else(|| {
@@ -46,21 +47,21 @@ impl RoundCone {
         })
     }
 
-    /// The cone that touches both spheres. With `s = (ra − rb)/h` the sine of its half angle and `y` the distance
-    /// along the axis, its surface is `|X − A|² − ra² = (y − ra·s)²/(1 − s²)`: a quadratic in the depth.
+    /// Intersection with the cone that touches both spheres. With `s = (ra − rb)/h` the sine of its half angle and `y`
+    /// the distance along the axis, its surface is `|X − A|² − ra² = (y − ra·s)²/(1 − s²)`: a quadratic in the depth.
     fn meet_side(&self, v: Vector3<f64>) -> Option<Meeting> {
         let along = self.b - self.a;
         let length = along.norm();
         let slope = (self.radius_a - self.radius_b) / length;
         if slope.is_nan() || slope.abs() >= 1.0 {
-            return None; // one sphere holds the other (or both ends coincide: the slope is not a number)
+            return None; // one sphere contains the other (or both ends coincide: the slope is not a number)
         }
         let (axis, stretch) = (along / length, 1.0 / (1.0 - slope * slope));
         let (to_a, va, aa) = (self.a.coords, v.dot(&axis), self.a.coords.dot(&axis) + self.radius_a * slope);
         let a = v.norm_squared() - stretch * va * va;
         let b = v.dot(&to_a) - stretch * va * aa;
         let c = to_a.norm_squared() - self.radius_a * self.radius_a - stretch * aa * aa;
-        let root = (b * b - a * c).sqrt(); // not a number where the ray misses: both candidates fail below
+        let root = (b * b - a * c).sqrt(); // not a number if the ray misses: both candidates fail below
         let mut depths = [(b - root) / a, (b + root) / a];
         depths.sort_by(f64::total_cmp);
         let cosine = (1.0 - slope * slope).sqrt();
@@ -73,17 +74,18 @@ impl RoundCone {
         })
     }
 
-    /// Could a ray within the angle `margin` (sine) of `v` meet it? Never wrongly "no".
+    /// True if a ray within the angle `margin` (sine) of `unit` may meet the solid. May be true wrongly, never false
+    /// wrongly.
     pub fn near(&self, unit: Vector3<f64>, margin: f64) -> bool {
         let (a, b) = (self.a.coords, self.b.coords);
-        // The axis's point nearest to the ray, found on the segment; distance to the ray, against the thicker end.
+        // The distance of the axis's segment from the ray is compared with the radius of the thicker end.
         let (ab, reach) = (b - a, self.radius_a.max(self.radius_b));
         let (across_a, across_ab) = (a - unit * a.dot(&unit), ab - unit * ab.dot(&unit));
         let share = -across_a.dot(&across_ab) / across_ab.norm_squared().max(1e-12);
         let nearest = a + ab * share.clamp(0.0, 1.0);
         let depth = nearest.dot(&unit);
         let miss = (nearest - unit * depth).norm();
-        // The allowance grows with distance: the farther end's is enough for every point between.
+        // The allowance grows with distance: that of the farther end is enough for every point between.
         depth > -reach && miss < reach + margin * (a.norm().max(b.norm()) + reach)
     }
 }
@@ -95,7 +97,7 @@ fn meet_sphere(centre: Point3<f64>, radius: f64, v: Vector3<f64>) -> Option<Meet
     (left > 0.0 && depth > 0.0).then(|| Meeting { depth, normal: (v * depth - centre.coords) / radius })
 }
 
-/// Which part of a tube a ray meets.
+/// The part of a tube that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TubePart {
     /// The tape.
@@ -136,13 +138,13 @@ impl Tube {
         Self { tip, axis, radius, bare_radius, band_mm, length_mm, along_tip, tip_squared, borders }
     }
 
-    /// Normals of the two planes through the camera's centre that touch the taped tube (METHOD 4), turned to it; zero
-    /// where the camera's centre lies inside the cylinder, which then has no borders.
+    /// Normals of the two planes through the camera's centre that touch the taped tube (METHOD 4), pointing towards it;
+    /// zero if the camera's centre lies inside the cylinder, which then has no borders.
     pub fn borders(&self) -> [Vector3<f64>; 2] {
         self.borders
     }
 
-    /// First meeting of the ray: depth, normal, part, and distance from the tip towards the hand in mm.
+    /// The first intersection of the ray: depth, normal, part, and distance from the tip towards the hand in mm.
     pub fn meet(&self, v: Vector3<f64>) -> Option<(Meeting, TubePart, f64)> {
         let va = v.dot(&self.axis);
         let a = v.norm_squared() - va * va;
@@ -163,15 +165,15 @@ impl Tube {
         }
         let bare = on_side(self.bare_radius).filter(|(_, behind)| *behind >= 0.0 && *behind <= self.length_mm);
         bare.map(|(depth, behind)| {
-            // Between the two radii the ray meets the tape's cut edge, a ring 0.06 mm wide: drawn as tape.
+            // Between the two radii the ray meets the tape's cut edge, a ring 0.06 mm wide; it is rendered as tape.
             let part = if behind > self.band_mm { TubePart::Shaft } else { TubePart::Band };
             (meeting(depth, behind, self.bare_radius), part, behind)
         })
         .or_else(|| self.meet_face(v, va))
     }
 
-    /// Where the ray passes the infinite taped tube: distance from the tip towards the hand, depth, and the sine of the
-    /// angle between ray and axis.
+    /// The point where the ray passes the infinite taped tube: distance from the tip towards the hand, depth, and the
+    /// sine of the angle between ray and axis.
     pub fn along(&self, v: Vector3<f64>) -> (f64, f64, f64) {
         let va = v.dot(&self.axis);
         let a = (v.norm_squared() - va * va).max(1e-9);
@@ -188,10 +190,10 @@ impl Tube {
     }
 }
 
-/// Unit normals of the two planes through the origin that touch the infinite cylinder, turned towards it.
+/// Unit normals of the two planes through the origin that touch the infinite cylinder, pointing towards it.
 ///
 /// With `N` the axis's point nearest to the camera and `e` across, `n = r/|N|·N/|N| ± √(1 − r²/|N|²)·e`.
-/// `None` where the camera's centre lies inside the cylinder.
+/// `None` if the camera's centre lies inside the cylinder.
 pub fn tangent_planes(point: Point3<f64>, axis: Vector3<f64>, radius: f64) -> Option<[Vector3<f64>; 2]> {
     let nearest = point.coords - axis * point.coords.dot(&axis);
     let distance = nearest.norm();

@@ -1,11 +1,11 @@
-//! What tells a beginner's hands from a surgeon's, as numbers with names.
+//! The differences between a beginner's hands and a surgeon's, as named numbers.
 //!
-//! The figures are chosen, not measured: they keep the order that the literature reports (novices slower, less direct,
-//! less steady, with longer pauses and one idle hand: T 4.4, T 7.2) with room between the levels.
+//! The figures are chosen, not measured. They keep the order that the literature reports (novices are slower, less
+//! direct and less steady, with longer pauses and one idle hand: T 4.4, T 7.2), with gaps between the levels.
 
 use crate::random::Dice;
 
-/// By which factor people of one level differ in each figure, as the standard deviation of its logarithm: neighbouring levels
+/// Spread of each figure among people of one level, as the standard deviation of its logarithm. Neighbouring levels
 /// overlap, as in every centre. Chosen, not measured.
 const PEOPLE_DIFFER: f64 = 0.25;
 
@@ -22,15 +22,15 @@ pub struct Skill {
     pub tremor_mm: f64,
     /// Slow unsteadiness, 0.4–1.3 Hz, RMS per coordinate, mm.
     pub wander_mm: f64,
-    /// How far a reach bows out, as a share of its length (standard deviation).
+    /// Sideways deviation of a reach, as a share of its length (standard deviation).
     pub detour: f64,
-    /// How far a reach first misses its target, as a share of its length (standard deviation).
+    /// First miss of a reach's target, as a share of the reach's length (standard deviation).
     pub miss: f64,
     /// Corrective movements after a reach that missed.
     pub corrections: usize,
-    /// Share of a reach's time in which the next one has already begun, where the task allows it.
+    /// Share of a reach's time that overlaps with the next reach, where the task allows it.
     pub fluency: f64,
-    /// Share of two-handed steps that are done by the dominant hand alone.
+    /// Share of two-handed steps that the dominant hand does alone.
     pub one_handedness: f64,
 }
 
@@ -80,7 +80,7 @@ impl Skill {
     /// Every level, from least to most practised.
     pub const ALL: [Skill; 3] = [Skill::NOVICE, Skill::INTERMEDIATE, Skill::EXPERT];
 
-    /// Somebody of this level: the same number is the same person, whatever they do.
+    /// A person of this level; the same number gives the same person in every task.
     pub fn of_person(self, person: u64) -> Skill {
         let mut dice = Dice::new(person, "person");
         let mut own = |figure: f64| figure * (PEOPLE_DIFFER * dice.gauss()).exp();

@@ -1,4 +1,4 @@
-//! Laws of the whole simulation: truth, motion, pixels.
+//! Tests of the whole simulation: truth, motion, pixels.
 
 use nalgebra::{Point3, Vector3};
 
@@ -232,7 +232,7 @@ fn a_rendered_silhouette_lies_within_a_twentieth_of_a_pixel_of_the_tangent_plane
     }
 }
 
-/// How far the drawn left and right borders of the band lie off the tangent planes, row by row, across the border.
+/// Distances of the rendered left and right borders of the band from the tangent planes, row by row, across the border.
 fn measured_edges(world: &World) -> (Vec<f64>, Vec<f64>) {
     let coverage = super::render::band_coverage(world, 0.0);
     let camera = world.rig.camera;

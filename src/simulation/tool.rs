@@ -1,4 +1,4 @@
-//! A laparoscopic grasper: what it is made of, and where its parts are when it is held in a pose.
+//! A laparoscopic grasper: its sizes and materials, and the positions of its parts in a pose.
 
 use nalgebra::{Point3, Vector3};
 
@@ -7,10 +7,10 @@ use super::motion::{Course, Oscillation};
 use super::rig::Rig;
 use super::shape::{RoundCone, Tube};
 
-/// How much thinner than over the tape the bare tube is, mm: two layers of 0.06 mm vinyl.
+/// Difference in diameter between the taped and the bare tube, mm: two layers of 0.06 mm vinyl.
 pub const TAPE_STEP_MM: f64 = 0.12;
 
-/// Coloured tape that marks a tool; its name is the tool's name, unless both tools wear the same.
+/// Coloured tape that marks a tool; its name is the tool's name, unless both tools have the same tape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tape {
     /// Name on the command line and in every file.
@@ -20,7 +20,7 @@ pub struct Tape {
 }
 
 impl Tape {
-    /// Every tape on the roll.
+    /// Every tape.
     pub const ALL: [Tape; 6] = [
         Tape { name: "orange", colour: [0.86, 0.17, 0.012] },
         Tape { name: "cyan", colour: [0.012, 0.34, 0.56] },
@@ -35,7 +35,7 @@ impl Tape {
         Self::ALL.into_iter().find(|t| t.name == name)
     }
 
-    /// What the tape looks like: vinyl, half glossy.
+    /// The tape's surface: half-glossy vinyl.
     pub fn material(&self) -> Material {
         Material { matt: self.colour, gloss: 0.3, sharpness: 34, mirror: 0.02 }
     }
@@ -57,23 +57,23 @@ pub struct ToolDesign {
 /// A tool in a hand: a design, a fixed fulcrum, and the hand's motion.
 #[derive(Clone, Debug)]
 pub struct Tool {
-    /// Its name: its tape's, or `left` and `right` where both wear the same.
+    /// Its name: that of its tape, or `left` and `right` if both tools have the same tape.
     pub name: &'static str,
-    /// What it is made of.
+    /// Its sizes and tape.
     pub design: ToolDesign,
     /// The trocar: the axis passes through this point at every time. Camera frame, mm.
     pub fulcrum: Point3<f64>,
-    /// Where the hand means to hold the closed jaws' point; board frame, mm.
+    /// Intended position of the closed jaws' point; board frame, mm.
     pub aim: Course<Vector3<f64>>,
     /// Angle between the jaws, rad.
     pub opening: Course<f64>,
-    /// Turn about the axis, rad.
+    /// Rotation about the axis, rad.
     pub roll: Course<f64>,
-    /// What the hand adds without meaning to; board frame, mm.
+    /// Unintended motion of the hand; board frame, mm.
     pub unsteadiness: Vec<Oscillation>,
 }
 
-/// Where a tool is; camera frame.
+/// The pose of a tool; camera frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolPose {
     /// Centre of the tube's cross-section at the distal end of the band, mm.
@@ -91,7 +91,7 @@ pub struct ToolPose {
 }
 
 impl Tool {
-    /// Where the tool is at a time.
+    /// The tool's pose at a time.
     pub fn pose(&self, rig: &Rig, time_s: f64) -> ToolPose {
         const OUTSIDE_MM: f64 = 60.0; // of tube behind the trocar
         let unsteady: Vector3<f64> = self.unsteadiness.iter().map(|o| o.at(time_s)).sum();
@@ -144,7 +144,7 @@ impl ToolDesign {
     }
 }
 
-/// A unit vector across the axis, turned about it by `roll`.
+/// A unit vector across the axis, rotated about it by `roll`.
 pub fn side_of(axis: Vector3<f64>, roll: f64) -> Vector3<f64> {
     let level = axis.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or_else(Vector3::x);
     level * roll.cos() + axis.cross(&level) * roll.sin()

@@ -1,4 +1,4 @@
-//! What is really there at a time: the answer that a tracker is measured against.
+//! The true pose and visibility of every tool at a time: the reference for measuring a tracker.
 
 use nalgebra::Point3;
 
@@ -9,9 +9,9 @@ use super::world::World;
 use crate::pipeline::evaluation::TruthTool;
 use crate::pipeline::space::{CameraPoint, Pixel};
 
-/// Every tool at this time. `tip_px` is where its tip is seen, or would be were nothing before it, in the picture or
-/// outside; none where the tip is behind the camera. `visible` is the share of the band's surface facing the camera, by
-/// projected area, that is in the picture and not hidden by another tool or by what stands in the box.
+/// Every tool at this time. `tip_px` is the projected tip, whether or not it is hidden or outside the picture; none if
+/// the tip is behind the camera. `visible` is the share of the band's surface facing the camera, by projected area,
+/// that is in the picture and not hidden by another tool or a prop.
 pub fn at(world: &World, time_s: f64) -> Vec<TruthTool> {
     let poses = world.poses(time_s);
     let scenery = &world.stages[world.stage_at(time_s)].scenery;
@@ -25,7 +25,7 @@ pub fn at(world: &World, time_s: f64) -> Vec<TruthTool> {
     poses.iter().enumerate().map(of_tool).collect()
 }
 
-/// Samples the band's surface on a grid of patches of equal size, each weighed by the area that the camera sees of it.
+/// Samples the band's surface on a grid of patches of equal size, each weighted by its projected area.
 fn visible_share(world: &World, scenery: &Scenery, poses: &[ToolPose], index: usize) -> f64 {
     const ALONG: usize = 40;
     const AROUND: usize = 72;
@@ -54,7 +54,7 @@ fn in_picture(world: &World, point: Point3<f64>) -> bool {
         let (u, v) = (pixel.u(), pixel.v());
         u > -0.5 && v > -0.5 && u < f64::from(camera.width) - 0.5 && v < f64::from(camera.height) - 0.5
     };
-    // Beyond the widest angle that the lens takes in, the distortion folds back into the picture.
+    // Beyond the lens's widest angle, the distortion folds back into the picture.
     const WIDEST: f64 = 1.5;
     let Some(seen) = CameraPoint(point).normalised() else { return false };
     seen.0.coords.norm() < WIDEST && inside(camera.pixel_of(seen))

@@ -1,4 +1,4 @@
-//! A known world as a pure function of time: what moves is where the seed says, at any moment, in any order.
+//! A known world as a pure function of time and seed: positions can be asked for any moment, in any order.
 
 use nalgebra::{Isometry3, Point3};
 
@@ -18,25 +18,25 @@ use crate::random::Dice;
 pub struct Setup {
     /// The task.
     pub scenario: Scenario,
-    /// Whose hands.
+    /// The skill of the hands.
     pub skill: Skill,
-    /// Where the camera stands.
+    /// Position of the camera.
     pub view: View,
-    /// Which box: its camera, lens, lamps and mat. Recordings of one box share one calibration.
+    /// Number of the box, which sets its camera, lens, lamps and mat. Recordings of one box share one calibration.
     pub rig: u64,
-    /// Chance in the hands' motion and the sensor's noise.
+    /// Seed of the hands' motion and the sensor's noise.
     pub seed: u64,
     /// Picture width, pixels.
     pub width: u32,
     /// Picture height, pixels.
     pub height: u32,
-    /// The task is repeated until this time, s; 0 for once.
+    /// The task is repeated until this time, s; with 0 it is played once.
     pub at_least_s: f64,
     /// Tapes of the left and the right tool; both may be the same.
     pub tapes: [Tape; 2],
     /// Outer diameter of the tools over the tape, mm.
     pub diameter_mm: f64,
-    /// How far the camera was moved to its right since its box was set up, mm.
+    /// Distance that the camera was moved to its right since its box was set up, mm.
     pub camera_moved_mm: f64,
 }
 
@@ -59,12 +59,12 @@ impl Setup {
     }
 }
 
-/// What stays where it is, until somebody moves it.
+/// The scenery from one change to the next.
 #[derive(Clone, Debug)]
 pub struct Stage {
-    /// Since when, s.
+    /// Start time, s.
     pub from_s: f64,
-    /// What is there.
+    /// The scenery.
     pub scenery: Scenery,
 }
 
@@ -75,11 +75,11 @@ pub struct World {
     pub rig: Rig,
     /// Tools, in the order of the truth.
     pub tools: Vec<Tool>,
-    /// What stays where it is: one stage after the other, the first from the beginning.
+    /// The scenery over time; the first stage starts at 0 s.
     pub stages: Vec<Stage>,
-    /// Seed of everything by chance.
+    /// Seed of all randomness.
     pub seed: u64,
-    /// Until the task is done, s.
+    /// Duration of the task, s.
     pub duration_s: f64,
     beads: Vec<Bead>,
 }
@@ -104,17 +104,17 @@ impl World {
         Self { rig, tools, stages, seed: setup.seed, duration_s, beads }
     }
 
-    /// Place in [`Self::stages`] of what is there at a time.
+    /// Index in [`Self::stages`] of the stage at a time.
     pub fn stage_at(&self, time_s: f64) -> usize {
         self.stages.partition_point(|stage| stage.from_s <= time_s).saturating_sub(1)
     }
 
-    /// Where every tool is at a time.
+    /// The pose of every tool at a time.
     pub fn poses(&self, time_s: f64) -> Vec<ToolPose> {
         self.tools.iter().map(|tool| tool.pose(&self.rig, time_s)).collect()
     }
 
-    /// Carried things at a time; camera frame.
+    /// The carried objects at a time; camera frame.
     pub fn carried(&self, poses: &[ToolPose], time_s: f64) -> Vec<(RoundCone, Material)> {
         let bead = |bead: &Bead| {
             let material = Material { matt: bead.colour, gloss: 0.2, sharpness: 30, mirror: 0.03 };

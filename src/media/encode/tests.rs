@@ -7,7 +7,7 @@ use crate::pipeline::frame::ColourEncoding;
 const WIDTH: usize = 96;
 const HEIGHT: usize = 64;
 
-/// What was seen of a decoded frame: time, mean luma, chroma shifts, U and V in the middle.
+/// Properties of a decoded frame: time, mean luma, chroma shifts, U and V in the middle.
 type Seen = (f64, f64, (u8, u8), [u8; 2]);
 
 /// A flat frame of this luma, U 90 and V 200.

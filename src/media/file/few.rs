@@ -1,9 +1,9 @@
-//! A few frames of a recording, told by their numbers, without decoding all that lies before them.
+//! Decodes a few frames of a recording by number, without decoding everything before them.
 //!
-//! The packets' time stamps say which frame is the n-th. Decoding begins at the last key frame before each frame that is
-//! asked for, and leaves out frames to which no other refers. In a sound recording these are the very pictures that
-//! [`VideoFile::next_picture`] counts up to; what a damaged one shows depends on what was decoded before, and its
-//! packets may promise frames that never come. Who needs to be sure compares when the whole recording passes by.
+//! The packets' time stamps say which frame is the n-th. Decoding begins at the last key frame before each requested
+//! frame, and skips frames that no other frame refers to. In an undamaged recording, the pictures are the same as those
+//! of [`VideoFile::next_picture`]. In a damaged one, a picture depends on the frames decoded before it, and some
+//! packets may give no frame. A caller that must be sure has to compare when the whole recording is decoded.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,11 +12,11 @@ use ffmpeg_next as ff;
 
 use super::{Picture, VideoFile};
 
-/// Packets read beyond the last frame that is asked for, as earlier frames may be stored after it: more than any codec
-/// reorders (H.264 and H.265: 16).
+/// Packets read beyond the last requested frame, as earlier frames may be stored after it: more than any codec reorders
+/// (H.264 and H.265: 16).
 const MOST_REORDERED: u64 = 32;
 
-/// Frames that hang on one key frame: their stamps and numbers.
+/// Requested frames that depend on one key frame: their stamps and numbers.
 type Wanted = BTreeMap<i64, u64>;
 
 /// A frame's packet.
@@ -27,8 +27,8 @@ struct Listed {
 }
 
 impl VideoFile {
-    /// Shows the frames of these numbers, in order, each with its number as index; their times mean nothing. `None`,
-    /// perhaps after some of them, where packets do not tell enough: then only decoding from the start does.
+    /// Calls `show` with the frames of these numbers, in order, each with its number as index; times are meaningless.
+    /// Returns `None`, perhaps after some frames, if the packets do not identify them; then decode from the start.
     pub fn show_few(mut self, numbers: &[u64], mut show: impl FnMut(&Picture)) -> Option<()> {
         let last = *numbers.iter().max().filter(|&&last| last < self.limits.frames)?;
         let listed = self.list_packets(last)?;
@@ -52,8 +52,8 @@ impl VideoFile {
         Some(())
     }
 
-    /// The packets of the frames up to this one and a few more, in presentation order; `None` unless each has a stamp of
-    /// its own and the first begins the recording.
+    /// The packets of the frames up to this one and a few more, in presentation order; `None` unless each has a
+    /// distinct stamp and the first begins the recording.
     fn list_packets(&mut self, last: u64) -> Option<Vec<Listed>> {
         let enough = last.saturating_add(MOST_REORDERED);
         let mut listed = Vec::new();
@@ -72,8 +72,8 @@ impl VideoFile {
         (is_distinct && listed[0].pts == first_pts).then_some(listed)
     }
 
-    /// Goes to a key frame, or to one before it. Some containers seek by one kind of stamp, some by the other, and both
-    /// may miss; a packet that is no key frame's must not be decoded as if it were.
+    /// Seeks to a key frame, or to one before it. Some containers seek by presentation stamp, some by decoding stamp,
+    /// and both may miss; a packet that is no key frame must not be decoded as if it were one.
     fn go_to(&mut self, key: &Listed) -> Option<()> {
         let time_base = self.input.stream(self.stream)?.time_base();
         for stamp in [key.pts, key.dts] {
@@ -95,8 +95,8 @@ impl VideoFile {
         None
     }
 
-    /// Decodes up to the frame of this stamp. When nothing is left to feed, the decoder is ended: it would hold frames
-    /// back to put them in order.
+    /// Decodes up to the frame of this stamp. When all requested packets have been sent, the decoder is drained:
+    /// otherwise it would hold frames back to order them.
     fn frame_at(&mut self, pts: i64, wanted: &Wanted, to_feed: &mut BTreeSet<i64>) -> Option<ff::frame::Video> {
         let mut video = self.maker.frame_to_fill();
         for _ in 0..self.limits.frames.saturating_mul(2) {
@@ -112,7 +112,7 @@ impl VideoFile {
         None
     }
 
-    /// Gives the decoder one more packet; of a frame that is not wanted, only if another may refer to it.
+    /// Sends the decoder one more packet; a frame that is not requested is decoded only if another may refer to it.
     fn feed_towards(&mut self, wanted: &Wanted, to_feed: &mut BTreeSet<i64>) -> Option<()> {
         let packet = self.next_packet()?;
         let pts = packet.pts().filter(|pts| packet.stream() == self.stream && wanted.contains_key(pts));
@@ -127,7 +127,7 @@ impl VideoFile {
     }
 }
 
-/// Is the frame decoded, but not part of the recording (an edit list of MP4)?
+/// True if the frame is decoded, but not part of the recording (an edit list of MP4).
 fn is_left_out(packet: &codec::packet::Packet) -> bool {
     // SAFETY: the packet lives as long as the reference, and its flags are a plain number.
     let flags = unsafe { (*packet.as_ptr()).flags };

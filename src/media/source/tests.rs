@@ -1,4 +1,4 @@
-//! What comes from a source is what an upload of it would hold.
+//! A captured source must give the same frames and times as an upload of it.
 
 use std::fs::File;
 use std::io::Cursor;
@@ -15,13 +15,13 @@ fn captured(path: &Path) -> (SourceInfo, Vec<CapturedFrame>) {
     (source.info().clone(), frames)
 }
 
-/// All that can be seen of a recording.
+/// Number, time and pixel hash of every frame of a recording.
 fn shown(bytes: Vec<u8>) -> Vec<(u64, f64, u64)> {
     let mut video = VideoFile::open(Cursor::new(bytes), Limits::default()).unwrap();
     std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| seen(&picture.frame())).collect()
 }
 
-/// The frames, put together as the server does.
+/// The recording that the server would assemble from the frames.
 fn assembled(info: &SourceInfo, frames: &[CapturedFrame]) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording.mp4");
@@ -39,7 +39,7 @@ fn assembled(info: &SourceInfo, frames: &[CapturedFrame]) -> Vec<u8> {
     std::fs::read(&path).unwrap()
 }
 
-/// A clip of FFmpeg's own, in any form.
+/// A clip made with FFmpeg, in any format.
 fn made(folder: &Path, name: &str, how: &str) -> std::path::PathBuf {
     let path = folder.join(name);
     let mut ffmpeg = Command::new("ffmpeg");
@@ -90,7 +90,7 @@ fn every_form_of_a_clip_keeps_its_frames_and_times() {
     }
 }
 
-/// Bytes that come once, in pieces as a pipe has them.
+/// Bytes that can be read once, in pieces as from a pipe.
 struct Trickle(Cursor<Vec<u8>>);
 
 impl Read for Trickle {

@@ -1,8 +1,8 @@
-//! Whether a board was bent: its corners are fitted once more with a board that may curve.
+//! Detects a bent board: its corners are fitted once more with a board that may curve.
 //!
-//! In: one photo's corners, its flat pose and a camera made without it. Out: the height of the bulge that explains the
-//! corners best, and what it leaves. Method: the board's height is `a·x² + b·xy + c·y²`; pose and the three curvatures
-//! by Gauss–Newton. Paper on a board curls like that; a twist is the `xy` term.
+//! In: one photo's corners, its flat pose and a camera that was calibrated without it. Out: the height of the bulge
+//! that explains the corners best, and the residual. Method: the board's height is `a·x² + b·xy + c·y²`; pose and the
+//! three curvatures are found by Gauss–Newton. Paper on a board curls like that; a twist is the `xy` term.
 
 use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Vector3};
 
@@ -10,16 +10,16 @@ use super::Camera;
 use super::refine::{Posed, moved, project_point};
 use crate::pipeline::space::Pixel;
 
-/// A board that curves, fitted to a photo.
+/// A curved board, fitted to a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bulge {
     /// Height from the lowest to the highest corner over the board's own mean plane, mm.
     pub height_mm: f64,
-    /// Root mean square distance of the corners from such a board, px.
+    /// Root mean square distance of the seen corners from those of the curved board, px.
     pub rms_px: f64,
 }
 
-/// Fits a curved board; `None` if the fit runs away.
+/// Fits a curved board; `None` if the fit diverges.
 pub(super) fn bulge(points: &[Point2<f64>], camera: &Camera, photo: &Posed<'_>) -> Option<Bulge> {
     let size = points.iter().map(|p| p.coords.norm()).fold(f64::MIN_POSITIVE, f64::max);
     let mut shape = Shape { pose: photo.pose, heights: Vector3::zeros(), size };
@@ -47,7 +47,7 @@ pub(super) fn bulge(points: &[Point2<f64>], camera: &Camera, photo: &Posed<'_>) 
 
 struct Shape {
     pose: Isometry3<f64>,
-    /// Heights, mm, of the three curvatures at a distance of `size`.
+    /// Height that each of the three curvatures adds at a distance of `size`, mm.
     heights: Vector3<f64>,
     size: f64,
 }
@@ -70,7 +70,8 @@ impl Shape {
         Some((pixel, jacobian))
     }
 
-    /// Heights have no slope in the middle, and the points lie around it: the mean plane is level.
+    /// Difference between the highest and the lowest corner, mm. The height has no slope in the middle and the points
+    /// lie around the middle, so the mean plane is level.
     fn height_mm(&self, points: &[Point2<f64>]) -> f64 {
         let heights = points.iter().map(|p| self.heights.dot(&self.curvatures(p)));
         let (low, high) = heights.fold((f64::MAX, f64::MIN), |(l, h), z| (l.min(z), h.max(z)));

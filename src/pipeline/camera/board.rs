@@ -10,10 +10,10 @@ pub struct Board {
     square_mm: f64,
 }
 
-/// Why no board can have such sizes.
+/// Why a board's size is refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum BoardProblem {
-    /// Too few or too many inner corners to be found and told apart.
+    /// Too few or too many inner corners to be found.
     #[error(
         "a board of {columns}x{rows} inner corners is not supported; count the points where four squares meet, {}x{} to {}x{}",
         Board::FEWEST,
@@ -27,18 +27,18 @@ pub enum BoardProblem {
         /// Inner corners along the other side.
         rows: usize,
     },
-    /// A square that nobody can print or film.
+    /// A square that cannot be printed or filmed.
     #[error("a square of {0} mm is not possible; measure one square's side, more than 0 and at most 1000 mm")]
     Square(f64),
 }
 
 impl Board {
-    /// Fewest inner corners along a side; two would leave the lens's bending invisible.
+    /// Minimum of inner corners along a side; with two the lens's distortion would not show.
     pub const FEWEST: usize = 3;
-    /// Most inner corners along a side; a bound for the search, above every board in use.
+    /// Maximum of inner corners along a side; bounds the search, above every board in use.
     pub const MOST: usize = 60;
 
-    /// A board with that many inner corners (where four squares meet) and squares of that side.
+    /// Creates a board from its inner corners (where four squares meet) and the side of a square.
     pub fn new(columns: usize, rows: usize, square_mm: f64) -> Result<Self, BoardProblem> {
         let possible = Self::FEWEST..=Self::MOST;
         if !possible.contains(&columns) || !possible.contains(&rows) {
@@ -70,8 +70,8 @@ impl Board {
         self.columns * self.rows
     }
 
-    /// The inner corners on the board, mm, row by row, with the origin in the board's middle: rotation and shift of a
-    /// pose are then least entangled.
+    /// The inner corners on the board, mm, row by row. The origin is the board's middle, where rotation and translation
+    /// of a pose are least correlated.
     pub fn points_mm(&self) -> Vec<Point2<f64>> {
         let middle = |count: usize| (count - 1) as f64 / 2.0;
         let at = |i: usize, count: usize| (i as f64 - middle(count)) * self.square_mm;

@@ -1,10 +1,10 @@
-//! Photos of a board → camera: start, refinement, and leaving out the photos that do not fit.
+//! Calibrates a camera from photos of a board: start values, refinement, and leaving out photos that do not fit.
 //!
 //! In: the corners found in each photo. Out: [`Calibration`], or the [`CalibrationProblem`]. Method: all photos are
-//! refined together; then the photo that fits worst is put to the test: it is left out if the camera that the *others*
-//! make explains it far worse than it explains them. A camera that a bent board has already pulled at would hide the
-//! bend, which is why the test is made without the photo. Repeated until every photo fits; a photo left out early, when the
-//! camera was still spoiled by another one, is taken back at the end if it fits after all.
+//! refined together; then the photo that fits worst is tested: it is left out if the camera of the *other* photos
+//! explains it far worse than it explains them. The test excludes the photo itself, because a bent board distorts the
+//! fitted camera and so hides its own bend. This repeats until every photo fits. A photo that was left out early, when
+//! another bad photo still spoiled the camera, is taken back at the end if it fits after all.
 
 use nalgebra::{Point2, Vector3};
 
@@ -15,24 +15,28 @@ use super::{Board, Camera, initial};
 use crate::pipeline::camera::checkerboard::BoardReason;
 use crate::pipeline::space::Pixel;
 
-/// Fewest photos that make a camera; two would do on paper, and nothing would show a bad one.
+/// Minimum of photos for a calibration; two would do on paper, but a bad photo would go unnoticed.
 pub const FEWEST_PHOTOS: usize = 3;
 
 /// A photo is left out if it fits worse than the others' median by this factor …
 const MISFIT_FACTOR: f64 = 3.0;
-/// … and by at least this much, px: what a corner's own noise and a board's print can explain is left in peace.
+/// … and by at least this much, px: smaller differences are explained by corner noise and the board's print.
 const MISFIT_PX: f64 = 0.25;
 
-/// The board must turn by this much between photos, degrees; parallel boards leave focal length and distance entangled.
+/// The board's tilt must differ by this much between photos, degrees; with parallel boards, focal length and distance
+/// cannot be separated.
 const LEAST_TURN_DEG: f64 = 5.0;
 
-/// Focal lengths less certain than this (standard deviation, percent) are refused.
+/// Maximum standard deviation of the focal length, percent; a less certain calibration is refused.
 const MOST_FOCAL_SIGMA_PERCENT: f64 = 5.0;
 
-/// A bulge that explains a photo this much better than a flat board is the reason why it does not fit.
+/// A photo is reported as bent if a curved board reduces its RMS error to this share of the flat board's.
 const BENT_IF_RMS_FALLS_TO: f64 = 0.5;
 
-/// Makes a camera of that picture size from the corners found in photos of the board.
+/// Calibrates a camera of this picture size from the corners found in photos of the board.
+///
+/// # Errors
+/// [`CalibrationProblem`] if the photos are too few, too alike or contradictory.
 pub fn calibrate(
     views: &[BoardView],
     width: u32,
@@ -48,7 +52,7 @@ pub fn calibrate(
     Ok(report(views, &points, board, outcome))
 }
 
-/// Photos with corners and their places in the list.
+/// The photos with corners, each with its index in the list of views.
 type Found<'a> = Vec<(usize, &'a [Pixel])>;
 
 fn views_with_corners(views: &[BoardView], board: Board) -> Result<Found<'_>, CalibrationProblem> {
@@ -76,7 +80,7 @@ fn too_few(views: &[BoardView], board: Board, found: usize) -> CalibrationProble
     CalibrationProblem::TooFewPhotos { board: board.into(), found, given: views.len(), other, common }
 }
 
-/// A photo with a pose, and its place in the list of views.
+/// A photo with a pose, and its index in the list of views.
 #[derive(Clone, Debug)]
 struct Candidate<'a> {
     index: usize,
@@ -99,7 +103,7 @@ fn start<'a>(
     Ok((camera, candidates.ok_or(CalibrationProblem::Contradiction)?))
 }
 
-/// The photos that agree on a camera, that camera, and the photos that do not.
+/// The photos that agree on a camera, that camera, and the photos that were left out.
 struct Selection<'a> {
     used: Vec<usize>,
     fit: Fit<'a>,
@@ -116,7 +120,7 @@ impl<'a> Selection<'a> {
         Ok(selection)
     }
 
-    /// Tests the photo that fits worst; whether it was left out.
+    /// Tests the photo that fits worst; returns true if it was left out.
     fn leave_out_worst(&mut self, points: &[Point2<f64>]) -> Result<bool, CalibrationProblem> {
         if self.used.len() <= FEWEST_PHOTOS {
             return Ok(false);
@@ -139,7 +143,7 @@ impl<'a> Selection<'a> {
         Ok(true)
     }
 
-    /// Takes photos back that fit the final camera after all.
+    /// Takes back the photos that fit the final camera after all.
     fn take_back(&mut self, points: &[Point2<f64>]) -> Result<(), CalibrationProblem> {
         let each = self.rms_each(points);
         let camera = self.fit.camera;
@@ -233,7 +237,7 @@ fn sigma(fit: &Fit<'_>) -> Sigma {
     Sigma { fx, fy, cx, cy, k1, k2, p1, p2, k3 }
 }
 
-/// Why a photo does not fit: a bulge, one corner, or everything.
+/// Why a photo does not fit: a bent board, one bad corner, or all corners.
 fn why(points: &[Point2<f64>], board: Board, fit: &Fit<'_>, photo: &Posed<'_>) -> PhotoReason {
     let misses = refine::misses(points, &fit.camera, photo).unwrap_or_default();
     let rms_px = refine::rms(&misses);

@@ -1,25 +1,25 @@
-//! From a video of a board to a few sharp views that differ, as a person would take photos.
+//! Picks a few sharp and different views from a video of a board, as a person would take photos.
 //!
-//! In: the luma planes of a recording, one after the other. Out: views for [`super::calibrate()`]. Method: of every few
-//! frames only the sharpest is searched for the board (a moving board blurs most frames); a view is kept if its corners
-//! lie elsewhere than in every view kept before. Neighbouring frames say the same thing a thousand times, and would make
-//! the standard deviations look smaller than they are.
+//! In: the luma planes of a recording, one after the other. Out: views for [`super::calibrate()`]. Method: frames are
+//! grouped into windows, and only the sharpest frame of a window is searched for the board (a moving board blurs most
+//! frames). A view is kept if its corners lie elsewhere than in every view kept before. Neighbouring frames are nearly
+//! equal; to use them all would make the standard deviations look smaller than they are.
 
 use super::checkerboard::{self, BoardReason};
 use super::{Board, BoardView, FEWEST_PHOTOS};
 use crate::pipeline::frame::Plane;
 use crate::pipeline::space::Pixel;
 
-/// Frames searched for the board: more cost time and hardly add views.
+/// Target number of frames searched for the board: more cost time and hardly add views.
 const LOOKS: u64 = 150;
 
-/// Views kept at most; the camera's standard deviations fall no further in practice.
+/// Maximum of views kept; with more, the camera's standard deviations fall no further in practice.
 const MOST_VIEWS: usize = 40;
 
-/// Corners must have moved by this share of the picture's diagonal, on average, to be another view.
+/// A view is new if its corners moved by more than this share of the picture's diagonal, on average.
 const LEAST_MOVE: f64 = 0.03;
 
-/// Frames in one window, if the recording does not say how long it is.
+/// Frames in one window, if the recording's length is unknown.
 const USUAL_WINDOW: u64 = 10;
 
 /// Picks views from a recording.
@@ -42,13 +42,13 @@ struct Sharpest {
 }
 
 impl Film {
-    /// A film of that many frames, if known.
+    /// Prepares for a recording of `frames` frames, if that is known.
     pub fn new(board: Board, frames: Option<u64>) -> Self {
         let window = frames.map_or(USUAL_WINDOW, |n| n.div_ceil(LOOKS).max(1));
         Self { board, window, shown: 0, looked: 0, sharpest: None, views: Vec::new(), failures: Vec::new() }
     }
 
-    /// Shows the next frame; `name` is for the report.
+    /// Takes the next frame; `name` is for the report.
     pub fn show(&mut self, name: impl FnOnce() -> String, luma: &Plane<'_>) {
         let sharpness = sharpness(luma);
         if self.sharpest.as_ref().is_none_or(|best| sharpness > best.sharpness) {
@@ -61,7 +61,8 @@ impl Film {
         }
     }
 
-    /// The views: sharp and different. If they are too few for a camera, the frames without a board too, with reasons.
+    /// The sharp and different views. If they are too few for a calibration, the frames without a board are added, each
+    /// with its reason.
     pub fn views(mut self) -> Vec<BoardView> {
         self.look();
         let mut views: Vec<_> =
@@ -88,12 +89,13 @@ impl Film {
         }
         self.looked += 1;
         if self.looked.is_multiple_of(2 * LOOKS) {
-            self.window = self.window.saturating_mul(2); // longer than it said it was
+            self.window = self.window.saturating_mul(2); // the recording is longer than stated
         }
     }
 }
 
-/// Mean distance of the corners of two views, the second in whichever of its two labellings is nearer.
+/// Mean distance of the corners of two views. The second view may be numbered from either end; the nearer numbering
+/// counts.
 fn mean_move(a: &[Pixel], b: &[Pixel]) -> f64 {
     let mean = |b: &mut dyn Iterator<Item = &Pixel>| {
         a.iter().zip(b).map(|(p, q)| (p.0 - q.0).norm()).sum::<f64>() / a.len().max(1) as f64
@@ -101,7 +103,7 @@ fn mean_move(a: &[Pixel], b: &[Pixel]) -> f64 {
     mean(&mut b.iter()).min(mean(&mut b.iter().rev()))
 }
 
-/// Mean square difference of pixels two apart, on every fourth row: falls with blur, whatever its direction.
+/// Mean square difference of pixels two apart, on every fourth row; it falls with blur in any direction.
 fn sharpness(luma: &Plane<'_>) -> f64 {
     const STRIDE: usize = 4;
     let difference = |a: u8, b: u8| f64::from(i32::from(a) - i32::from(b)).powi(2);

@@ -1,12 +1,15 @@
-//! One photo of a board at a glance, while whoever took it still holds the board: its corners, or what is wrong and where.
+//! Checks a single photo of a board while the photographer still holds the board: its corners, or what is wrong and
+//! where.
 //!
-//! In: one luma plane and the board that was shown. Out: the corners, to which side the board leans, and which parts of the
-//! picture it fills; or the reason why it was not found, what was seen of it, and hints at the cause. Method: [`checkerboard`]
-//! decides; the hints are grey levels of the whole picture and the distance of what was seen to its rim. Which side of the
-//! board is nearer is told by the lengths of its opposite sides, once the lens's bending is taken out by the one number that
-//! makes a homography of the corners fit best: a camera is not known yet. It is rough, and meant for "tilt it the other way".
+//! In: one luma plane and the board that was shown. Out: the corners, the side of the board that leans towards the
+//! camera, and the parts of the picture that the board fills; or the reason why it was not found, the part that was
+//! seen, and hints at the cause. Method: [`checkerboard`] decides; the hints come from the grey levels of the whole
+//! picture and from the distance between the seen corners and the picture's edge. The nearer side of the board follows
+//! from the lengths of its opposite sides. No camera is known yet, so the lens's distortion is first removed with one
+//! coefficient: the one that makes a homography fit the corners best. The result is rough, and only meant for advice
+//! such as "tilt it the other way".
 //!
-//! Says nothing of accuracy: only all photos together do ([`super::calibrate()`]).
+//! A single photo says nothing about accuracy; only all photos together do ([`super::calibrate()`]).
 
 use nalgebra::{Point2, Vector2};
 
@@ -15,25 +18,28 @@ use super::{Board, Coverage, initial};
 use crate::pipeline::frame::Plane;
 use crate::pipeline::space::Pixel;
 
-/// A picture with a median below this has no light to find a board by, codes.
+/// A picture with a median below this is too dark to find a board, codes.
 const DARK: u8 = 36;
-/// Codes from here on are burnt out.
+/// Codes from this value up count as overexposed.
 const BURNT: usize = 250;
-/// More than this share of burnt pixels may hide squares. A white sheet in good light stays below the code.
+/// A larger share of overexposed pixels may hide squares. A white sheet in good light stays below [`OVEREXPOSED_CODE`].
 const MOST_BURNT: f64 = 0.12;
-/// Where the steepest edges climb less than this share of the picture's contrast from one pixel to the next, nothing is sharp.
+/// If the steepest edges climb by less than this share of the picture's contrast from one pixel to the next, nothing in
+/// the picture is sharp.
 const SOFT: f64 = 0.12;
-/// Share of neighbours that are steeper than "the steepest edges".
+/// Share of neighbouring pixels that count as the steepest edges.
 const STEEPEST: f64 = 0.002;
-/// What was seen ends at the picture's rim if the next corner would lie outside, or nearly, squares.
+/// The board is cut off at a side of the picture if its seen corners end within this distance, squares: the next corner
+/// would lie outside, or nearly.
 const AT_THE_RIM: f64 = 1.3;
-/// Natural logarithm of opposite sides' lengths from which a board is tilted: about 8° at a box's distances.
+/// A board counts as tilted if the natural logarithm of the ratio of its opposite sides reaches this: about 8° at a
+/// box's distances.
 const LEAST_TILT: f64 = 0.06;
-/// The lens's bending that is tried, as in `r / (1 + k r²)` with r = 1 in the picture's corner.
+/// Distortion coefficients `k` that are tried, as in `r / (1 + k r²)` with r = 1 in the picture's corner.
 const BENDINGS: [f64; 15] =
     [0.15, 0.1, 0.05, 0.0, -0.05, -0.1, -0.15, -0.2, -0.25, -0.3, -0.35, -0.4, -0.45, -0.5, -0.55];
 
-/// A side of the picture, or of the board as it is seen.
+/// A side of the picture, or of the board as it appears in the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edge {
     /// Left.
@@ -46,35 +52,35 @@ pub enum Edge {
     Bottom,
 }
 
-/// What may be the cause.
+/// A possible cause of a board that was not found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hint {
     /// Too little light.
     Dark,
-    /// Burnt out by the light or its reflection.
+    /// Overexposed by the light or its reflection.
     Glare,
     /// The board is not sharp, or nothing in the picture is.
     Soft,
-    /// What was seen of the board ends at this side of the picture.
+    /// The board leaves the picture at this side.
     CutOff(Edge),
 }
 
-/// What a photo shows.
+/// The result of checking one photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Glance {
-    /// All inner corners, row by row; where there is a reason, those that were seen, in no order.
+    /// All inner corners, row by row; if there is a `reason`, only the corners that were seen, in no order.
     pub corners: Vec<Pixel>,
-    /// Why they are not all there.
+    /// Why the board was not found whole; `None` if it was.
     pub reason: Option<BoardReason>,
-    /// What may be its cause.
+    /// Possible causes of the reason.
     pub hints: Vec<Hint>,
-    /// The side of the board that is nearer to the camera; `None` where it faces it, or was not found.
+    /// The side of the board that is nearer to the camera; `None` if the board faces the camera, or was not found.
     pub near: Option<Edge>,
-    /// Where a calibration would find corners in it.
+    /// Parts of the picture where a calibration would find corners in this photo.
     pub coverage: Coverage,
 }
 
-/// Looks at one photo.
+/// Checks one photo.
 pub fn glance(photo: &Plane<'_>, board: Board) -> Glance {
     let coverage = |corners: &[Pixel]| Coverage::of(corners.iter(), photo.width as u32, photo.height as u32);
     let size = Vector2::new(photo.width as f64, photo.height as f64);
@@ -95,17 +101,17 @@ fn hints(photo: &Plane<'_>, reason: &BoardReason, seen: &[Pixel]) -> Vec<Hint> {
     let is_another_board = matches!(reason, BoardReason::OtherBoard { .. });
     let is_unseen = matches!(reason, BoardReason::NoBoard);
     let is_blurred = matches!(reason, BoardReason::Blurred { .. });
-    let told = [
+    let causes = [
         (Hint::Dark, levels.median < DARK),
         (Hint::Glare, levels.burnt > MOST_BURNT),
         (Hint::Soft, is_blurred || (is_unseen && levels.median >= DARK && levels.steepest < SOFT)),
     ];
-    let of_light = told.into_iter().filter(|(_, holds)| *holds && !is_another_board).map(|(hint, _)| hint);
+    let of_light = causes.into_iter().filter(|(_, holds)| *holds && !is_another_board).map(|(hint, _)| hint);
     let is_part = matches!(reason, BoardReason::Incomplete { .. } | BoardReason::Irregular);
     of_light.chain(rims(photo, if is_part { seen } else { &[] }).into_iter().map(Hint::CutOff)).collect()
 }
 
-/// The sides of the picture at which what was seen ends.
+/// The sides of the picture where the seen part of the board is cut off.
 fn rims(photo: &Plane<'_>, seen: &[Pixel]) -> Vec<Edge> {
     let Some(square) = square_px(seen) else { return Vec::new() };
     let limit = AT_THE_RIM * square;
@@ -134,9 +140,9 @@ fn square_px(corners: &[Pixel]) -> Option<f64> {
 /// Grey levels of a whole picture.
 struct Levels {
     median: u8,
-    /// Share of pixels that are burnt out.
+    /// Share of overexposed pixels.
     burnt: f64,
-    /// Step of the steepest edges, as a share of the contrast.
+    /// Difference between neighbouring pixels at the steepest edges, as a share of the contrast.
     steepest: f64,
 }
 
@@ -158,7 +164,7 @@ impl Levels {
     }
 }
 
-/// The code that this share of them does not exceed.
+/// The code that this share of the pixels does not exceed.
 fn quantile(counts: &[usize; 256], share: f64) -> u8 {
     let most = share * counts.iter().sum::<usize>() as f64;
     let mut sum = 0;
@@ -169,14 +175,15 @@ fn quantile(counts: &[usize; 256], share: f64) -> u8 {
     reached.unwrap_or(255) as u8
 }
 
-/// Where a board leans towards the camera: the picture's side at which squares are largest.
+/// The side of the board that leans towards the camera: the squares are largest there.
 fn near_side(corners: &[Pixel], board: Board, size: Vector2<f64>) -> Option<Edge> {
     let straight = straightened(corners, board, size)?;
     let (columns, last) = (board.columns(), straight.len().checked_sub(board.columns())?);
     let [a, b] = [straight.first()?, straight.get(columns - 1)?];
     let [c, d] = [straight.get(last)?, straight.last()?];
     let ratio = |long: Vector2<f64>, short: Vector2<f64>| (long.norm() / short.norm()).ln();
-    // From the first row to the last and from the first column to the last, in the picture, as long as squares grow on the way.
+    // Two vectors in the picture, first row to last row and first column to last column; the length of each is how much
+    // the squares grow on the way.
     let down = ((c.coords + d.coords) - (a.coords + b.coords)).try_normalize(0.0)? * ratio(d - c, b - a);
     let across = ((b.coords + d.coords) - (a.coords + c.coords)).try_normalize(0.0)? * ratio(d - b, c - a);
     let grows = down + across;
@@ -187,7 +194,7 @@ fn near_side(corners: &[Pixel], board: Board, size: Vector2<f64>) -> Option<Edge
     }
 }
 
-/// The corners without the lens's bending, as far as one number tells it.
+/// The corners without the lens's distortion, estimated with one coefficient.
 fn straightened(corners: &[Pixel], board: Board, size: Vector2<f64>) -> Option<Vec<Point2<f64>>> {
     let centre = (size - Vector2::repeat(1.0)) / 2.0;
     let points = board.points_mm();
@@ -206,7 +213,7 @@ fn straightened(corners: &[Pixel], board: Board, size: Vector2<f64>) -> Option<V
     Some(best.into_iter().map(|pixel| pixel.0).collect())
 }
 
-/// How far a homography misses points, against how far they spread.
+/// Squared error of the best homography, relative to the spread of the points.
 fn misfit(points: &[Point2<f64>], seen: &[Pixel]) -> Option<f64> {
     let homography = initial::homography(points, seen)?;
     let middle = seen.iter().map(|pixel| pixel.0.coords).sum::<Vector2<f64>>() / seen.len() as f64;

@@ -1,10 +1,10 @@
-//! A first camera and first poses in closed form, to start the refinement from.
+//! Start values for the refinement: a first camera and first poses in closed form.
 //!
-//! In: inner corners of flat boards, pixels. Out: focal lengths without distortion, and where each board stood.
-//! Method: a homography per photo (normalised DLT), then Zhang's two constraints per homography (Z. Zhang, "A flexible
-//! new technique for camera calibration", PAMI 2000). Of his five unknowns three are taken as known, zero skew and the
-//! principal point in the picture's middle: the full closed form falls apart under a laparoscope's distortion, and the
-//! refinement finds the rest anyway.
+//! In: inner corners of flat boards, pixels. Out: focal lengths without distortion, and the pose of each board. Method:
+//! a homography per photo (normalised DLT), then Zhang's two constraints per homography (Z. Zhang, "A flexible new
+//! technique for camera calibration", PAMI 2000). Three of his five unknowns are assumed: zero skew, and the principal
+//! point in the picture's middle. The full closed form fails under a laparoscope's distortion, and the refinement finds
+//! the principal point anyway.
 
 use nalgebra::{
     Isometry3, Matrix2, Matrix3, Point2, Rotation3, SMatrix, SymmetricEigen, Translation3, UnitQuaternion, Vector2,
@@ -14,11 +14,11 @@ use nalgebra::{
 use super::Camera;
 use crate::pipeline::space::Pixel;
 
-/// A pinhole camera without distortion from boards on their plane (`points`, mm) and as seen.
+/// A pinhole camera without distortion, from the homographies of the boards.
 pub(super) fn camera(homographies: &[Matrix3<f64>], width: u32, height: u32) -> Camera {
     let (cx, cy) = ((f64::from(width) - 1.0) / 2.0, (f64::from(height) - 1.0) / 2.0);
     let (fx, fy) = focal_lengths(homographies, cx, cy).unwrap_or_else(|| {
-        let usual = f64::from(width.max(height)); // a field of view of 53°: boards seen face on say nothing better
+        let usual = f64::from(width.max(height)); // a field of view of 53°: boards that face the camera do not give one
         (usual, usual)
     });
     Camera { width, height, fx, fy, cx, cy, k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 }
@@ -48,7 +48,7 @@ pub(super) fn homography(points: &[Point2<f64>], seen: &[Pixel]) -> Option<Matri
     (h.iter().all(|v| v.is_finite()) && h.determinant().abs() > 1e-12 * size.powi(3)).then(|| h / size)
 }
 
-/// The pose `camera_from_board` that a homography means for a camera without distortion; the board is in front.
+/// The pose `camera_from_board` that a homography implies for a camera without distortion; the board is in front.
 pub(super) fn pose(camera: &Camera, homography: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     let k = Matrix3::new(camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0);
     let h = k.try_inverse()? * homography;
@@ -79,7 +79,7 @@ fn focal_lengths(homographies: &[Matrix3<f64>], cx: f64, cy: f64) -> Option<(f64
     let focal = |inverse_square: f64| (inverse_square > 0.0).then(|| inverse_square.sqrt().recip());
     let separate = both.0.try_inverse().map(|inverse| inverse * both.1);
     let separate = separate.and_then(|s| Some((focal(s.x)?, focal(s.y)?)));
-    // Lenses have nearly square pixels; another ratio comes from noise in photos that do not tell it.
+    // Cameras have nearly square pixels; another ratio comes from noise in photos that do not determine it.
     let plausible = separate.filter(|(fx, fy)| (0.5..2.0).contains(&(fx / fy)));
     plausible.or_else(|| focal(one.1 / one.0).map(|f| (f, f)))
 }
@@ -94,7 +94,7 @@ fn constraints(homography: &Matrix3<f64>, cx: f64, cy: f64) -> [(Vector2<f64>, f
     ]
 }
 
-/// Shift and scale that bring points to mean 0 and mean distance √2, without which the DLT is badly conditioned.
+/// Shift and scale that bring points to mean 0 and mean distance √2; otherwise the DLT is badly conditioned.
 struct Normalisation {
     mean: Point2<f64>,
     scale: f64,

@@ -1,14 +1,15 @@
-//! The camera: where a point in space is seen, and how photos of a checkerboard tell.
+//! The camera: which pixel shows a point in space, and how the camera is calibrated from photos of a checkerboard.
 //!
-//! [`model`] is the projection used everywhere; the other files make one from photos (METHOD section 1):
+//! [`model`] is the projection used everywhere; the other files make a camera from photos (METHOD section 1):
 //!
 //! ```text
 //! luma plane → checkerboard::find → corners → calibrate (initial → refine → leave out) → Calibration
 //! ```
 //!
-//! [`glance`](mod@glance) tells of one photo alone whether it will serve, and if not, why.
+//! [`photo_inspection`] says of a single photo whether it can be used, and if not, why.
 //!
-//! [`placed`] asks the other way round: where does a board lie before a camera that is known, and does it still know it?
+//! [`board_pose`] works the other way round: given a known camera, it finds the pose of a board and checks whether the
+//! calibration still holds.
 
 mod bend;
 pub mod board;

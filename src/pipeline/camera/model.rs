@@ -55,21 +55,21 @@ impl Camera {
         (distorted, jacobian)
     }
 
-    /// Where a direction of sight is seen in the recorded frame.
+    /// The pixel of the recorded frame that shows an undistorted direction.
     pub fn pixel_of(&self, n: Normalised) -> Pixel {
         let (d, _) = self.distort_with_jacobian(n);
         Pixel::new(self.fx * d.x + self.cx, self.fy * d.y + self.cy)
     }
 
-    /// Where a point in space is seen; `None` behind the camera.
+    /// The pixel that shows a point in space; `None` behind the camera.
     pub fn project(&self, point: CameraPoint) -> Option<Pixel> {
         point.normalised().map(|n| self.pixel_of(n))
     }
 
-    /// The undistorted direction in which a pixel of the recorded frame looks, to < 1e-6 px.
+    /// The undistorted direction that a pixel of the recorded frame shows, to < 1e-6 px.
     ///
-    /// Newton's method on the distortion; `None` where the lens model folds over (far outside the picture), so that
-    /// no wrong direction is returned.
+    /// Newton's method on the distortion. Returns `None` rather than a wrong direction where the lens model folds over
+    /// (far outside the picture).
     pub fn normalised_of(&self, pixel: Pixel) -> Option<Normalised> {
         let target = Vector2::new((pixel.u() - self.cx) / self.fx, (pixel.v() - self.cy) / self.fy);
         let tolerance = 1e-10;

@@ -1,12 +1,13 @@
-//! A board before a camera that is known already: where it lies, and whether the lens is still the one that was calibrated.
+//! The pose of a board in front of a known camera, and whether the lens still matches the calibration.
 //!
-//! In: inner corners, pixels, in the order of [`Board::points_mm`]. Out: the board's pose, mm, and how far its corners are
-//! from where the camera should see them; and the factor by which the focal length seems to have changed since. Method: a
-//! homography of undistorted corners, refined on the reprojection error with the camera held ([`super::refine`]); for the
-//! focal length one factor more, common to all boards, by Gauss–Newton.
+//! In: inner corners, pixels, in the order of [`Board::points_mm`]. Out: the board's pose, mm, the reprojection error
+//! of its corners, and the change of the focal length since the calibration. Method: a homography of the undistorted
+//! corners, refined on the reprojection error with the camera held fixed ([`super::refine`]); for the focal length one
+//! more factor, common to all boards, by Gauss–Newton.
 //!
-//! A board seen squarely hides a zoom: it could as well be nearer. What tells is perspective across a tilted board and the
-//! lens's bending, which does not scale with the picture; so the factor comes with its own standard deviation.
+//! A board that faces the camera hides a zoom: the board could as well be nearer. Only the perspective across a tilted
+//! board and the lens's distortion, which does not scale with the picture, reveal it. So the factor has its own
+//! standard deviation.
 
 use nalgebra::{Isometry3, Matrix6, Point2, Vector2, Vector6};
 
@@ -14,10 +15,10 @@ use super::refine::{self, Posed};
 use super::{Board, Camera, initial};
 use crate::pipeline::space::Pixel;
 
-/// Steps of the minimisation; a start from nearly the right focal length needs about four.
+/// Maximum steps of the minimisation; from nearly the right focal length it needs about four.
 const MOST_STEPS: usize = 20;
 
-/// A board that lies somewhere.
+/// A board with its pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedBoard {
     /// Pose, mm: x along the rows, y along the columns, z through the board away from the camera.
@@ -26,16 +27,16 @@ pub struct PlacedBoard {
     pub rms_px: f64,
 }
 
-/// By how much the focal length seems to differ from the camera's.
+/// The estimated change of the focal length against the stored camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FocalChange {
-    /// Share of the camera's focal length: 0.01 where the lens is 1 % longer than the camera says.
+    /// Share of the camera's focal length: 0.01 if the lens is 1 % longer than the camera states.
     pub share: f64,
-    /// Its standard deviation, from what the corners miss.
+    /// Standard deviation of the share, from the residuals of the corners.
     pub sigma: f64,
 }
 
-/// Where a board lies; `None` where these corners cannot be a board's before this camera.
+/// The pose of a board; `None` if the corners cannot be those of this board in front of this camera.
 pub fn locate(camera: &Camera, board: Board, corners: &[Pixel]) -> Option<PlacedBoard> {
     let points = board.points_mm();
     if corners.len() != points.len() {
@@ -47,7 +48,7 @@ pub fn locate(camera: &Camera, board: Board, corners: &[Pixel]) -> Option<Placed
     rms_px.is_finite().then_some(PlacedBoard { camera_from_board: placed.pose, rms_px })
 }
 
-/// The change of the focal length that explains the corners of all these boards best; `None` without a finite answer.
+/// The change of the focal length that explains the corners of all views best; `None` without a finite answer.
 pub fn focal_change(camera: &Camera, board: Board, views: &[Vec<Pixel>]) -> Option<FocalChange> {
     let points = board.points_mm();
     let mut poses = views.iter().map(|seen| start(camera, &points, seen)).collect::<Option<Vec<_>>>()?;
@@ -70,7 +71,7 @@ fn scaled(camera: &Camera, factor: f64) -> Camera {
     Camera { fx: camera.fx * factor, fy: camera.fy * factor, ..*camera }
 }
 
-/// A pose in closed form, from the corners without the lens's bending.
+/// A pose in closed form, from the undistorted corners.
 fn start(camera: &Camera, points: &[Point2<f64>], seen: &[Pixel]) -> Option<Isometry3<f64>> {
     let straight: Option<Vec<Pixel>> =
         seen.iter().map(|pixel| camera.normalised_of(*pixel).map(|n| Pixel(n.0))).collect();
@@ -78,7 +79,7 @@ fn start(camera: &Camera, points: &[Point2<f64>], seen: &[Pixel]) -> Option<Isom
     initial::pose(&unit, &initial::homography(points, &straight?)?)
 }
 
-/// The normal equations of one factor and a pose for each view: the poses are eliminated view by view.
+/// The normal equations of the focal length's factor and one pose per view; the poses are eliminated view by view.
 #[derive(Default)]
 struct Normal {
     factor: f64,
@@ -110,7 +111,7 @@ impl Normal {
         Some(normal)
     }
 
-    /// The factor's own equation, without the poses: its weight and its slope.
+    /// The factor's equation with the poses eliminated: weight and gradient.
     fn reduced(&self) -> Option<(f64, f64)> {
         let (mut weight, mut slope) = (self.factor, self.factor_slope);
         for (square, joint, own) in &self.views {
@@ -153,7 +154,7 @@ mod tests {
         Isometry3::new(Vector3::new(x, -12.0, 240.0), Vector3::new(lean, 0.05, 0.1))
     }
 
-    /// Corners as a camera sees them, each off by up to so many pixels.
+    /// Corners as a camera sees them, each coordinate off by up to `noise_px`.
     fn seen(camera: &Camera, pose: &Isometry3<f64>, noise_px: f64) -> Vec<Pixel> {
         let mut dice = SmallRng::seed_from_u64(4);
         let mut off = || noise_px * dice.random_range(-1.0..=1.0);

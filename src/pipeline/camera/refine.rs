@@ -1,32 +1,32 @@
-//! Camera and poses that explain the seen corners best: Levenberg–Marquardt over everything at once.
+//! Refines the camera and all poses together with Levenberg–Marquardt, to explain the seen corners best.
 //!
 //! In: a start ([`super::initial`]) and the corners of every photo, pixels. Out: the camera, each board's pose and the
-//! covariance of the camera's nine numbers. Method: the reprojection error is minimised with an analytic Jacobian;
+//! covariance of the camera's nine parameters. Method: the reprojection error is minimised with an analytic Jacobian;
 //! corners further off than [`ROBUST_SIGMAS`] are weighted down (Huber), so that one bad corner cannot drag the camera.
-//! A pose touches only its own photo's corners, so the normal equations are an arrow: the poses are eliminated photo by
-//! photo (Schur complement) and the cost grows linearly with the photos.
+//! A pose affects only its own photo's corners, so the normal equations form an arrow matrix: the poses are eliminated
+//! photo by photo (Schur complement), and the cost grows linearly with the number of photos.
 
 use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
 
 use super::Camera;
 use crate::pipeline::space::{Normalised, Pixel};
 
-/// Corners further off than this many robust standard deviations lose weight: 1 % of good ones do.
+/// Corners further off than this many robust standard deviations lose weight; this affects 1 % of good corners.
 pub(super) const ROBUST_SIGMAS: f64 = 3.0;
 
-/// Steps of one minimisation; a good start needs about ten.
+/// Maximum steps of one minimisation; a good start needs about ten.
 const MOST_STEPS: usize = 100;
 
-/// Below this relative gain a step counts as arrived.
+/// The minimisation has converged when a step's relative gain falls below this.
 const SMALLEST_GAIN: f64 = 1e-10;
 
-/// Numbers of a camera that are refined: fx fy cx cy k1 k2 p1 p2 k3.
+/// Number of camera parameters that are refined: fx fy cx cy k1 k2 p1 p2 k3.
 pub(super) const INTRINSICS: usize = 9;
 
 type CameraJacobian = SMatrix<f64, 2, INTRINSICS>;
 type PoseJacobian = SMatrix<f64, 2, 6>;
 
-/// The corners of one photo and where its board stands.
+/// The corners of one photo and the pose of its board.
 #[derive(Clone, Debug)]
 pub(super) struct Posed<'a> {
     /// Corners as seen, in the order of the board's points.
@@ -35,19 +35,19 @@ pub(super) struct Posed<'a> {
     pub pose: Isometry3<f64>,
 }
 
-/// What the minimisation found.
+/// The result of the minimisation.
 #[derive(Clone, Debug)]
 pub(super) struct Fit<'a> {
     pub camera: Camera,
     pub photos: Vec<Posed<'a>>,
-    /// Covariance of the nine intrinsics, for independent corners as noisy as the residuals say.
+    /// Covariance of the nine intrinsics, for independent corners with the noise seen in the residuals.
     pub covariance: SMatrix<f64, INTRINSICS, INTRINSICS>,
 }
 
 /// Refines camera and poses together; `None` if the equations have no finite solution.
 pub(super) fn everything<'a>(points: &[Point2<f64>], camera: Camera, photos: Vec<Posed<'a>>) -> Option<Fit<'a>> {
     let mut state = State { camera, photos };
-    // Far from the answer every corner is far off: the first pass takes them all at their word.
+    // Far from the solution every corner is far off, so the first pass gives all corners full weight.
     state = minimise(points, state, f64::INFINITY)?;
     for _ in 0..3 {
         let limit = ROBUST_SIGMAS * robust_sigma(&state.residuals(points)?);
@@ -60,7 +60,7 @@ pub(super) fn everything<'a>(points: &[Point2<f64>], camera: Camera, photos: Vec
     finite.then_some(Fit { camera: state.camera, photos: state.photos, covariance })
 }
 
-/// Refines one pose with the camera held: how well a photo agrees with a camera that it had no part in.
+/// Refines one pose with the camera held fixed: shows how well a photo agrees with a camera calibrated without it.
 pub(super) fn pose_only<'a>(points: &[Point2<f64>], camera: &Camera, photo: Posed<'a>) -> Option<Posed<'a>> {
     let mut pose = photo.pose;
     for _ in 0..30 {
@@ -80,19 +80,19 @@ pub(super) fn pose_only<'a>(points: &[Point2<f64>], camera: &Camera, photo: Pose
     pose.translation.vector.iter().all(|v| v.is_finite()).then_some(Posed { pose, ..photo })
 }
 
-/// How far each corner of a photo is seen from where the camera would see it, px; `None` with the board behind it.
+/// Seen minus expected position of each corner of a photo, px; `None` if the board is behind the camera.
 pub(super) fn misses(points: &[Point2<f64>], camera: &Camera, photo: &Posed<'_>) -> Option<Vec<Vector2<f64>>> {
     let miss = |(point, seen): (&Point2<f64>, &Pixel)| Some(seen.0 - project(camera, &photo.pose, point)?.0.0);
     points.iter().zip(photo.seen).map(miss).collect()
 }
 
-/// Standard deviation per coordinate from the median distance, which a few bad corners leave as it is.
+/// Standard deviation per coordinate from the median distance, which a few bad corners do not change.
 pub(super) fn robust_sigma(misses: &[Vector2<f64>]) -> f64 {
     const MEDIAN_OF_UNIT_RAYLEIGH: f64 = 1.177_41;
     let mut distances: Vec<f64> = misses.iter().map(|m| m.norm()).collect();
     distances.sort_by(f64::total_cmp);
     let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-    // Corners from a formula agree to rounding; without a floor their noise would be 0 and every weight with it.
+    // Computed corners agree to rounding errors; without a floor their noise and every weight would be 0.
     (median / MEDIAN_OF_UNIT_RAYLEIGH).max(1e-6)
 }
 
@@ -101,7 +101,7 @@ pub(super) fn rms(misses: &[Vector2<f64>]) -> f64 {
     (misses.iter().map(|m| m.norm_squared()).sum::<f64>() / misses.len().max(1) as f64).sqrt()
 }
 
-/// Where a board's point is seen, with the slopes against the intrinsics and against the pose (turn, then shift).
+/// The pixel of a board's point, with its derivatives by the intrinsics and by the pose (rotation, then translation).
 pub(super) fn project(
     camera: &Camera,
     pose: &Isometry3<f64>,
@@ -115,7 +115,7 @@ pub(super) fn project(
     Some((pixel, by_camera, by_pose))
 }
 
-/// Where a point in camera space is seen, with the slopes against the intrinsics and against the point.
+/// The pixel of a point in camera space, with its derivatives by the intrinsics and by the point.
 pub(super) fn project_point(camera: &Camera, at: Point3<f64>) -> Option<(Pixel, CameraJacobian, SMatrix<f64, 2, 3>)> {
     if at.z <= 0.0 {
         return None;
@@ -142,7 +142,7 @@ pub(super) fn project_point(camera: &Camera, at: Point3<f64>) -> Option<(Pixel, 
     Some((pixel, by_camera, by_direction * direction_by_point))
 }
 
-/// A pose after a small turn (about the camera's axes, radians) and shift (mm).
+/// A pose after a small rotation (about the camera's axes, radians) and translation (mm).
 pub(super) fn moved(pose: &Isometry3<f64>, step: &SVector<f64, 6>) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
     let shift = pose.translation.vector + step.fixed_rows::<3>(3);
@@ -181,7 +181,7 @@ impl State<'_> {
     }
 }
 
-/// Huber's loss and weight: square within the limit, straight beyond it.
+/// Huber's loss and weight: quadratic within the limit, linear beyond it.
 fn huber(distance: f64, limit: f64) -> (f64, f64) {
     if distance <= limit {
         (distance * distance, 1.0)
@@ -214,7 +214,7 @@ fn minimise<'a>(points: &[Point2<f64>], mut state: State<'a>, limit_px: f64) -> 
     cost.is_finite().then_some(state)
 }
 
-/// The normal equations as an arrow: the camera's block, and per photo its pose's block and the one that joins both.
+/// The normal equations as an arrow matrix: the camera's block, and per photo the pose's block and the joint block.
 struct Normal {
     camera: SMatrix<f64, INTRINSICS, INTRINSICS>,
     camera_slope: SVector<f64, INTRINSICS>,
@@ -283,7 +283,7 @@ impl Normal {
         Some(Step { camera, poses: self.photos.iter().map(own).collect::<Option<_>>()? })
     }
 
-    /// Standard deviation per coordinate; every photo spends six unknowns and the camera nine.
+    /// Standard deviation per coordinate; every photo takes six unknowns and the camera nine.
     fn sigma_px(&self) -> f64 {
         let unknowns = (INTRINSICS + 6 * self.photos.len()) as f64;
         (self.weighted_squares / (2.0 * self.weights - unknowns).max(1.0)).sqrt()

@@ -1,10 +1,11 @@
-//! What a calibration says of itself: how well each photo fits, how sure each number is, where corners were seen.
+//! The report of a calibration: the fit of each photo, the standard deviation of each number, and where corners were
+//! seen.
 
 use super::checkerboard::BoardReason;
 use super::{Board, Camera};
 use crate::pipeline::space::Pixel;
 
-/// What was looked for in one photo, and what was found.
+/// One photo with the corners found in it, or the reason why there are none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardView {
     /// Name of the photo, or of the frame in a video; for the report only.
@@ -13,7 +14,7 @@ pub struct BoardView {
     pub corners: Result<Vec<Pixel>, BoardReason>,
 }
 
-/// A camera made from photos, and how far to trust it.
+/// A camera calibrated from photos, and its uncertainty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     /// The camera.
@@ -24,33 +25,33 @@ pub struct Calibration {
     pub rms_px: f64,
     /// Every photo that was given, in order.
     pub photos: Vec<PhotoReport>,
-    /// Standard deviation of each of the camera's numbers.
+    /// Standard deviation of each of the camera's parameters.
     pub sigma: Sigma,
-    /// Where in the picture corners were seen.
+    /// Parts of the picture where corners were seen.
     pub coverage: Coverage,
 }
 
 impl Calibration {
-    /// Photos that the camera was made from.
+    /// Number of photos that the camera was calibrated from.
     pub fn used(&self) -> usize {
         self.photos.iter().filter(|p| p.used()).count()
     }
 }
 
-/// One photo's part in a calibration.
+/// The result of one photo of a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotoReport {
     /// The view's name.
     pub name: String,
-    /// Root mean square distance between seen and expected corners, px; of a photo left out, under the camera that the
-    /// others made. `None` without corners.
+    /// Root mean square distance between seen and expected corners, px. For a photo that was left out, it is measured
+    /// against the camera of the other photos. `None` without corners.
     pub rms_px: Option<f64>,
     /// Why the photo was left out; `None` if it was used.
     pub reason: Option<PhotoReason>,
 }
 
 impl PhotoReport {
-    /// Whether the camera was made from it too.
+    /// Whether the photo was used for the calibration.
     pub fn used(&self) -> bool {
         self.reason.is_none()
     }
@@ -62,25 +63,25 @@ pub enum PhotoReason {
     /// The board was not found.
     #[error(transparent)]
     NoCorners(#[from] BoardReason),
-    /// The corners lie as on a curved board.
+    /// The corners lie as on a bent board.
     #[error("board is bent: it bulges by {bulge_mm:.1} mm; use a stiff, flat board")]
     Bent {
         /// Height of the bulge over the board's corners, mm.
         bulge_mm: f64,
     },
-    /// A few corners lie far from where all others put them.
-    #[error("corner {column},{row} lies {off_px:.1} px from where the others put it: hidden or wrongly found")]
+    /// A few corners lie far from their expected positions.
+    #[error("corner {column},{row} lies {off_px:.1} px from its expected position: it was hidden or found wrongly")]
     CornerOff {
         /// Column of the worst corner, from 1.
         column: usize,
         /// Row of the worst corner, from 1.
         row: usize,
-        /// How far it is off, px.
+        /// Distance from the expected position, px.
         off_px: f64,
     },
     /// The corners contradict the camera that the other photos agree on.
     #[error(
-        "corners miss the camera of the other photos by {rms_px:.2} px: moved during the exposure, or another zoom or focus"
+        "the corners are {rms_px:.2} px from where the camera of the other photos expects them: the board moved during the exposure, or zoom or focus changed"
     )]
     Misfit {
         /// Root mean square distance, px.
@@ -88,7 +89,7 @@ pub enum PhotoReason {
     },
 }
 
-/// Standard deviations of a camera's numbers, for independent corners as noisy as they were found to be.
+/// Standard deviations of a camera's parameters, for independent corners with the noise seen in the residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sigma {
     /// Of the focal length in x, pixels.
@@ -111,7 +112,7 @@ pub struct Sigma {
     pub k3: f64,
 }
 
-/// How many corners fell into each part of the picture.
+/// Number of corners in each part of the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
     /// Corners per cell of [`Coverage::COLUMNS`] × [`Coverage::ROWS`] equal cells, row by row.
@@ -124,7 +125,7 @@ impl Coverage {
     /// Cells down.
     pub const ROWS: usize = 6;
 
-    /// Counts corners; those outside the picture count nowhere.
+    /// Counts the corners per cell; corners outside the picture are not counted.
     pub(super) fn of<'a>(corners: impl Iterator<Item = &'a Pixel>, width: u32, height: u32) -> Self {
         let mut counts = vec![0; Self::COLUMNS * Self::ROWS];
         let cell = |at: f64, size: u32, cells: usize| {
@@ -140,53 +141,53 @@ impl Coverage {
         Self { corners: counts }
     }
 
-    /// Share of the cells in which a corner was seen, 0–1. Where none was, the distortion is extrapolated.
+    /// Share of the cells with at least one corner, 0–1. In the other cells the distortion is extrapolated.
     pub fn share(&self) -> f64 {
         self.corners.iter().filter(|&&n| n > 0).count() as f64 / self.corners.len().max(1) as f64
     }
 }
 
-/// Why photos make no camera.
+/// Why the photos do not give a camera.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationProblem {
-    /// Too few photos in which the board was found.
+    /// The board was found in too few photos.
     #[error(
         "the {board} board was found in {found} of {given} photos, at least {} are needed{}",
         super::calibrate::FEWEST_PHOTOS, advice(*other, *common)
     )]
     TooFewPhotos {
-        /// Columns and rows asked for, as `9x6`.
+        /// Columns and rows of the requested board, as `9x6`.
         board: BoardSize,
-        /// Photos in which the board was found.
+        /// Number of photos with the board.
         found: usize,
         /// Photos given.
         given: usize,
-        /// Another board that several photos show.
+        /// A board of another size that several photos show.
         other: Option<BoardSize>,
-        /// The reason most photos were left out for.
+        /// The most frequent reason for leaving a photo out.
         common: Option<BoardReason>,
     },
-    /// A view holds another number of corners than the board has.
+    /// A view does not have as many corners as the board.
     #[error("photo {name} has {found} corners, the board has {expected}")]
     Corners {
-        /// Which photo.
+        /// Name of the photo.
         name: String,
-        /// How many corners it came with.
+        /// Corners of the photo.
         found: usize,
-        /// How many the board has.
+        /// Corners of the board.
         expected: usize,
     },
-    /// The board always stood the same way.
+    /// The board has nearly the same tilt in all photos.
     #[error(
-        "the board is turned by only {widest_deg:.1}° between all photos, which does not tell the focal length; take photos with the board tilted by 20° to 40° to different sides"
+        "the board's tilt differs by only {widest_deg:.1}° between all photos, too little to find the focal length; take photos with the board tilted by 20° to 40° to different sides"
     )]
     SamePose {
         /// Widest angle between two boards, degrees.
         widest_deg: f64,
     },
-    /// The photos leave the camera open.
+    /// The photos do not determine the camera well enough.
     #[error(
-        "the photos leave the focal length uncertain by {percent:.0} %; take more, with the board tilted to different sides and near the picture's rim"
+        "the focal length is uncertain by {percent:.0} %; take more photos, with the board tilted to different sides and near the edges of the picture"
     )]
     Undetermined {
         /// Standard deviation of the focal length, percent.
@@ -194,7 +195,7 @@ pub enum CalibrationProblem {
     },
     /// The photos contradict each other.
     #[error(
-        "the photos do not agree on one camera; use photos of one zoom and focus, of a flat board, and check the board's size"
+        "the photos do not agree on one camera; take all photos with the same zoom and focus, use a flat board, and check the board's size"
     )]
     Contradiction,
 }

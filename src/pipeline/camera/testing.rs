@@ -2,7 +2,7 @@
 
 use super::Camera;
 
-/// A wide-angle box camera: bends straight lines by many pixels, as cheap lenses do.
+/// A wide-angle box camera: it bends straight lines by many pixels, as cheap lenses do.
 pub fn wide() -> Camera {
     Camera {
         width: 1280,
@@ -19,7 +19,7 @@ pub fn wide() -> Camera {
     }
 }
 
-/// A pinhole camera that bends nothing.
+/// A pinhole camera without distortion.
 pub const STRAIGHT: Camera = Camera {
     width: 1280,
     height: 720,

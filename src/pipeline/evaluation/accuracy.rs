@@ -1,9 +1,9 @@
-//! A trajectory against the truth: how far off, how much found, how often wrong.
+//! Compares a trajectory with the truth: size of the errors, share found, false tracks and swaps.
 //!
-//! A row is judged by the truth of the same frame and tool. Errors count only where enough of the band could be seen;
-//! rows of a tool that is out of sight, or not in the truth at all, are *false tracks*; a row that lies nearer to another tool's tip than to its own
-//! is a *swap*. Errors come out separately for observed and for predicted rows, because a tracker that predicts more
-//! finds more and errs more.
+//! A row is compared with the truth of the same frame and tool. Errors count only where enough of the band could be
+//! seen. Rows of a tool that is out of sight, or not in the truth at all, are *false tracks*. A row that lies nearer to
+//! another tool's tip than to its own is a *swap*. Errors are reported separately for observed and predicted rows,
+//! because a tracker that predicts more also finds more and has larger errors.
 
 use std::collections::HashMap;
 
@@ -16,24 +16,24 @@ use super::rest::NoiseFloor;
 use super::truth::Truth;
 use crate::pipeline::trajectory::{SampleState, Trajectory};
 
-/// Shares of the band from which a tool counts as visible: what a tracker should find, and what it should find well.
+/// Minimum visible shares of the band: a tracker should find a tool above the first, and find it well above the second.
 pub const VISIBLE_FROM: [f64; 2] = [0.4, 0.8];
 
-/// Everything that was measured against one truth.
+/// All figures of a trajectory against one truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accuracy {
-    /// Each tool of the truth, then those that only the trajectory knows.
+    /// Each tool of the truth, then the tools that only the trajectory has.
     pub tools: Vec<ToolAccuracy>,
     /// All tools together.
     pub all: ToolAccuracy,
     /// Rows on frames that the truth does not have.
     pub unjudged: usize,
-    /// Largest difference between the two times of one frame, s. More than half a frame's duration means that the two
-    /// do not count the same frames.
+    /// Largest difference between the two times of one frame, s. More than half a frame's duration means that truth and
+    /// trajectory do not count the same frames.
     pub largest_time_difference_s: f64,
 }
 
-/// How well one tool, or all of them, were tracked.
+/// How well one tool, or all tools together, were tracked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolAccuracy {
     /// The tool's name; `None` for all tools.
@@ -42,22 +42,22 @@ pub struct ToolAccuracy {
     pub rows: usize,
     /// Rows while the tool is out of sight.
     pub false_tracks: usize,
-    /// How fast the track moves while the tool rests; `None` where the truth never rests for long enough.
+    /// Speed of the track while the tool rests; `None` if the tool never rests for long enough.
     pub at_rest: Option<NoiseFloor>,
-    /// For each of [`VISIBLE_FROM`].
+    /// The figures for each of [`VISIBILITY_LEVELS`].
     pub levels: Vec<Level>,
 }
 
 /// How well a tool was tracked where at least a given share of its band is visible.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level {
-    /// The share.
+    /// Minimum visible share of the band.
     pub visible_from: f64,
-    /// Frames on which so much is visible.
+    /// Frames with at least this share visible.
     pub frames: usize,
-    /// Of these, how many have a row.
+    /// Number of these frames with a row.
     pub found: usize,
-    /// Of these, how many have a row that was observed.
+    /// Number of these frames with an observed row.
     pub observed: usize,
     /// Rows that lie nearer to another tool's true tip than to their own.
     pub swaps: usize,
@@ -67,13 +67,16 @@ pub struct Level {
     pub observed_errors: Option<Errors>,
     /// Errors of the predicted rows.
     pub predicted_errors: Option<Errors>,
-    /// By how much the track lags behind the truth.
+    /// Lag of the track behind the truth.
     pub lag: Lag,
-    /// Are the errors as large as the track itself states? `None` without stated sigmas.
+    /// Comparison of the errors with the stated sigmas; `None` without stated sigmas.
     pub honesty: Option<Honesty>,
 }
 
 /// Measures a trajectory against the truth.
+///
+/// # Errors
+/// [`EvaluationProblem`] if truth and trajectory have no tool or no frame in common.
 pub fn accuracy(trajectory: &Trajectory, truth: &Truth) -> Result<Accuracy, EvaluationProblem> {
     let judged = judge(trajectory, truth)?;
     let names = names(trajectory, truth);

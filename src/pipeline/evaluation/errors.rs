@@ -1,21 +1,21 @@
-//! Sizes of a set of errors: across and along the line of sight, and together.
+//! Sizes of a set of errors: across the line of sight, along it, and in space.
 
 use nalgebra::Vector3;
 
 /// Errors of a set of rows, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// How many rows.
+    /// Number of rows.
     pub rows: usize,
-    /// In x and y together.
+    /// Errors in x and y together.
     pub lateral: Spread,
-    /// In z.
+    /// Errors in z.
     pub depth: Spread,
-    /// In all three.
+    /// Errors in all three axes.
     pub three_d: Spread,
-    /// Mean of the signed error per axis; z above zero: measured too far from the camera.
+    /// Mean of the signed error per axis; positive z means measured too far from the camera.
     pub bias_mm: Vector3<f64>,
-    /// Standard deviation of the signed error per axis: what a better calibration could not remove.
+    /// Standard deviation of the signed error per axis; a better calibration could not remove it.
     pub deviation_mm: Vector3<f64>,
 }
 
@@ -33,7 +33,7 @@ pub struct Spread {
 }
 
 impl Errors {
-    /// Of signed errors, mm; `None` of none.
+    /// Summarises signed errors, mm; `None` if there are none.
     pub(super) fn of(errors: &[Vector3<f64>]) -> Option<Errors> {
         let mean = |of: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {
             errors.iter().map(of).sum::<Vector3<f64>>() / errors.len() as f64
@@ -51,7 +51,7 @@ impl Errors {
 }
 
 impl Spread {
-    /// Of sizes, none below zero; `None` of none.
+    /// Summarises sizes, all at least zero; `None` if there are none.
     pub(super) fn of(mut sizes: Vec<f64>) -> Option<Spread> {
         sizes.sort_by(f64::total_cmp);
         let mean_square = sizes.iter().map(|s| s * s).sum::<f64>() / sizes.len() as f64;

@@ -1,16 +1,18 @@
-//! Are the errors as large as the track itself says? An error bar that is too short is worse than none.
+//! Checks whether the errors are as large as the track's stated sigmas. An error bar that is too short is worse than
+//! none.
 //!
-//! A row states σ across (RMS of x and y) and along the line of sight. Were it honest and its axes independent, the
-//! error's square in units of σ, summed over the axes, would follow the χ² law of as many degrees of freedom: 95 % of the rows below
-//! [`WITHIN_95`], the mean per axis 1 (Bar-Shalom, Li & Kirubarajan 2001, 5.4: normalised estimation error squared).
+//! A row states σ across (RMS of x and y) and along the line of sight. If the sigmas are right and the axes
+//! independent, the squared error in units of σ, summed over the axes, follows a χ² distribution with as many degrees
+//! of freedom: 95 % of the rows lie below [`CHI_SQUARE_95`], and the mean per axis is 1 (Bar-Shalom, Li & Kirubarajan
+//! 2001, 5.4: normalised estimation error squared).
 
 use super::judged::Judged;
 use crate::pipeline::score::interval::wilson;
 
-/// The χ² law's 95 % quantiles for one, two and three degrees of freedom.
+/// The 95 % quantiles of the χ² distribution for one, two and three degrees of freedom.
 pub const WITHIN_95: [f64; 3] = [3.841_459, 5.991_465, 7.814_728];
 
-/// How a track's stated errors compare with its true ones.
+/// A track's stated errors compared with its true errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Honesty {
     /// Rows that state both sigmas.
@@ -28,15 +30,16 @@ pub struct Honesty {
 pub struct Share {
     /// Share of the errors inside it, 0 to 1.
     pub inside: f64,
-    /// Where the true share lies with 95 % (Wilson's binomial interval), were rows independent. Neighbouring rows of a
-    /// smoothed track are not: the real interval is wider.
+    /// 95 % confidence interval of the true share (Wilson's binomial interval) for independent rows. Neighbouring rows
+    /// of a smoothed track are not independent, so the real interval is wider.
     pub interval: [f64; 2],
-    /// Mean normalised squared error per axis: 1 is honest, 4 means that errors are twice as large as stated.
+    /// Mean normalised squared error per axis: 1 means that the sigmas are right, 4 that errors are twice as large as
+    /// stated.
     pub mean_square: f64,
 }
 
 impl Honesty {
-    /// Of the rows that state sigmas; `None` without any.
+    /// Checks the rows that state sigmas; `None` if there are none.
     pub(super) fn of(rows: &[&Judged]) -> Option<Honesty> {
         let squares: Vec<[f64; 2]> = rows.iter().filter_map(|row| squares(row)).collect();
         let share =
@@ -60,18 +63,18 @@ impl Share {
     }
 }
 
-/// An error's square in units of what its row states, over all three axes; `None` where it states nothing.
+/// A row's squared error in units of its stated sigmas, summed over all three axes; `None` if it states none.
 pub fn normalised_square(row: &Judged) -> Option<f64> {
     squares(row).map(|[lateral, depth]| lateral + depth)
 }
 
-/// Across and along the line of sight.
+/// Squared error in units of sigma, across and along the line of sight.
 fn squares(row: &Judged) -> Option<[f64; 2]> {
     let (sigma_xy, sigma_z) = (row.sample.sigma_xy_mm?, row.sample.sigma_z_mm?);
     Some([(row.error_mm.xy() / sigma_xy).norm_squared(), (row.error_mm.z / sigma_z).powi(2)])
 }
 
-/// Density of the χ² law of three degrees of freedom.
+/// Density of the χ² distribution with three degrees of freedom.
 pub fn chi_square_3_density(square: f64) -> f64 {
     square.max(0.0).sqrt() * (-0.5 * square).exp() / std::f64::consts::TAU.sqrt()
 }

@@ -1,4 +1,4 @@
-//! Each row of a trajectory beside the truth of the same frame and tool.
+//! Pairs each row of a trajectory with the truth of the same frame and tool.
 
 use std::collections::{HashMap, HashSet};
 
@@ -7,32 +7,32 @@ use nalgebra::Vector3;
 use super::truth::{Truth, TruthTool};
 use crate::pipeline::trajectory::{Sample, Trajectory};
 
-/// Below this share of the band a tool is out of sight, and a row for it false.
+/// If less than this share of its band is visible, a tool is out of sight, and a row for it is false.
 pub const OUT_OF_SIGHT_BELOW: f64 = 0.02;
 
-/// Why a trajectory cannot be judged by a truth.
+/// Why a trajectory cannot be compared with a truth.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluationProblem {
-    /// Names of which the truth knows none.
-    #[error("the truth knows none of the trajectory's tools ({}), but {}", tools.join(", "), known.join(", "))]
+    /// The truth has none of the trajectory's tools.
+    #[error("the truth has none of the trajectory's tools ({}); it has {}", tools.join(", "), known.join(", "))]
     UnknownTools {
         /// The trajectory's names.
         tools: Vec<String>,
         /// The truth's names.
         known: Vec<String>,
     },
-    /// No tool or no frame in the truth.
+    /// The truth has no tool or no frame.
     #[error("the truth names no tool on any frame")]
     EmptyTruth,
-    /// Not one frame in common.
-    #[error("the truth has none of the trajectory's frames, the first of which is {first}")]
+    /// Truth and trajectory have no frame in common.
+    #[error("the truth has none of the trajectory's frames; the first one is {first}")]
     UnknownFrames {
         /// The trajectory's first frame.
         first: u64,
     },
 }
 
-/// A row with the truth that judges it.
+/// A row of a trajectory with the truth of its frame and tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged<'a> {
     /// The row.
@@ -41,22 +41,25 @@ pub struct Judged<'a> {
     pub tool: &'a str,
     /// The frame's true time, s.
     pub time_s: f64,
-    /// Share of the band that could be seen; 0 for a tool that the truth does not have there.
+    /// Share of the band that could be seen; 0 if the truth does not have the tool on this frame.
     pub visible: f64,
-    /// Measured less true, mm; zero for a tool that the truth does not have there.
+    /// Measured minus true position, mm; zero if the truth does not have the tool on this frame.
     pub error_mm: Vector3<f64>,
-    /// Does the row lie nearer to another tool's true tip than to its own?
+    /// True if the row lies nearer to another tool's true tip than to its own.
     pub nearer_to_another: bool,
 }
 
 impl Judged<'_> {
-    /// Is this a row for a tool that is out of sight, or not there at all?
+    /// True if the tool is out of sight, or does not exist on this frame.
     pub fn is_false(&self) -> bool {
         self.visible < OUT_OF_SIGHT_BELOW
     }
 }
 
-/// Every row whose frame the truth has, in the trajectory's order.
+/// Every row whose frame is in the truth, in the trajectory's order.
+///
+/// # Errors
+/// [`EvaluationProblem`] if truth and trajectory have no tool or no frame in common.
 pub fn judge<'a>(trajectory: &'a Trajectory, truth: &Truth) -> Result<Vec<Judged<'a>>, EvaluationProblem> {
     check(trajectory, truth)?;
     let index: HashMap<u64, usize> = truth.frames.iter().enumerate().map(|(i, frame)| (frame.frame, i)).collect();
@@ -89,7 +92,7 @@ fn check(trajectory: &Trajectory, truth: &Truth) -> Result<(), EvaluationProblem
     if tools.is_empty() {
         return Err(EvaluationProblem::EmptyTruth);
     }
-    let Some(first) = trajectory.samples.first() else { return Ok(()) }; // nothing was tracked: a result, not a problem
+    let Some(first) = trajectory.samples.first() else { return Ok(()) }; // an empty track is a result, not a problem
     if !trajectory.tools.iter().any(|tool| tools.contains(tool)) {
         let mut known: Vec<String> = tools.into_iter().cloned().collect();
         known.sort();

@@ -1,8 +1,9 @@
-//! By how much a track comes late: the shift in time at which it differs least from the truth.
+//! The lag of a track: the time shift that minimises its difference from the truth.
 //!
-//! The track minus the truth τ earlier, each tool's mean taken out (a bias is no delay), is least in squares at the
-//! lag τ: Gauss–Newton steps from zero. How sure it is comes from sums over half seconds rather than from single rows,
-//! because a filter's errors hang together from row to row (cluster-robust sandwich, Cameron & Miller 2015).
+//! The lag τ minimises the squared difference between the track and the truth τ earlier, with each tool's mean removed
+//! (a bias is no delay). It is found by Gauss–Newton steps from zero. The standard error uses sums over half seconds
+//! rather than single rows, because a filter's errors are correlated from row to row (cluster-robust sandwich, Cameron
+//! & Miller 2015).
 
 use std::collections::HashMap;
 
@@ -11,37 +12,37 @@ use nalgebra::Vector3;
 use super::judged::Judged;
 use super::motion::Motion;
 
-/// Fewest rows from which a lag is estimated.
+/// Minimum of rows for an estimate.
 const FEWEST_ROWS: usize = 20;
 
-/// Fewest clusters of rows from which its standard error is.
+/// Minimum of clusters of rows for a standard error.
 const FEWEST_CLUSTERS: usize = 5;
 
-/// Rows within this time count as one, s.
+/// Rows within this time form one cluster, s.
 const CLUSTER_S: f64 = 0.5;
 
-/// A standard error above this says nothing about a filter, s: a quarter of a frame at 25 Hz.
+/// Maximum standard error of a lag that says anything about a filter, s: a quarter of a frame at 25 Hz.
 const LEAST_SURE_S: f64 = 0.01;
 
-/// Slowest motion, RMS about its mean, mm/s: below that nothing moves.
+/// Minimum speed, RMS about its mean, mm/s; below it nothing moves.
 const SLOWEST_MM_S: f64 = 1.0;
 
-/// Longest lag that is looked for, s.
+/// Maximum lag that is searched, s.
 const LONGEST_S: f64 = 0.5;
 
 const STEPS: usize = 12;
 
-/// The delay of a track.
+/// The lag of a track behind the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lag {
-    /// What it is.
+    /// The lag could be measured.
     Measured {
-        /// Above zero: the track comes late, s.
+        /// Lag, s; positive if the track is late.
         lag_s: f64,
         /// Its standard error, s.
         sigma_s: f64,
     },
-    /// So little moves that no delay could be told, or for too short a time.
+    /// The tools move too little, or for too short a time, to measure a lag.
     TooLittleMotion,
 }
 
@@ -58,10 +59,10 @@ pub(super) fn lag(rows: &[&Judged], motions: &HashMap<&str, Motion>) -> Lag {
             return step.settled(lag_s);
         }
     }
-    Lag::TooLittleMotion // no least in reach
+    Lag::TooLittleMotion // no minimum within the steps allowed
 }
 
-/// One Gauss–Newton step, and what it was made of.
+/// One Gauss–Newton step, with the sums for its standard error.
 struct Step {
     by_s: f64,
     /// Sums of the derivative's terms over each cluster, mm²/s, at the end of the step.
@@ -87,8 +88,8 @@ impl Step {
         let n = self.clusters.len() as f64;
         let square = self.clusters.iter().map(|sum| sum * sum).sum::<f64>() * n / (n - 1.0).max(1.0);
         let sigma_s = square.sqrt() / self.motion;
-        let told = self.clusters.len() >= FEWEST_CLUSTERS && sigma_s <= LEAST_SURE_S;
-        if told { Lag::Measured { lag_s, sigma_s } } else { Lag::TooLittleMotion }
+        let is_sure = self.clusters.len() >= FEWEST_CLUSTERS && sigma_s <= LEAST_SURE_S;
+        if is_sure { Lag::Measured { lag_s, sigma_s } } else { Lag::TooLittleMotion }
     }
 }
 

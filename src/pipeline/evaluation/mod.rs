@@ -1,12 +1,13 @@
-//! How good is it (METHOD 8): a trajectory against the truth, and paths along one guide against each other.
+//! Accuracy of the method (METHOD 8): a trajectory against the truth, and paths along one guide against each other.
 //!
 //! | what | file |
 //! |---|---|
-//! | what really happened; the true motion between its frames | [`truth`](Truth), [`motion`](Motion) |
-//! | each row beside the truth that judges it | [`judged`](Judged) |
+//! | the true positions; the true motion between frames | [`truth`](Truth), [`motion`](TrueMotion) |
+//! | each row with the truth of its frame | [`judged`](JudgedRow) |
 //! | found, missing, false, exchanged; all figures per tool | [`mod@accuracy`] |
-//! | sizes of errors; their delay; are the stated sigmas true | [`errors`](Errors), [`lag`](Lag), [`honesty`](Honesty) |
-//! | speed of a tool that rests | [`rest`](NoiseFloor) |
+//! | sizes of errors; the track's lag | [`errors`](ErrorSummary), [`lag`](Lag) |
+//! | whether the stated sigmas are right | [`sigma_check`](SigmaCheck) |
+//! | speed of the track while the tool rests | [`rest_noise`](RestNoise) |
 //! | slides along one guide | [`mod@repeatability`] |
 
 mod accuracy;

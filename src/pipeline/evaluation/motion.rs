@@ -4,11 +4,11 @@ use nalgebra::{Point3, Vector3};
 
 use super::truth::Truth;
 
-/// Longest step between two frames over which the truth is interpolated, s.
+/// Maximum time between two frames that is interpolated, s.
 const LONGEST_STEP_S: f64 = 0.25;
 
-/// Where one tool is at any time: cubic Hermite pieces between the truth's frames (the truth has no noise that this
-/// could raise).
+/// The position of one tool at any time: cubic Hermite pieces between the truth's frames. (The truth has no noise that
+/// this could amplify.)
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// Times of the frames, s, rising.
@@ -18,7 +18,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Of the tool of this name; empty if the truth has none.
+    /// The motion of the tool of this name; empty if the truth does not have it.
     pub fn of(truth: &Truth, name: &str) -> Motion {
         let here = |frame: &super::TruthFrame| {
             let own = frame.tools.iter().find(|tool| tool.tool == name);
@@ -29,7 +29,7 @@ impl Motion {
         Motion { times_s, tips_mm, velocities_mm_s }
     }
 
-    /// Does the truth have no such tool?
+    /// True if the truth does not have the tool.
     pub fn is_empty(&self) -> bool {
         self.times_s.is_empty()
     }
@@ -48,7 +48,7 @@ impl Motion {
     pub fn at(&self, time_s: f64) -> Option<(Point3<f64>, Vector3<f64>)> {
         let after = self.times_s.partition_point(|t| *t < time_s);
         if self.times_s.get(after) == Some(&time_s) {
-            return Some((self.tips_mm[after], self.velocities_mm_s[after])); // gaps beside it do not matter
+            return Some((self.tips_mm[after], self.velocities_mm_s[after])); // gaps next to it do not matter
         }
         let before = after.checked_sub(1)?;
         let step_s = self.times_s.get(after)? - self.times_s[before];
@@ -63,7 +63,7 @@ impl Motion {
     }
 }
 
-/// From the frames around, or at an end from the one beside; zero where there is no other.
+/// Velocity from the two neighbouring frames, or one at an end; zero if the frame has no neighbour.
 fn velocity(times_s: &[f64], tips_mm: &[Point3<f64>], at: usize) -> Vector3<f64> {
     let (before, after) = (at.saturating_sub(1), (at + 1).min(times_s.len() - 1));
     let span_s = times_s[after] - times_s[before];

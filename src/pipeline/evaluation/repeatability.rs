@@ -1,26 +1,26 @@
 //! Paths along one straight guide against each other (T 7.1.3): needs no truth.
 //!
-//! A line is fitted to each path; the *dissimilarity* of two paths is the mean distance of the one's points to the
-//! other's line. What remains is the tracker's error and the hand's freedom on the guide. The thesis found 7 mm from
-//! above and 12 mm from the side, for five slides.
+//! A line is fitted to each path; the *dissimilarity* of two paths is the mean distance from the points of one path to
+//! the line of the other. It contains the tracker's error and the hand's freedom on the guide. The thesis found 7 mm
+//! from above and 12 mm from the side, for five slides.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 /// A line in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// The centre of the points it was fitted to, mm.
+    /// The centre of the fitted points, mm.
     pub centre: Point3<f64>,
     /// Its direction, a unit vector.
     pub direction: Vector3<f64>,
 }
 
-/// How alike the paths are.
+/// The similarity of several paths.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Repeatability {
     /// The line of each path.
     pub lines: Vec<Line>,
-    /// `mean_distance_mm[line][path]`: of the path's points to the line.
+    /// `mean_distance_mm[line][path]`: mean distance from the path's points to the line.
     pub mean_distance_mm: Vec<Vec<f64>>,
     /// Mean over all pairs of a line and *another* path: the figure to quote.
     pub others_mm: f64,
@@ -34,25 +34,28 @@ pub enum RepeatabilityProblem {
     /// Fewer than two paths.
     #[error("repeatability compares at least two paths; there is {0}")]
     TooFewPaths(usize),
-    /// A path that is no line.
-    #[error("path {index} has {points} points along {extent_mm:.1} mm, to which no line can be fitted")]
+    /// A path is too short for a line.
+    #[error("path {index} has {points} points along {extent_mm:.1} mm: no line can be fitted to it")]
     NoLine {
-        /// Which path, counted from 1.
+        /// Number of the path, counted from 1.
         index: usize,
-        /// Its points.
+        /// Number of its points.
         points: usize,
-        /// How far it reaches, mm.
+        /// Its extent, mm.
         extent_mm: f64,
     },
 }
 
-/// Shortest path to which a line is fitted, mm.
+/// Minimum extent of a path for a line fit, mm.
 const SHORTEST_MM: f64 = 5.0;
 
-/// Share of the whole extent by which a hand must turn back before that begins a new slide.
+/// A new slide begins when the hand has moved back by this share of the whole extent.
 const TURN_SHARE: f64 = 0.5;
 
 /// Compares paths along one guide.
+///
+/// # Errors
+/// [`RepeatabilityProblem`] with fewer than two paths, or if a path is too short for a line.
 pub fn repeatability(paths: &[Vec<Point3<f64>>]) -> Result<Repeatability, RepeatabilityProblem> {
     if paths.len() < 2 {
         return Err(RepeatabilityProblem::TooFewPaths(paths.len()));
@@ -66,9 +69,9 @@ pub fn repeatability(paths: &[Vec<Point3<f64>>]) -> Result<Repeatability, Repeat
     Ok(Repeatability { lines, mean_distance_mm, others_mm: (all - own) / (n * (n - 1.0)), own_mm: own / n })
 }
 
-/// Cuts one path that goes to and fro along a guide into its slides, one per direction of travel: a track that lags gives
-/// the two directions different lines, and that counts against it. (The thesis took each way there and back as one path; a
-/// file for each does the same.)
+/// Cuts one path back and forth along a guide into its slides, one per direction of travel. A track that lags gives the
+/// two directions different lines, and this counts as an error. (The thesis took each way there and back as one path;
+/// one file for each does the same.)
 pub fn slides(path: &[Point3<f64>]) -> Vec<Vec<Point3<f64>>> {
     let Some(line) = Line::fit(path) else { return Vec::new() };
     let places: Vec<f64> = path.iter().map(|p| line.place_mm(p)).collect();
@@ -80,7 +83,7 @@ pub fn slides(path: &[Point3<f64>]) -> Vec<Vec<Point3<f64>>> {
     legs.map(|leg| path[leg[0]..=leg[1]].to_vec()).collect()
 }
 
-/// Where a value turns back by more than `turn_mm`: the indices of its extremes.
+/// Indices of the extremes after which the value moves back by more than `turn_mm`.
 fn turns(places: &[f64], turn_mm: f64) -> Vec<usize> {
     let mut turns = Vec::new();
     let (mut lowest, mut highest) = (0, 0); // since the last turn
@@ -113,7 +116,7 @@ fn line(index: usize, path: &[Point3<f64>]) -> Result<Line, RepeatabilityProblem
 }
 
 impl Line {
-    /// The line with the least sum of squared distances to the points; `None` without points.
+    /// The line that minimises the sum of squared distances to the points; `None` without points.
     pub fn fit(points: &[Point3<f64>]) -> Option<Line> {
         let n = points.len() as f64;
         let centre = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / n);
@@ -123,12 +126,12 @@ impl Line {
             .then(|| Line { centre, direction: axes.eigenvectors.column(axes.eigenvalues.imax()).into() })
     }
 
-    /// Where along the line a point lies, mm from the centre.
+    /// Position of a point along the line, mm from the centre.
     pub fn place_mm(&self, point: &Point3<f64>) -> f64 {
         (point - self.centre).dot(&self.direction)
     }
 
-    /// How far from the line a point lies, mm.
+    /// Distance of a point from the line, mm.
     pub fn distance_mm(&self, point: &Point3<f64>) -> f64 {
         (point - self.centre).cross(&self.direction).norm()
     }

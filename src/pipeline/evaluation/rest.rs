@@ -1,4 +1,4 @@
-//! How fast a track moves while the tool rests: noise that every motion feature would count as movement.
+//! Speed of the track while the tool rests: noise that every motion feature would count as movement.
 
 use std::collections::HashMap;
 
@@ -9,13 +9,13 @@ use super::motion::Motion;
 /// Below this true speed a tool rests, mm/s.
 const AT_REST_MM_S: f64 = 0.5;
 
-/// Shortest rest that is judged, s, after [`SETTLING_S`].
+/// Minimum duration of a rest that is judged, s, after [`SETTLING_S`].
 const SHORTEST_S: f64 = 1.0;
 
-/// A filter may take this long to see that the tool has stopped, s: what it still moves then is its lag, not noise.
+/// Time that a filter may take to follow a tool that has stopped, s: movement within it is lag, not noise.
 const SETTLING_S: f64 = 0.5;
 
-/// Fewest rows that give a figure.
+/// Minimum of rows for a figure.
 const FEWEST_ROWS: usize = 20;
 
 /// Speed of the track while the tool rests, mm/s.
@@ -30,7 +30,7 @@ pub struct NoiseFloor {
 }
 
 impl NoiseFloor {
-    /// Of these rows, in order of time; `None` where the truth never rests for long enough.
+    /// Measures these rows, in order of time; `None` if the tools never rest for long enough.
     pub(super) fn of(rows: &[&Judged], motions: &HashMap<&str, Motion>) -> Option<NoiseFloor> {
         let mut speeds = Vec::new();
         for (name, motion) in motions {
@@ -46,7 +46,7 @@ impl NoiseFloor {
     }
 }
 
-/// From and to, s: rests that are long enough, their beginnings left out.
+/// Start and end, s, of the rests that are long enough; the settling time at the start is left out.
 fn rests(motion: &Motion) -> Vec<(f64, f64)> {
     let mut rests: Vec<(f64, f64)> = Vec::new();
     let mut resting = false;
@@ -62,7 +62,7 @@ fn rests(motion: &Motion) -> Vec<(f64, f64)> {
     rests
 }
 
-/// What the row states; where it states none, as a raw track, what it has moved since the row before.
+/// The speed that the row states; without a stated speed (a raw track), from the distance to the row before.
 fn speed_mm_s(row: &Judged, before: Option<&Judged>) -> Option<f64> {
     let moved = before.map(|b| (row.sample.tip_mm - b.sample.tip_mm).norm() / (row.time_s - b.time_s));
     row.sample.velocity_mm_s.map(|velocity| velocity.norm()).or(moved)

@@ -25,7 +25,7 @@ fn truth() -> Truth {
     Truth { frames: (0..200).map(frame).collect() }
 }
 
-/// The truth as a perfect tracker would report it, then changed.
+/// The truth as a perfect tracker would report it, with each row changed by `change`.
 fn track(change: impl Fn(&mut Sample)) -> Trajectory {
     let rows = truth().frames.into_iter().flat_map(|frame| {
         let seen = frame.tools.into_iter().enumerate().filter(|(_, tool)| tool.visible > 0.0);
@@ -97,7 +97,7 @@ fn exchanged_names_are_swaps() {
     assert_eq!(got.all.levels[0].swaps, 20);
 }
 
-/// The truth of the clip's circle at any time, as `truth` makes it.
+/// The position on the clip's circle at any time, as in `truth`.
 fn on_circle(time_s: f64, tool: usize) -> Point3<f64> {
     let (sin, cos) = (time_s / 0.04 * 0.05).sin_cos();
     Point3::new(60.0 * tool as f64 + 30.0 * cos, 30.0 * sin, 180.0 + 10.0 * sin)
@@ -137,7 +137,7 @@ fn noise_makes_a_lag_unsure_by_as_much_as_it_is_off() {
     assert!((0.75..1.35).contains(&mean), "normalised square {mean}"); // 1 ± 3·sqrt(2/200)
 }
 
-/// The clip of 200 frames with a tool that rests, or creeps at this speed, mm/s, from frame 60 on.
+/// The clip of 200 frames; from frame 60 on the tool rests, or creeps at this speed, mm/s.
 fn coming_to_rest(creep_mm_s: f64) -> Truth {
     let mut truth = truth();
     for frame in &mut truth.frames {
@@ -149,7 +149,7 @@ fn coming_to_rest(creep_mm_s: f64) -> Truth {
     truth
 }
 
-/// A track of it that states this speed while the tool moves, and another while it rests.
+/// A track of the clip that states one speed while the tool moves, and another while it rests.
 fn resting_track(truth: &Truth, moving_mm_s: f64, resting_mm_s: f64) -> Trajectory {
     let velocity = |frame: u64| Vector3::y() * if frame < 72 { moving_mm_s } else { resting_mm_s };
     let mut track = track(|s| s.velocity_mm_s = Some(velocity(s.frame)));

@@ -1,11 +1,11 @@
-//! What really happened: where each tool was on each frame, and how much of its band could be seen.
+//! The truth: the position of each tool on each frame, and how much of its band could be seen.
 
 use nalgebra::{Point2, Point3, Vector3};
 
 /// The truth of a simulated or rendered clip, ordered by frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Truth {
-    /// Frames that the scene's maker knows; a frame that is absent here is not judged.
+    /// Frames with a known truth; rows of other frames are not judged.
     pub frames: Vec<TruthFrame>,
 }
 

@@ -1,9 +1,9 @@
-//! What of today's picture has a tape's colour while no tape is in it.
+//! Finds regions of today's picture that have a tape's colour while no tape is in it.
 //!
-//! In: frames on which the tracker follows no tool. Out: for each colour the largest region that is taken for it, median over
-//! these frames ([`FalseColour`]): a tool that comes into sight is on few of them. The colours' margins speak of
-//! the frames on which they were marked; this speaks of the box as it is, and finds what nobody marked. A look costs as much as
-//! tracking some frames.
+//! In: frames where the tracker follows no tool. Out: for each colour the largest region taken for it, as the median
+//! over these frames ([`FalseColour`]); a tool that comes into sight is on few of them. The colours' margins describe
+//! the frames that were marked; this check describes the box as it is today, and finds objects that were not marked. A
+//! search costs as much as tracking some frames.
 
 use crate::pipeline::blob::components::ComponentFinder;
 use crate::pipeline::frame::{ColourEncoding, Frame};
@@ -14,31 +14,31 @@ use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::pipeline::segmentation::samples::ColourSamples;
 use crate::pipeline::tracker::ToolSpec;
 
-/// Time between two looks, s.
+/// Time between two searches, s.
 const EVERY_S: f64 = 0.4;
 
-/// Looks after which it is known: the empty box is asked for 3 s at the beginning and some seconds later on.
+/// Maximum of searches. They are enough: the empty box is requested for 3 s at the beginning and some seconds later.
 const MOST_LOOKS: usize = 40;
 
-/// What of an empty box is taken for a tape.
+/// A region of the empty box that is taken for a tape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FalseColour {
-    /// The tape's colour, by its label.
+    /// Label of the tape's colour.
     pub colour: String,
     /// Largest region, pixels.
     pub largest_px: f64,
 }
 
-/// Looks for the tapes' colours where no tape is.
+/// Searches for the tapes' colours in pictures without a tape.
 pub struct ColourWatch {
     table: Option<ColourTable>,
-    /// Each with the largest region of every look, pixels.
+    /// Each colour with the largest region of every search, pixels.
     colours: Vec<(String, Vec<f64>)>,
     last_s: f64,
 }
 
 impl ColourWatch {
-    /// Looks for the colours of these tools in pictures of this encoding.
+    /// Prepares to search for the colours of these tools in pictures of this encoding.
     pub fn new(samples: &ColourSamples, tools: &[ToolSpec], encoding: ColourEncoding) -> Self {
         let mut colours: Vec<String> = Vec::new();
         for tool in tools {
@@ -51,7 +51,7 @@ impl ColourWatch {
         Self { table: knn.map(|knn| ColourTable::new(knn, encoding)), colours, last_s: f64::NEG_INFINITY }
     }
 
-    /// Looks at a frame without tools, if it is time to.
+    /// Searches a frame without tools, if the interval has passed.
     pub fn look(&mut self, frame: &Frame<'_>) {
         let is_known = self.colours.iter().all(|(_, seen)| seen.len() >= MOST_LOOKS);
         if is_known || frame.time_s < self.last_s + EVERY_S {
@@ -66,7 +66,7 @@ impl ColourWatch {
         }
     }
 
-    /// What was seen; nothing where no frame was without tools.
+    /// The false colours found; empty if no frame was without tools.
     pub fn into_found(self) -> Vec<FalseColour> {
         let median = |(colour, seen)| Some(FalseColour { colour, largest_px: quantile(seen, 0.5)? });
         self.colours.into_iter().filter_map(median).collect()
@@ -83,7 +83,7 @@ mod tests {
     const ORANGE: [u8; 3] = [150, 60, 200];
     const GREY: [u8; 3] = [60, 128, 128];
 
-    /// Sees frames, 0.4 s from one to the next, whose first so many columns of 32 are orange.
+    /// The result for frames 0.4 s apart; each has this many orange columns of 32.
     fn seen(columns: &[usize]) -> Vec<FalseColour> {
         const SIZE: [usize; 2] = [32, 16];
         let sample = |(label, yuv)| ColourSample { label, rectangle: label as u32, yuv };

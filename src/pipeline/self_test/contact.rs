@@ -1,4 +1,4 @@
-//! The point in which a resting rod meets a board.
+//! The point where a resting rod meets a board.
 //!
 //! ```text
 //!      axis a ╲  ╲          The tracked tip is the centre of the end disc. A leaning rod rests on the lowest point
@@ -9,7 +9,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-/// A rod that leans by less than this against the board's normal (sine) stands on its whole end: no point of the rim is
+/// A rod that leans by less than this against the board's normal (sine) rests on its whole end: no point of the rim is
 /// the lowest, and the middle counts. 3°: hands do not hold a rod straighter.
 const STRAIGHT: f64 = 0.05;
 
@@ -18,13 +18,13 @@ const STRAIGHT: f64 = 0.05;
 pub struct Rod {
     /// Radius over the tape, mm.
     pub radius_mm: f64,
-    /// How far beyond the tape its point lies, mm; 0 for a flat end at which the tape ends.
+    /// Distance from the tape to the rod's point, mm; 0 if the tape ends at a flat end.
     pub reach_mm: f64,
 }
 
 impl Rod {
-    /// Where it touches a board with this normal (unit, towards the camera), its tip and axis (unit, towards the tip) being
-    /// there.
+    /// The point where the rod touches a board, given the rod's tip and axis (unit, towards the tip) and the board's
+    /// normal (unit, towards the camera).
     pub fn contact(&self, tip_mm: Point3<f64>, axis: Vector3<f64>, normal: Vector3<f64>) -> Point3<f64> {
         if self.reach_mm > 0.0 {
             return tip_mm + axis * self.reach_mm;

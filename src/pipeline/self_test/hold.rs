@@ -1,8 +1,8 @@
-//! Where a tool rested, and for how long.
+//! Finds where a tool rested, and for how long.
 //!
-//! In: the smoothed path. Out: [`Hold`]s of at least [`SHORTEST_S`], in order of time. A tool rests while its smoothed speed
-//! stays below what counts as movement everywhere else; the beginning and the end of a rest are left out, where the smoother
-//! still rounds off the motion before and after.
+//! In: the smoothed path. Out: [`Hold`]s of at least [`MIN_HOLD_S`], in order of time. A tool rests while its smoothed
+//! speed stays below the movement threshold of the features. The beginning and the end of a rest are left out, because
+//! the smoother still rounds off the motion before and after.
 
 use nalgebra::{Point3, Vector3};
 
@@ -10,16 +10,16 @@ use crate::pipeline::features::FeatureSettings;
 use crate::pipeline::quality::quantile;
 use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
-/// Shortest rest that is one, s.
+/// Minimum duration of a rest, s.
 const SHORTEST_S: f64 = 1.0;
 
 /// Left out at both ends of a rest, s.
 const SETTLING_S: f64 = 0.2;
 
-/// A rest in which the tool was not seen for longer than this is two, s.
+/// Maximum time without the tool within one rest, s; a longer gap splits the rest in two.
 const LONGEST_GAP_S: f64 = 0.3;
 
-/// Share of a rest's frames on which the tool must have been measured, not bridged.
+/// Minimum share of a rest's frames where the tool was measured, not bridged.
 const LEAST_OBSERVED: f64 = 0.5;
 
 /// A tool at rest.

@@ -1,9 +1,9 @@
-//! Which frames show the whole board, and where its corners are on them.
+//! Finds the frames that show the whole board, with its corners.
 //!
-//! In: the luma planes of a recording, in order. Out: a bounded number of [`Look`]s. Two or three frames a second are
-//! searched while no tool is in sight, and few while one is: a board that lies still says the same on every frame, and a
-//! frame on which a tool hides a corner gives none, since the finder never guesses. A search costs as much as tracking ten
-//! frames.
+//! In: the luma planes of a recording, in order. Out: a bounded number of [`BoardSighting`]s. Two or three frames a
+//! second are searched while no tool is in sight, and fewer while one is. A board that lies still looks the same on
+//! every frame, and a frame with a hidden corner gives no board, since the finder never guesses. A search costs as much
+//! as tracking ten frames.
 
 use crate::pipeline::camera::checkerboard::{self, BoardReason};
 use crate::pipeline::camera::placed::{PlacedBoard, locate};
@@ -11,13 +11,14 @@ use crate::pipeline::camera::{Board, Camera};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::space::Pixel;
 
-/// Time between two searches, s: a placement of 2 s is seen four times.
+/// Time between two searches, s: a board that lies still for 2 s is seen four times.
 const EVERY_S: f64 = 0.4;
 
-/// The same while a tool is in sight, which hides a corner nearly always, s.
+/// Time between two searches while a tool is in sight, s; the tool nearly always hides a corner.
 const EVERY_BEHIND_TOOL_S: f64 = 2.0;
 
-/// Searches after which every second one is left out, again and again: a longer recording costs no more than 4 minutes'.
+/// Number of searches after which the interval doubles: without a tool, the first 600 take 4 minutes, the next 600
+/// take 8.
 const MOST_SEARCHES: usize = 600;
 
 /// A frame that shows the board whole.
@@ -25,9 +26,9 @@ const MOST_SEARCHES: usize = 600;
 pub struct Look {
     /// The frame's time, s.
     pub time_s: f64,
-    /// Its corners, in the order of [`Board::points_mm`], the rows from left to right.
+    /// The board's corners, in the order of [`Board::points_mm`], the rows from left to right.
     pub corners: Vec<Pixel>,
-    /// Where it lies.
+    /// The board's pose.
     pub placed: PlacedBoard,
 }
 
@@ -35,7 +36,7 @@ pub struct Look {
 pub struct BoardWatch {
     board: Board,
     camera: Camera,
-    /// Between two searches, as a multiple of what is usual.
+    /// Factor on the time between two searches.
     stretch: f64,
     last_s: f64,
     searched: usize,
@@ -44,13 +45,13 @@ pub struct BoardWatch {
 }
 
 impl BoardWatch {
-    /// Looks for this board before this camera.
+    /// Prepares to search for this board with this camera.
     pub fn new(board: Board, camera: Camera) -> Self {
         let last_s = f64::NEG_INFINITY;
         Self { board, camera, stretch: 1.0, last_s, searched: 0, looks: Vec::new(), reason: None }
     }
 
-    /// Looks at a frame, if it is time to; a tool may be in sight on it.
+    /// Searches a frame if the interval has passed; `has_tool` says whether a tool is in sight.
     pub fn look(&mut self, frame: &Frame<'_>, has_tool: bool) {
         let every_s = if has_tool { EVERY_BEHIND_TOOL_S } else { EVERY_S };
         if frame.time_s < self.last_s + every_s * self.stretch {
@@ -67,7 +68,7 @@ impl BoardWatch {
         }
     }
 
-    /// One that has seen these.
+    /// A watch that has already seen these corners.
     #[cfg(test)]
     pub(super) fn that_saw(board: Board, camera: Camera, seen: Vec<(f64, Vec<Pixel>)>) -> Self {
         let mut watch = Self::new(board, camera);
@@ -75,22 +76,22 @@ impl BoardWatch {
         watch
     }
 
-    /// The board that is sought.
+    /// The board that is searched for.
     pub fn board(&self) -> Board {
         self.board
     }
 
-    /// Frames that were searched.
+    /// Number of frames searched.
     pub fn searched(&self) -> usize {
         self.searched
     }
 
-    /// Why the last frame that did not show the board did not.
+    /// Why the last frame without the board did not show it.
     pub fn last_reason(&self) -> Option<BoardReason> {
         self.reason
     }
 
-    /// What was seen, in order of time.
+    /// All sightings, in order of time.
     pub fn into_looks(self) -> Vec<Look> {
         self.looks
     }
@@ -105,8 +106,8 @@ impl BoardWatch {
     }
 }
 
-/// The same corners in each order in which the board could be read: begun at the other end, and along the columns where
-/// it has as many of them as rows.
+/// The same corners in every possible order of the board: also from the other end, and, if the board has as many
+/// columns as rows, along the columns.
 pub(super) fn readings(corners: Vec<Pixel>, board: Board) -> Vec<Vec<Pixel>> {
     let (columns, rows) = (board.columns(), board.rows());
     let reversed = |corners: &Vec<Pixel>| corners.iter().rev().copied().collect::<Vec<_>>();

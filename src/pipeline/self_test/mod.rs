@@ -1,21 +1,23 @@
-//! Does a box still measure what it measured when it was set up? One minute with the printed checkerboard and a taped rod.
+//! Tests whether a box still measures as it did when it was set up. It takes one minute with the printed checkerboard
+//! and a taped rod.
 //!
-//! **In:** the recording's frames, for the board ([`BoardWatch`]), and the tracker's word on the same recording
-//! ([`Evidence`]). **Out:** [`Findings`], in mm and pixels, and of them a [`Signal`] for each [`Part`]
-//! ([`verdict::judge`]). **Method:** the board's corners are known to the width of a printed line, so that where a rod's end
-//! is held on one, the tracker's error is seen in space; where the board lies, and whether the lens is still the one that was
-//! calibrated, the corners tell themselves. Nothing here is fitted to the touches: an error that all share is an error.
+//! **In:** the recording's frames, for the board ([`BoardWatch`]), and the tracker's results for the same recording
+//! ([`SelfTestEvidence`]). **Out:** [`SelfTestFindings`], in mm and pixels, and from them a [`Signal`] for each
+//! [`SelfTestPart`] ([`verdict::judge`]). **Method:** the board's corners are known to the width of a printed line. A
+//! rod's end that is held on a corner therefore shows the tracker's error in space. The corners alone give the board's
+//! pose and show whether the lens still matches the calibration. Nothing here is fitted to the touches, so an error
+//! that all touches share counts as an error.
 //!
 //! | file | what |
 //! |---|---|
-//! | [`looks`] | which frames show the whole board, and where |
-//! | [`placement`] | where it lay still, from when to when |
+//! | [`board_watch`] | the frames that show the whole board, and its corners |
+//! | [`placement`] | where and when the board lay still |
 //! | [`hold`] | where a tool rested |
-//! | [`colours`] | what of the empty box has a tape's colour today |
-//! | [`contact`] | the point in which a resting rod meets the board |
+//! | [`colours`] | regions of the empty box that have a tape's colour today |
+//! | [`contact`] | the point where a resting rod meets the board |
 //! | [`touch`] | rests against corners: errors along and across the line of sight |
-//! | [`limits`] | from which figure on a light changes, and why from there |
-//! | [`verdict`] | the traffic light, with what to do |
+//! | [`limits`] | the limits between green, yellow and red, with their grounds |
+//! | [`verdict`] | the traffic light, with advice |
 
 pub mod colours;
 pub mod contact;
@@ -43,49 +45,49 @@ use super::segmentation::palette::Apart;
 use super::tracker::{Quality, ToolSpec};
 use super::trajectory::Trajectory;
 
-/// What is known of the recording when it is judged.
+/// The input of a self-test: the tracker's results for the recording, and what is known about the box.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence<'a> {
-    /// The box's stored camera, with which the recording was tracked.
+    /// The box's stored camera, used to track the recording.
     pub camera: Camera,
     /// The tools, in the tracker's order.
     pub tools: &'a [ToolSpec],
-    /// How far beyond the tape each tool's point lies, mm; 0 where the tape ends at the rod's flat end.
+    /// Distance from the tape to each tool's point, mm; 0 if the tape ends at the rod's flat end.
     pub reach_mm: f64,
-    /// How the tracker fared.
+    /// Quality figures of the tracker.
     pub quality: &'a Quality,
-    /// Its smoothed path.
+    /// The tracker's smoothed path.
     pub smoothed: &'a Trajectory,
-    /// Where trocars were in the box's sessions; none where that is not known.
+    /// Positions of the trocars in the box's sessions; empty if not known.
     pub ports: &'a Ports,
-    /// What of the empty box has the tapes' colours; none where it was never seen empty.
+    /// Regions of the empty box that have the tapes' colours; empty if the box was never seen empty.
     pub false_colours: &'a [FalseColour],
 }
 
-/// What a self-test found.
+/// The findings of a self-test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Findings {
     /// The board.
     pub board: Board,
-    /// Where it lay still, in order of time.
+    /// Places where it lay still, in order of time.
     pub placements: Vec<Placement>,
-    /// Frames that were searched for it.
+    /// Number of frames searched for the board.
     pub searched: usize,
-    /// Why it was not seen whole on the last frame that did not show it.
+    /// Why the board was not seen whole on the last frame without it.
     pub board_reason: Option<BoardReason>,
-    /// By how much the lens's focal length seems to have changed.
+    /// Estimated change of the focal length.
     pub focal_change: Option<FocalChange>,
     /// Every rest of a tool, in order of time.
     pub touches: Vec<Touch>,
-    /// Over all touches that count; `None` with fewer than [`limits::FEWEST_TOUCHES`].
+    /// Accuracy over all touches that count; `None` with fewer than [`limits::MIN_TOUCHES`].
     pub accuracy: Option<Accuracy>,
-    /// How far from where the box's sessions had it the rod's trocar lies: the farthest that is sure, if tools were several. `None` where
-    /// either is not known, as of a rod that is held freely.
+    /// Distance of the rod's trocar from its position in the box's sessions; with several tools, the largest distance
+    /// that is certain. `None` if either position is not known, for example if the rod is held without a trocar.
     pub trocar_shift: Option<Shift>,
-    /// How far each tool's colour stands apart.
+    /// Margin of each tool's colour against other colours.
     pub colours: Vec<(String, Apart)>,
-    /// Largest region of today's empty box that has a tape's colour, by that colour's label, as a multiple of the tape as it
-    /// would look on the board. None where the box was never seen empty, or no board.
+    /// Largest region of today's empty box that has a tape's colour, with the colour's label, as a multiple of the
+    /// tape's area as seen on the board. Empty if the box was never seen empty, or the board was never seen.
     pub false_regions: Vec<(String, f64)>,
     /// Largest change of the picture's brightness, as a share of its median.
     pub exposure_drift: Option<f64>,
@@ -93,7 +95,7 @@ pub struct Findings {
     pub white_drift_codes: Option<f64>,
 }
 
-/// Puts together what the board and the tracker tell.
+/// Combines the findings about the board with those of the tracker.
 pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
     let (board, searched, board_reason) = (watch.board(), watch.searched(), watch.last_reason());
     let placements = placement::of_looks(watch.into_looks(), &evidence.camera, board);
@@ -122,9 +124,9 @@ pub fn measure(watch: BoardWatch, evidence: &Evidence<'_>) -> Findings {
     }
 }
 
-/// False colours against the tapes that have them, the smallest of each colour.
+/// Sizes of the false regions relative to the tape; if several tools have the colour, to the smallest tape.
 fn false_regions(on: &Placement, Evidence { camera, tools, false_colours, .. }: &Evidence<'_>) -> Vec<(String, f64)> {
-    /// Length of a tape that nobody stated, as a multiple of the diameter: 26 mm of 5.
+    /// Assumed length of a tape without a stated length, as a multiple of the diameter: 26 mm for 5 mm.
     const USUAL_LENGTH: f64 = 5.0;
     let px_per_mm2 = camera.fx * camera.fy / on.camera_from_board.translation.z.powi(2);
     let tape_px = |tool: &ToolSpec| {

@@ -1,8 +1,8 @@
-//! Where the board lay still, and from when to when.
+//! Finds where and when the board lay still.
 //!
-//! In: [`Look`]s in order of time. Out: [`Placement`]s: runs of looks that agree to [`STILL_MM`]. A board that is carried
-//! agrees with itself on no two looks and makes none. The corners of a placement are the mean of its looks', which leaves a
-//! fraction of their noise.
+//! In: [`BoardSighting`]s in order of time. Out: [`BoardPlacement`]s: runs of sightings that agree to [`STILL_MM`]. A
+//! board that is carried has no two sightings that agree, and gives no placement. The corners of a placement are the
+//! mean over its sightings, which reduces the noise.
 
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 
@@ -12,22 +12,22 @@ use crate::pipeline::camera::{Board, Camera};
 use crate::pipeline::quality::quantile;
 use crate::pipeline::space::Pixel;
 
-/// Looks that differ by less are of a board that lies still, mean over its corners, mm. Noise moves the mean of 54
-/// corners by a few micrometres and a rod's shadow by some 20; a slip of more would count against the rod.
+/// The board lies still if two sightings differ by less than this, mean over its corners, mm. Noise moves the mean of
+/// 54 corners by a few micrometres and a rod's shadow by some 20; a larger slip would count as an error of the rod.
 const STILL_MM: f64 = 0.25;
 
 /// A board that lies still.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
-    /// First look, s.
+    /// First sighting, s.
     pub from_s: f64,
-    /// Last look, s.
+    /// Last sighting, s.
     pub to_s: f64,
-    /// Looks that agree.
+    /// Number of sightings that agree.
     pub looks: usize,
     /// Pose, mm: z runs through the board, away from the camera.
     pub camera_from_board: Isometry3<f64>,
-    /// Median over its looks of the root mean square distance of corners from where the camera should see them, px.
+    /// Root mean square reprojection error of the corners, median over the sightings, px.
     pub rms_px: f64,
     /// Mean corners, px.
     pub corners: Vec<Pixel>,
@@ -45,13 +45,13 @@ impl Placement {
         self.camera_from_board * Point3::new(on_board.x, on_board.y, 0.0)
     }
 
-    /// Was the board seen here both before and after these times?
+    /// True if the board was seen here both before `from_s` and after `to_s`.
     pub fn spans(&self, from_s: f64, to_s: f64) -> bool {
         self.from_s <= from_s && to_s <= self.to_s
     }
 }
 
-/// Groups looks.
+/// Groups sightings into placements.
 pub(super) fn of_looks(looks: Vec<Look>, camera: &Camera, board: Board) -> Vec<Placement> {
     let mut runs: Vec<Run> = Vec::new();
     for look in looks {
@@ -60,7 +60,7 @@ pub(super) fn of_looks(looks: Vec<Look>, camera: &Camera, board: Board) -> Vec<P
             _ => runs.push(Run { looks: vec![look] }),
         }
     }
-    // A single look between two that agree was a shadow or a hand; by itself it is a board that moves.
+    // A single sighting is a moving board, or a shadow or a hand between two sightings that agree.
     runs.retain(|run| run.looks.len() > 1);
     let mut joined: Vec<Run> = Vec::new();
     for run in runs {
@@ -72,7 +72,7 @@ pub(super) fn of_looks(looks: Vec<Look>, camera: &Camera, board: Board) -> Vec<P
     joined.into_iter().filter_map(|run| run.placement(camera, board)).collect()
 }
 
-/// Looks that agree with the first of them.
+/// Sightings that agree with the first of them.
 struct Run {
     looks: Vec<Look>,
 }

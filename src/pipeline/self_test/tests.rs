@@ -1,4 +1,4 @@
-//! Laws of the self-test on boards and paths that are known exactly: what is right is green, what is wrong is not.
+//! Tests of the self-test with exactly known boards and paths: correct boxes are green, faulty boxes are not.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
@@ -17,7 +17,7 @@ fn board() -> Board {
     Board::new(9, 6, 21.0).unwrap()
 }
 
-/// A trocar that is known to half a millimetre.
+/// A trocar with a standard deviation of half a millimetre.
 fn trocar(at: Point3<f64>) -> Fulcrum {
     Fulcrum { at, covariance: Matrix3::identity() * 0.25 }
 }
@@ -37,11 +37,11 @@ struct Minute {
     touched: Vec<usize>,
     /// From the hand to the tip.
     axis: Vector3<f64>,
-    /// What is added to where the rod seems to be at a touch, mm.
+    /// Error added to the rod's measured position at a touch, mm.
     error_mm: fn(usize) -> Vector3<f64>,
-    /// Where the rod's trocar was found, if it was.
+    /// Position of the rod's trocar, if it was found.
     trocar: Option<Point3<f64>>,
-    /// Pixels of the empty box that have its tape's colour, if it was seen empty.
+    /// Pixels of the empty box that have the tape's colour, if the box was seen empty.
     orange_px: Option<f64>,
 }
 
@@ -143,7 +143,7 @@ fn reasons(findings: &Findings) -> Vec<Option<Unusable>> {
     findings.touches.iter().map(|touch| touch.outcome.err()).collect()
 }
 
-/// By how much a tip is told wrongly at the touch of this number, mm.
+/// Error of the measured tip at the touch with this number, mm.
 type Offset = fn(usize) -> Vector3<f64>;
 
 #[test]
@@ -184,13 +184,13 @@ fn a_touch_during_which_the_board_slid_does_not_count_and_those_before_and_after
     assert!(said.contains("1 not counted: the board was moved"), "{said}");
 }
 
-/// From the corner that a touch is on towards the camera, mm.
+/// Offset from a touch's corner towards the camera, mm.
 fn lifted(touch: usize, mm: f64) -> Vector3<f64> {
     let on_board = board().points_mm()[Minute::default().touched[touch]];
     (lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0)).coords.normalize() * -mm
 }
 
-/// What a hand and the tracker are off by, mm: 0.6 RMS in all directions.
+/// Error of a hand and the tracker, mm: 0.6 RMS over all directions.
 fn unsteady(touch: usize) -> Vector3<f64> {
     const OFF: [[f64; 3]; 6] =
         [[0.2, -0.1, 0.6], [-0.1, 0.2, -0.5], [0.1, 0.1, 0.2], [-0.2, 0.0, -0.7], [0.0, -0.2, 0.5], [0.1, 0.0, -0.4]];
@@ -212,7 +212,7 @@ fn waiting_above_the_board_is_no_touch_however_low_and_a_box_is_not_blamed_for_i
         assert_eq!(findings.accuracy.as_ref().unwrap().touches, 6 - waits.len());
         assert_eq!(signal(&findings, Part::Accuracy), Signal::Green, "{:?}", findings.accuracy);
         let said = verdict::judge(&findings, None).parts[0].finding.clone();
-        assert!(said.contains(&format!("{} not counted: the tool waited above the board", waits.len())), "{said}");
+        assert!(said.contains(&format!("{} not counted: the rod was held above the board", waits.len())), "{said}");
     }
 }
 
@@ -224,7 +224,7 @@ fn touches_that_are_only_unsteady_all_count() {
 
 #[test]
 fn errors_that_touches_share_or_that_scatter_are_the_boxes_and_are_left_in_the_figure() {
-    /// Where a rod seems to be that is thinner than it is said to be.
+    /// Apparent offset of a rod that is thinner than stated.
     fn stretched(touch: usize, by: f64) -> Vector3<f64> {
         let on_board = board().points_mm()[Minute::default().touched[touch]];
         (lying(0.0) * Point3::new(on_board.x, on_board.y, 0.0)).coords * by
@@ -322,7 +322,7 @@ fn a_minute_without_a_board_measures_neither_accuracy_nor_calibration() {
     };
     let empty = measure(BoardWatch::new(board(), wide()), &evidence);
     let verdict = verdict::judge(&empty, None);
-    assert_eq!(verdict.parts.len(), Part::ALL.len() - 1, "a trocar that nobody knows is not spoken of");
+    assert_eq!(verdict.parts.len(), Part::ALL.len() - 1, "an unknown trocar is not reported");
     for part in verdict.parts {
         assert_eq!(part.signal, Signal::NotMeasured, "{part:?}");
     }

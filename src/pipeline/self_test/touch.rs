@@ -1,8 +1,9 @@
-//! Rests of a tool, held against the corners of the board.
+//! Compares the rests of a tool with the corners of the board.
 //!
-//! In: [`Hold`]s and [`Placement`]s. Out: a [`Touch`] for each hold: the error of the point of contact in space, or why it
-//! does not count; and over all that count the [`Accuracy`]. The corner that was meant is the one that is seen next to the
-//! point of contact: in the picture an error of depth does not show, so that the choice does not flatter.
+//! In: [`Hold`]s and [`BoardPlacement`]s. Out: a [`Touch`] for each hold: the error of the point of contact in space,
+//! or the reason why it does not count; and the [`TouchAccuracy`] over all touches that count. The touched corner is
+//! the one nearest to the point of contact in the picture. An error in depth does not show in the picture, so this
+//! choice does not make the result look better.
 
 use nalgebra::{Point3, Vector3};
 
@@ -15,16 +16,16 @@ use crate::pipeline::evaluation::WITHIN_95;
 use crate::pipeline::features::hull;
 use crate::pipeline::space::CameraPoint;
 
-/// A point of contact is seen next to a corner if it is nearer than this share of a square. Half would be any corner; hands
-/// place a rod to about half a millimetre.
+/// Maximum distance of a point of contact from its corner in the picture, as a share of a square. Half would accept any
+/// point; hands place a rod to about half a millimetre.
 const NEAR: f64 = 0.35;
 
-/// A rest is not called one above the board unless it stands out of the others' scatter by so many of their standard
-/// deviations. These are of the majority that agrees best, which is half as wide as all: errors that scatter are the tracker's,
-/// and count.
+/// A rest counts as above the board only if its height exceeds the others' by this many of their standard deviations.
+/// The deviation is that of the majority that agrees best, which is half as wide as that of all rests: scattered errors
+/// are the tracker's and count.
 const SCATTERS: f64 = 4.0;
 
-/// A rest of a tool, and what it tells.
+/// A rest of a tool, with its measured error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Touch {
     /// The rest.
@@ -36,7 +37,7 @@ pub struct Touch {
 /// A touch that counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
-    /// On which placement, from 0.
+    /// Index of the board's placement, from 0.
     pub placement: usize,
     /// Column of the corner on the board, from 0.
     pub column: usize,
@@ -44,19 +45,19 @@ pub struct Measured {
     pub row: usize,
     /// The corner in the camera frame, mm.
     pub corner_mm: Point3<f64>,
-    /// Point of contact less corner, camera frame, mm.
+    /// Point of contact minus corner, camera frame, mm.
     pub error_mm: Vector3<f64>,
-    /// The error along the line of sight, mm; positive where the tool seems farther away than it is.
+    /// The error along the line of sight, mm; positive if the tool seems farther away than it is.
     pub along_mm: f64,
-    /// The error across it, mm.
+    /// The error across the line of sight, mm.
     pub across_mm: f64,
-    /// Does the error lie within the tracker's stated 95 % region? `None` where it stated none.
+    /// Whether the error lies within the tracker's stated 95 % region; `None` if the tracker stated none.
     pub is_inside: Option<bool>,
-    /// How far the point of contact lies above the board, mm.
+    /// Height of the point of contact above the board, mm.
     height_mm: f64,
-    /// Stated standard deviation of that, mm; 0 where none was stated.
+    /// Stated standard deviation of the height, mm; 0 if none was stated.
     height_sigma_mm: f64,
-    /// How far the camera lies above the board, mm.
+    /// Height of the camera above the board, mm.
     camera_mm: f64,
 }
 
@@ -65,13 +66,13 @@ pub struct Measured {
 pub enum Unusable {
     /// The board was not seen whole both before and after it.
     BoardNotSeen,
-    /// The board lay elsewhere after it than before.
+    /// The board lay elsewhere after the rest than before it.
     BoardMoved,
-    /// The rod would come from below the board: the tracker took the hand's end of the tape for the tip.
+    /// The rod would come from below the board: the tracker took the tape's end at the hand for the tip.
     WrongWay,
     /// No corner is near.
     NoCornerNear,
-    /// The tool waited above the board.
+    /// The tool was held above the board.
     AboveBoard,
 }
 
@@ -88,7 +89,7 @@ impl Unusable {
     }
 }
 
-/// What all touches that count tell together.
+/// The accuracy over all touches that count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// Touches that count.
@@ -97,23 +98,23 @@ pub struct Accuracy {
     pub rms_mm: f64,
     /// Root mean square along the line of sight, mm.
     pub along_rms_mm: f64,
-    /// Root mean square across it, mm.
+    /// Root mean square across the line of sight, mm.
     pub across_rms_mm: f64,
-    /// Mean along the line of sight, mm: what all share.
+    /// Mean along the line of sight, mm: the error that all touches share.
     pub along_mean_mm: f64,
     /// Largest error, mm.
     pub largest_mm: f64,
-    /// Least and greatest depth of the touched corners, mm.
+    /// Smallest and largest depth of the touched corners, mm.
     pub depth_mm: [f64; 2],
     /// Share of the picture between the touched corners (their convex hull).
     pub picture_share: f64,
     /// Touches within the tracker's stated 95 % region.
     pub inside: usize,
-    /// Touches for which it stated one.
+    /// Touches with a stated 95 % region.
     pub stated: usize,
 }
 
-/// Holds every rest against the board.
+/// Compares every rest with the board.
 pub(super) fn of_holds(holds: Vec<Hold>, placements: &[Placement], board: Board, given: &Evidence<'_>) -> Vec<Touch> {
     let touch = |hold: Hold| Touch { outcome: measured(&hold, placements, board, given), hold };
     let mut touches: Vec<Touch> = holds.into_iter().map(touch).collect();
@@ -125,17 +126,17 @@ pub(super) fn of_holds(holds: Vec<Hold>, placements: &[Placement], board: Board,
     touches
 }
 
-/// Where most rests lie above the board, by the law that an error of scale follows.
+/// The height of most rests above the board, as a share of the camera's height.
 ///
-/// A wrong diameter or focal length stretches the line of sight: what rests on the board seems to lie above it (or below) by
-/// a share of the camera's own height, the same at every rest. A tool that waits over the board is off by itself. So
-/// the share that most rests have is what the box errs by, and stays in the figure; one that lies higher than that by more than
-/// touches are off in a good box ([`TOUCH_RMS_MM`]) and its own error bar allows was no touch. Nothing is left out for lying too
-/// deep, since nobody holds a rod below a board.
+/// A wrong diameter or focal length stretches the line of sight: a rod that rests on the board seems to lie above it
+/// (or below) by a share of the camera's own height, and this share is the same at every rest. A tool held above the
+/// board deviates from it. So the share of most rests is the box's error, and stays in the figure. A rest that lies
+/// higher than that was no touch if the difference exceeds both the error of touches in a good box ([`TOUCH_RMS_MM`])
+/// and its own error bar. A rest is never left out for lying too deep, since a rod cannot be held below a board.
 struct UsualHeight {
-    /// Height of those that agree best, as a share of the camera's: the shortest interval that holds more than half of all.
+    /// Mean height share of the rests that agree best: those in the shortest interval that holds more than half of all.
     share: f64,
-    /// Their standard deviation from it.
+    /// Standard deviation of these rests from the mean.
     scatter: f64,
 }
 
@@ -204,14 +205,14 @@ fn measured(
     })
 }
 
-/// The board was seen before and after, but not in one place; or not at all on one side.
+/// Why no placement spans a rest: the board moved, or was not seen before or after it.
 fn why_not_spanned(hold: &Hold, placements: &[Placement]) -> Unusable {
     let before = placements.iter().any(|placement| placement.from_s <= hold.from_s);
     let after = placements.iter().any(|placement| placement.to_s >= hold.to_s);
     if before && after { Unusable::BoardMoved } else { Unusable::BoardNotSeen }
 }
 
-/// The corner that is seen next to a point, if it is near.
+/// The corner nearest to a point in the picture, if it is close enough.
 fn nearest_corner(point: Point3<f64>, placement: &Placement, camera: &Camera, board: Board) -> Option<usize> {
     let seen = camera.project(CameraPoint(point))?;
     let corners: Vec<_> = (0..board.corners())
@@ -227,7 +228,7 @@ fn nearest_corner(point: Point3<f64>, placement: &Placement, camera: &Camera, bo
     (distance(nearest) < NEAR * square_px[0].min(square_px[1])).then_some(nearest)
 }
 
-/// Over all touches that count; `None` where they are too few.
+/// The accuracy over all touches that count; `None` if they are too few.
 pub(super) fn accuracy(touches: &[Touch], camera: &Camera) -> Option<Accuracy> {
     let all: Vec<Measured> = touches.iter().filter_map(|touch| touch.outcome.ok()).collect();
     if all.len() < FEWEST_TOUCHES {

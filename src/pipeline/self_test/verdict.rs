@@ -1,20 +1,20 @@
-//! The traffic light of a box: each part against its limits; the worst of them is the box's.
+//! The traffic light of a box: each part is compared with its limits; the worst part decides.
 
 use super::limits::{self, FEWEST_TOUCHES, FOCAL_SIGMA};
 use super::{Accuracy, Findings, Touch, Unusable};
 use crate::pipeline::quality::limits::Limits;
 use crate::pipeline::quality::{Cause, Severity};
 
-/// How something stands; the worse the later.
+/// The result of a part or of the whole test, from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Signal {
-    /// As it should be.
+    /// All figures are within their limits.
     Green,
-    /// To be watched.
+    /// A figure needs attention.
     Yellow,
-    /// It could not be told: never green.
+    /// It could not be measured, so it is never green.
     NotMeasured,
-    /// To be mended before anybody is measured.
+    /// The box must be repaired before the next session.
     Red,
 }
 
@@ -30,23 +30,23 @@ impl Signal {
     }
 }
 
-/// What is tested.
+/// One part of the self-test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Where the tracker sees a rod that touches a corner.
+    /// The tracker's error while a rod touches a corner.
     Accuracy,
-    /// Whether camera and lens are still those that were calibrated.
+    /// Whether camera and lens still match the calibration.
     Calibration,
-    /// Whether the rod's trocar is where the box's sessions had it. Told only where both are known.
+    /// Whether the rod's trocar is where it was in the box's sessions. Reported only if both positions are known.
     Place,
-    /// Whether the tapes can be told from all else.
+    /// Whether the tapes' colours differ enough from everything else.
     Colours,
-    /// Whether brightness and white stay.
+    /// Whether brightness and white stay constant.
     Lighting,
 }
 
 impl Part {
-    /// Every part, in the order in which people should read them.
+    /// Every part, in the order of presentation.
     pub const ALL: [Part; 5] = [Part::Accuracy, Part::Calibration, Part::Place, Part::Colours, Part::Lighting];
 
     /// Stable name for files, API and pages.
@@ -61,35 +61,36 @@ impl Part {
     }
 }
 
-/// How one part stands, and by which figure.
+/// The result of one part, and the figure that decided it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartVerdict {
-    /// Which.
+    /// The part.
     pub part: Part,
-    /// How it stands.
+    /// Its signal.
     pub signal: Signal,
-    /// The figure that decided, if anything was measured.
+    /// The figure that decided; `None` if nothing was measured.
     pub figure: Option<f64>,
-    /// The limit that it broke; of a green one, the limit that it kept.
+    /// The limit that the figure exceeded; for green, the limit that it kept.
     pub limit: Option<f64>,
-    /// Unit of both.
+    /// Unit of figure and limit.
     pub unit: &'static str,
-    /// What was found, in one sentence.
+    /// The finding, in one sentence.
     pub finding: String,
-    /// What to do about it; empty where there is nothing to do.
+    /// What to do; empty if there is nothing to do.
     pub advice: &'static str,
 }
 
 /// A box's traffic light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The worst of its parts.
+    /// The worst signal of all parts.
     pub signal: Signal,
-    /// Every part that there is something to say of, in [`Part::ALL`]'s order.
+    /// Every part that has a result, in the order of [`SelfTestPart::ALL`].
     pub parts: Vec<PartVerdict>,
 }
 
-/// Holds findings against the limits; `calibration_rms_px` is what the stored camera's own photos left, where it says so.
+/// Compares the findings with the limits; `calibration_rms_px` is the RMS error of the stored calibration's own photos,
+/// if known.
 pub fn judge(findings: &Findings, calibration_rms_px: Option<f64>) -> Verdict {
     let parts: Vec<PartVerdict> = [
         Some(accuracy(findings)),
@@ -105,7 +106,7 @@ pub fn judge(findings: &Findings, calibration_rms_px: Option<f64>) -> Verdict {
     Verdict { signal, parts }
 }
 
-/// One figure against its limits.
+/// One figure with its limits.
 struct Check {
     figure: f64,
     limits: Limits,
@@ -124,7 +125,7 @@ impl Check {
     }
 }
 
-/// The worst of some checks; without any, not measured for this reason.
+/// The verdict of the worst check; without checks the part is not measured, with the given finding and advice.
 fn worst(part: Part, checks: Vec<Check>, unmeasured: impl FnOnce() -> (String, &'static str)) -> PartVerdict {
     let nothing = |(finding, advice)| PartVerdict {
         part,
@@ -135,7 +136,7 @@ fn worst(part: Part, checks: Vec<Check>, unmeasured: impl FnOnce() -> (String, &
         finding,
         advice,
     };
-    // Of those that stand alike the first counts: they are given in the order in which they matter.
+    // The checks are ordered by importance, so among equally bad checks the first one decides.
     let deciding = checks.into_iter().rev().max_by_key(Check::signal);
     deciding.map_or_else(
         || nothing(unmeasured()),
@@ -160,7 +161,7 @@ fn accuracy(findings: &Findings) -> PartVerdict {
         limits: limits::TOUCH_RMS_MM,
         unit: "mm",
         finding: format!(
-            "{} touches are {:.2} mm off (RMS; {:.2} along the line of sight, {:.2} across; at most {:.2}){}",
+            "{} touches: the measured tip is {:.2} mm off (RMS; {:.2} in depth, {:.2} sideways; at most {:.2}){}",
             a.touches,
             a.rms_mm,
             a.along_rms_mm,
@@ -173,46 +174,44 @@ fn accuracy(findings: &Findings) -> PartVerdict {
     worst(Part::Accuracy, check.into_iter().collect(), || {
         let counted = findings.touches.iter().filter(|touch| touch.outcome.is_ok()).count();
         let finding =
-            format!("{counted} touches count, of {FEWEST_TOUCHES} that are needed{}", left_out(&findings.touches));
-        (
-            finding,
-            "hold the rod's end on six corners of the board, still for 2 s each, and do not move the board meanwhile",
-        )
+            format!("{counted} touches can be used, {FEWEST_TOUCHES} are needed{}", left_out(&findings.touches));
+        (finding, "hold the end of the rod still on six corners of the board, 2 s on each, and do not move the board")
     })
 }
 
 fn accuracy_advice(a: &Accuracy) -> &'static str {
     const SHARED: f64 = 0.7;
     if a.along_mean_mm.abs() > SHARED * a.rms_mm {
-        "all touches are off to the same side in depth: check that the rod has the diameter and the tape the length that \
-         the box's colours state, and that the tape ends at the rod's end; then calibrate again"
+        "all touches are off to the same side in depth: check that the rod's diameter and the tape's length are those \
+         entered with the box's colours, and that the tape ends at the rod's end; then calibrate the camera again"
     } else {
-        "repeat the touches with care; if they stay off, calibrate the camera again with about 20 photos"
+        "repeat the touches carefully; if the error stays, calibrate the camera again with about 20 photos"
     }
 }
 
-/// The rests that do not count, and why.
+/// Lists the rests that do not count, with the reasons.
 fn left_out(touches: &[Touch]) -> String {
     let count = |why: Unusable| touches.iter().filter(|touch| touch.outcome.err() == Some(why)).count();
     let words = [
-        (Unusable::BoardMoved, "the board was moved meanwhile"),
-        (Unusable::BoardNotSeen, "the board was not seen whole before and after"),
-        (Unusable::WrongWay, "the tape's other end was taken for the tip; bring the rod into sight over light squares"),
-        (Unusable::NoCornerNear, "no corner is near"),
-        (Unusable::AboveBoard, "the tool waited above the board"),
+        (Unusable::BoardMoved, "the board was moved during the touch"),
+        (Unusable::BoardNotSeen, "the whole board was not visible before and after the touch"),
+        (Unusable::WrongWay, "the other end of the tape was taken for the tip; move the rod in over white squares"),
+        (Unusable::NoCornerNear, "the rod was not on a corner"),
+        (Unusable::AboveBoard, "the rod was held above the board"),
     ];
     let each = words.into_iter().map(|(why, words)| (count(why), words)).filter(|(count, _)| *count > 0);
     each.map(|(count, words)| format!("; {count} not counted: {words}")).collect()
 }
 
 fn calibration(findings: &Findings, own_rms_px: Option<f64>) -> PartVerdict {
-    const AGAIN: &str = "look whether the lens's zoom or focus was turned or the picture's size changed, and calibrate the camera again";
+    const AGAIN: &str =
+        "check whether the camera's zoom, focus or picture size was changed, then calibrate the camera again";
     let rms_px = findings.placements.iter().map(|placement| placement.rms_px).reduce(f64::max);
     let board = rms_px.map(|figure| Check {
         figure,
         limits: limits::board_rms_px(own_rms_px),
         unit: "px",
-        finding: format!("the board's corners are {figure:.2} px from where the stored camera expects them (RMS)"),
+        finding: format!("the board's corners are {figure:.2} px from where the stored calibration expects them (RMS)"),
         advice: AGAIN,
     });
     let known = findings.focal_change.filter(|change| change.sigma <= FOCAL_SIGMA);
@@ -221,7 +220,7 @@ fn calibration(findings: &Findings, own_rms_px: Option<f64>) -> PartVerdict {
         limits: limits::FOCAL_CHANGE,
         unit: "1",
         finding: format!(
-            "the focal length seems to be {:+.2} ± {:.2} % off the stored camera's; so are all depths",
+            "the focal length differs from the stored calibration by {:+.2} ± {:.2} %, and so do all measured depths",
             100.0 * change.share,
             100.0 * change.sigma
         ),
@@ -230,53 +229,56 @@ fn calibration(findings: &Findings, own_rms_px: Option<f64>) -> PartVerdict {
     worst(Part::Calibration, board.into_iter().chain(focal).collect(), || {
         let reason =
             findings.board_reason.map_or_else(|| "no frame was searched".to_owned(), |reason| reason.to_string());
-        let finding = format!("the board was never seen whole and still ({reason})");
-        (finding, "lay the board the box was calibrated with into the picture, whole, for 3 s without a tool in sight")
+        let finding = format!("the whole board was never seen lying still ({reason})");
+        (finding, "put the board used for the calibration fully into view, and leave it for 3 s without a tool in view")
     })
 }
 
-/// `None` where nobody knows, and where the shift may be its own error: a box that has no sessions yet is none the worse.
+/// `None` if the shift is unknown, as in a box without sessions, or if it may be just measurement error.
 fn place(findings: &Findings) -> Option<PartVerdict> {
-    let told = findings.trocar_shift.filter(|shift| shift.is_sure() || limits::TROCAR_MM.breach(shift.mm).is_none());
-    let check = told.map(|shift| Check {
+    let known = findings.trocar_shift.filter(|shift| shift.is_sure() || limits::TROCAR_MM.breach(shift.mm).is_none());
+    let check = known.map(|shift| Check {
         figure: shift.mm,
         limits: limits::TROCAR_MM,
         unit: "mm",
-        finding: format!("the trocar lies {:.0} ± {:.0} mm from where sessions had it", shift.mm, shift.sigma_mm),
-        advice: "if the rod came through another port than tools do, all is well; else the camera has moved since it was \
-                 calibrated: put it back",
+        finding: format!("the trocar is {:.0} ± {:.0} mm from its place in earlier sessions", shift.mm, shift.sigma_mm),
+        advice: "if the rod went through a different port than the tools, this is fine; otherwise the camera was moved \
+                 since its calibration: put it back",
     })?;
     Some(worst(Part::Place, vec![check], Default::default))
 }
 
-/// As they were marked, and in today's picture. Without the second the light is not known, unless the first is red.
+/// Checks the colours as they were marked, and in today's picture. Without today's picture the part is not measured,
+/// unless the marked colours are red.
 fn colours(findings: &Findings) -> PartVerdict {
-    const CLEAR: &str = "take what has the tape's colour out of the box, and hold the light as it was; if it stays, mark the \
-                         tapes again or take other tape (`trocar palette --advise`)";
+    const CLEAR: &str = "take everything that has the tape's colour out of the box, and keep the light as it was; if this \
+                         does not help, mark the tapes again or use tape of another colour (`trocar palette --advise`)";
     let today = findings.false_regions.iter().map(|(colour, of_tape)| Check {
         figure: *of_tape,
         limits: limits::FALSE_TAPE,
         unit: "tapes",
         finding: format!(
-            "today a region of the empty box, {of_tape:.2} × as large as the tape, has the colour `{colour}`"
+            "today a region of the empty box has the colour `{colour}`; it is {of_tape:.2} × as large as the tape"
         ),
         advice: CLEAR,
     });
     let largest = findings.false_regions.iter().map(|(_, of_tape)| *of_tape).reduce(f64::max);
     let mut part = worst(Part::Colours, marked_colours(findings).into_iter().chain(today).collect(), || {
-        ("nothing is known of the tapes' colours".to_owned(), "mark the tapes again")
+        ("the tapes' colours are not known".to_owned(), "mark the tapes again")
     });
     match largest {
         Some(of_tape) if part.unit == "steps" => {
             part.finding += &match format!("{of_tape:.2}").as_str() {
                 "0.00" => "; today nothing in the empty box has their colours".to_owned(),
-                size => format!("; today the largest region of the empty box that has one of them is {size} × a tape"),
+                size => {
+                    format!("; today the largest region of the empty box with one of these colours is {size} × a tape")
+                }
             };
         }
         None if part.signal < Signal::NotMeasured => {
             part.signal = Signal::NotMeasured;
             part.finding += "; today the box was never seen with the board and without a tool";
-            part.advice = "lay the board into the picture, and keep tools and hands out of it for 3 s";
+            part.advice = "put the board into view, and keep tools and hands out of the picture for 3 s";
         }
         _ => {}
     }
@@ -284,8 +286,8 @@ fn colours(findings: &Findings) -> PartVerdict {
 }
 
 fn marked_colours(findings: &Findings) -> Vec<Check> {
-    const OTHER_TAPE: &str =
-        "mark the tapes again in today's light; if it stays, take other tape (`trocar palette --advise`)";
+    const OTHER_TAPE: &str = "mark the tapes again in today's light; if this does not help, use tape of another colour \
+                              (`trocar palette --advise`)";
     let checks = findings.colours.iter().flat_map(|(tool, apart)| {
         let margins = [(Cause::ColourBackground, &apart.from_background), (Cause::ColourPair, &apart.from_tools)];
         margins.into_iter().filter_map(move |(cause, margin)| {
@@ -295,36 +297,36 @@ fn marked_colours(findings: &Findings) -> Vec<Check> {
                 limits: cause.limits(),
                 unit: "steps",
                 finding: format!(
-                    "{tool}: as it was marked, its colour is {:.1} steps from `{}`",
+                    "{tool}: when it was marked, its colour was {:.1} steps from `{}`",
                     margin.margin_steps, margin.nearest
                 ),
                 advice: OTHER_TAPE,
             })
         })
     });
-    // The narrowest first: of colours that stand alike it is the one to be told of.
+    // The smallest margin comes first, so that it is the one reported among equally bad colours.
     let mut checks: Vec<Check> = checks.collect();
     checks.sort_by(|a, b| a.figure.total_cmp(&b.figure));
     checks
 }
 
 fn lighting(findings: &Findings) -> PartVerdict {
-    const HOLD: &str = "switch the camera's automatic exposure and white balance off, and keep daylight out of the box";
+    const HOLD: &str = "switch off the camera's automatic exposure and white balance, and keep daylight out of the box";
     let exposure = findings.exposure_drift.map(|figure| Check {
         figure,
         limits: limits::exposure(),
         unit: "1",
-        finding: format!("brightness changes by {:.0} % within the minute", 100.0 * figure),
+        finding: format!("the brightness changes by {:.0} % during the test", 100.0 * figure),
         advice: HOLD,
     });
     let white = findings.white_drift_codes.map(|figure| Check {
         figure,
         limits: limits::white(),
         unit: "codes",
-        finding: format!("white changes by {figure:.1} codes within the minute"),
+        finding: format!("the white balance changes by {figure:.1} codes during the test"),
         advice: HOLD,
     });
     worst(Part::Lighting, exposure.into_iter().chain(white).collect(), || {
-        ("the picture is too dark to compare".to_owned(), "switch the box's light on")
+        ("the picture is too dark to compare".to_owned(), "switch on the light of the box")
     })
 }

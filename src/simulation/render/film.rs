@@ -1,4 +1,4 @@
-//! From light on the sensor to codes in a file: lens blur, vignetting, tone curve, YUV, noise.
+//! Turns light on the sensor into codes in a file: lens blur, vignetting, tone curve, YUV, noise.
 
 use super::super::light::Rgb;
 use super::super::rig::{Optics, Rig};
@@ -8,13 +8,13 @@ use crate::random::Dice;
 
 /// Pixels of blur on each side.
 pub const REACH: usize = 3;
-/// Pixels along a patch: a tile and what blurs into it.
+/// Pixels along a patch: a tile and the pixels that blur into it.
 pub const PATCH: usize = TILE + 2 * REACH;
 
 const TONES: usize = 2048;
 const BRIGHTEST: f32 = 2.0;
 
-/// Lens and sensor, as tables.
+/// Response of lens and sensor, as tables.
 pub struct Film {
     taps: [f32; 2 * REACH + 1],
     tone: Vec<f32>,
@@ -26,7 +26,7 @@ pub struct Film {
 pub type Encoded = [f32; 3];
 
 impl Film {
-    /// The film of a rig.
+    /// The lens and sensor of a rig.
     pub fn new(rig: &Rig) -> Self {
         let camera = &rig.camera;
         let (width, height) = (camera.width as usize, camera.height as usize);
@@ -40,7 +40,7 @@ impl Film {
         Self { taps: taps(rig.optics.blur_px), tone, vignette, width }
     }
 
-    /// Blurs and encodes the tile in the middle of a patch whose tile begins at pixel (`left`, `top`).
+    /// Blurs and encodes the tile in the middle of a patch; the tile begins at pixel (`left`, `top`).
     pub fn develop(&self, patch: &[Rgb], left: usize, top: usize, size: (usize, usize)) -> Vec<Encoded> {
         let mut across = [[0.0f32; 3]; PATCH * TILE];
         for y in 0..size.1 + 2 * REACH {
@@ -88,7 +88,7 @@ fn taps(sigma: f64) -> [f32; 2 * REACH + 1] {
     weights.map(|w| (w / sum) as f32)
 }
 
-/// sRGB, with a shoulder that lets highlights run out softly.
+/// sRGB encoding, with a soft roll-off for highlights.
 fn encode(light: f32) -> f32 {
     const KNEE: f32 = 0.72;
     let over = (light - KNEE).max(0.0);
@@ -111,7 +111,7 @@ pub struct Plate {
 }
 
 impl Plate {
-    /// Codes of a tile; a chroma sample is the mean of the pixels that share it.
+    /// The codes of a tile; a chroma sample is the mean of the pixels that share it.
     pub fn new(tile: &[Encoded], (width, height): (usize, usize), (sx, sy): (u8, u8)) -> Self {
         let (chroma_width, chroma_height) = (chroma_length(width, sx), chroma_length(height, sy));
         let mut plate = Self {
@@ -141,7 +141,7 @@ fn yuv(rgb: Encoded) -> [f32; 3] {
     [16.0 + 219.0 * y, 128.0 + 224.0 * (b - y) / 1.8556, 128.0 + 224.0 * (r - y) / 1.5748]
 }
 
-/// The sensor's noise: stronger in bright light, but lifted in the dark by the tone curve.
+/// The sensor's noise: stronger in bright light, but amplified in the dark by the tone curve.
 pub struct Grain {
     normals: Vec<f32>,
     sigma: [f32; 256],
@@ -166,7 +166,7 @@ impl Grain {
         Self { normals, sigma }
     }
 
-    /// The noise of a row; `key` tells frames and planes apart.
+    /// The noise of a row; `key` distinguishes frames and bands.
     pub fn row(&self, seed: u64, key: &str) -> GrainRow<'_> {
         GrainRow { grain: self, dice: Dice::new(seed, key), bits: 0, left: 0 }
     }
@@ -205,7 +205,7 @@ impl GrainRow<'_> {
     }
 }
 
-/// Deviation of a luma code: the linear noise times the slope of the tone curve there.
+/// Standard deviation of a luma code: the linear noise times the slope of the tone curve at this code.
 fn sigma_of_code(optics: &Optics, code: f32) -> f32 {
     let encoded = ((code - 16.0) / 219.0).clamp(0.0, 1.0);
     let linear = if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };

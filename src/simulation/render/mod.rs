@@ -1,9 +1,9 @@
-//! A moment of a [`World`] as the planes that its camera would deliver.
+//! Renders one moment of a [`World`] as the planes that its camera would deliver.
 //!
 //! In: a world, a time. Out: 8-bit Y, U, V with perspective, lens distortion, shadows, gloss, motion and lens blur,
-//! vignetting and sensor noise. The empty box is ray-traced once; a frame only looks again at the 16×16 tiles that a
-//! tool or its shadow touches. Silhouettes are those of the exact solids (see [`moving`]); noise is drawn from the seed
-//! and the time alone, so a frame looks the same whatever was rendered before it.
+//! vignetting and sensor noise. The empty box is ray-traced once; a frame only traces the 16×16 tiles again that a tool
+//! or its shadow touches. Silhouettes are those of the exact solids (see [`moving`]). The noise depends on seed and
+//! time alone, so a frame does not depend on the frames rendered before it.
 
 mod film;
 mod moving;
@@ -32,7 +32,7 @@ use super::light::{LAMPS, Rgb};
 use super::shape::RoundCone;
 use super::world::World;
 
-/// Draws one world.
+/// Renders one world.
 pub struct Renderer<'w> {
     world: &'w World,
     chroma: Chroma,
@@ -40,19 +40,19 @@ pub struct Renderer<'w> {
     rays: Rays,
     film: Film,
     grain: Grain,
-    /// The empty box, and as it is after each change.
+    /// The empty box for each stage of the world.
     backdrops: Vec<Backdrop>,
 }
 
-/// The empty box, looked at once.
+/// The empty box, traced once.
 struct Backdrop {
     still: Still,
-    /// Developed: what most tiles of every frame are.
+    /// The encoded tiles, before noise; most tiles of every frame are these.
     plates: Vec<Plate>,
     cones: Vec<Cone>,
 }
 
-/// What a tile looks at.
+/// The cone of rays of a tile, and the part of the empty box that it covers.
 struct Cone {
     unit: nalgebra::Vector3<f64>,
     sine: f64,
@@ -63,12 +63,12 @@ struct Cone {
 type Painted = Option<Vec<Rgb>>;
 
 impl<'w> Renderer<'w> {
-    /// Prepares to draw a world in 4:2:0; looks at all of its scenery once.
+    /// Prepares to render a world in 4:2:0; traces all of its scenery once.
     pub fn new(world: &'w World) -> Self {
         Self::with_chroma(world, Chroma::Quarter)
     }
 
-    /// Prepares to draw a world with this chroma resolution.
+    /// Prepares to render a world with this chroma resolution.
     pub fn with_chroma(world: &'w World, chroma: Chroma) -> Self {
         let camera = &world.rig.camera;
         let tiling = Tiling::new(camera.width as usize, camera.height as usize);
@@ -89,7 +89,7 @@ impl<'w> Renderer<'w> {
         backdrop
     }
 
-    /// The picture whose exposure has its middle at this time, s.
+    /// The picture with the middle of its exposure at this time, s.
     pub fn render(&self, time_s: f64) -> Rendered {
         let exposure = Exposure::new(self.world, time_s, self.world.rig.optics.exposure_s);
         let backdrop = &self.backdrops[self.world.stage_at(time_s)];
@@ -100,7 +100,7 @@ impl<'w> Renderer<'w> {
         picture
     }
 
-    /// The light in a tile that something moving touches.
+    /// The light in a tile that a moving body or its shadow touches; `None` for other tiles.
     fn paint(&self, tile: usize, backdrop: &Backdrop, exposure: &Exposure) -> Painted {
         let cone = &backdrop.cones[tile];
         let bodies = exposure.near(cone.unit, cone.sine);
@@ -176,7 +176,7 @@ impl<'w> Renderer<'w> {
         });
     }
 
-    /// A tile's codes with noise, into its place in a band of the planes.
+    /// Adds noise to a tile's codes and writes them to its place in a band of the planes.
     fn digitise(&self, plate: &Plate, left: usize, grain: &mut GrainRow, band: (&mut [u8], &mut [u8], &mut [u8])) {
         let shift = self.chroma.shift().0;
         let (width, chroma_width) = (self.tiling.width, chroma_length(self.tiling.width, shift));
@@ -195,7 +195,7 @@ impl<'w> Renderer<'w> {
     }
 }
 
-/// What shadows take in a tile, looked at once for every 2×2 pixels: their edges are softer than that.
+/// Share of light lost to shadows in a tile, computed once for every 2×2 pixels: shadow edges are softer than that.
 struct Shadows {
     square: Square,
     lost: Vec<f32>,
@@ -229,7 +229,7 @@ impl Cone {
         let middle = Point3::from(at(middle_u, middle_v) * f64::from(still.at(middle_u, middle_v).depth));
         let gaps =
             square.pixels().map(|(u, v)| (Point3::from(at(u, v) * f64::from(still.at(u, v).depth)) - middle).norm());
-        // Half a pixel beyond the corners' centres, and the lens's curvature over a tile.
+        // 1.15 covers half a pixel beyond the corners' centres, and the lens's curvature over a tile.
         Self { unit, sine: sines.into_iter().fold(0.0, f64::max) * 1.15, middle, spread_mm: gaps.fold(0.0, f64::max) }
     }
 }

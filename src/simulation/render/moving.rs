@@ -1,8 +1,8 @@
-//! What moves, at the moments of one exposure: every ray is cast against the exact solids.
+//! Renders the moving solids over one exposure: every ray is cast against the exact solids.
 //!
-//! A pixel well inside a tube is looked at once, at the middle of the exposure. A pixel that a border, a band's end or
-//! a jaw touches at any moment is looked at [`LOOKS`] times, each look at its own place in the pixel *and* its own
-//! moment: anti-aliasing and motion blur in one sum, without bias of the borders.
+//! A pixel well inside a tube is sampled once, at the middle of the exposure. A pixel that a border, a band's end or a
+//! jaw touches at any moment is sampled [`SAMPLES_PER_PIXEL`] times. Each sample has its own position in the pixel
+//! *and* its own moment: this gives anti-aliasing and motion blur in one sum, without bias of the borders.
 
 use nalgebra::{Point3, Vector3};
 
@@ -18,7 +18,7 @@ pub struct Exposure {
     ends: [Vec<Body>; 2],
     looks: Vec<Vec<Body>>,
     hulls: Vec<RoundCone>,
-    /// Rods that throw shadows, each with its owner.
+    /// Rods that cast shadows, each with its owner.
     pub rods: Vec<(usize, RoundCone)>,
 }
 
@@ -34,7 +34,7 @@ enum Form {
     Solid { solid: RoundCone, material: Material },
 }
 
-/// What a ray met.
+/// The intersection of a ray with a body.
 #[derive(Clone, Copy)]
 struct Met {
     meeting: Meeting,
@@ -43,10 +43,11 @@ struct Met {
     material: Material,
 }
 
-/// Bodies that one pixel is looked at for; two tools with all their parts, crossing, with a bead between, are nine.
+/// Maximum of bodies considered for one pixel; two crossing tools with all their parts and a bead between them are
+/// nine.
 const MOST_BODIES: usize = 16;
 
-/// How a body lies in a pixel during the exposure.
+/// How a body overlaps a pixel during the exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lie {
     Outside,
@@ -55,7 +56,7 @@ enum Lie {
 }
 
 impl Exposure {
-    /// The exposure of `exposure_s` whose middle is at `time_s`.
+    /// The exposure of `exposure_s` with its middle at `time_s`.
     pub fn new(world: &World, time_s: f64, exposure_s: f64) -> Self {
         let at = |share: f64| bodies(world, time_s + (share - 0.5) * exposure_s);
         let middle = at(0.5);
@@ -76,12 +77,12 @@ impl Exposure {
         (0..self.hulls.len()).filter(|i| self.hulls[*i].near(unit, margin)).collect()
     }
 
-    /// The pixel's light where some of these bodies may be in it; `behind` is the light and depth of what is behind.
+    /// The light of a pixel that these bodies may cover; `behind` is the light and depth of the background.
     pub fn paint(&self, world: &World, near: &[usize], pixel: &PixelRays, behind: (Rgb, f64)) -> Rgb {
         self.gather(near, pixel, behind, |met, v| self.shade(world, met, v))
     }
 
-    /// The mean over the pixel and the exposure of what `of` says of each meeting.
+    /// The mean of `of` over the pixel and the exposure; `of` gives the light of each intersection.
     fn gather(
         &self,
         near: &[usize],
@@ -111,7 +112,7 @@ impl Exposure {
         }
     }
 
-    /// Sixteen looks; each part that they meet is shaded once, since over one pixel only its outline matters.
+    /// Takes sixteen samples. Each part that they meet is shaded once, since only its outline matters within one pixel.
     fn look_often(
         &self,
         bodies: &[usize],
@@ -160,7 +161,7 @@ impl Exposure {
     }
 }
 
-/// Shares of the lamps' light that rods keep from a point.
+/// Share of each lamp's light that the rods hide from a point.
 pub fn hidden<'a>(
     world: &World,
     point: Point3<f64>,
@@ -174,7 +175,7 @@ pub fn hidden<'a>(
 
 fn lie_in_tube(tube: &Tube, first: &Tube, last: &Tube, pixel: &PixelRays) -> Lie {
     let v = pixel.centre;
-    // Rays inside both tangent planes meet the infinite tube. The bare tube is a little thinner than the planes say.
+    // Rays inside both tangent planes meet the infinite tube. The bare tube is a little thinner than these planes.
     let margin = 0.9 * pixel.pitch() + (tube.radius - tube.bare_radius) / tube.tip.coords.norm();
     let side = |of: &Tube, i: usize| of.borders()[i].dot(&v);
     let outside = |i: usize| side(first, i) < -margin && side(last, i) < -margin;
@@ -226,7 +227,7 @@ impl Body {
     }
 }
 
-/// Everything that moves, at one time. Always in the same order.
+/// All moving bodies at one time, always in the same order.
 fn bodies(world: &World, time_s: f64) -> Vec<Body> {
     let poses = world.poses(time_s);
     let mut bodies = Vec::with_capacity(4 * poses.len() + 4);
@@ -242,7 +243,7 @@ fn bodies(world: &World, time_s: f64) -> Vec<Body> {
     bodies
 }
 
-/// A rod that holds the body during the whole exposure.
+/// A rod that encloses the body during the whole exposure.
 fn hull(middle: &Body, first: &Body, last: &Body) -> RoundCone {
     let (m, f, l) = (middle.rod(), first.rod(), last.rod());
     let travel = |m: Point3<f64>, f: Point3<f64>, l: Point3<f64>| (m - f).norm().max((m - l).norm());
@@ -250,7 +251,7 @@ fn hull(middle: &Body, first: &Body, last: &Body) -> RoundCone {
     RoundCone::capsule(m.a, m.b, wide)
 }
 
-/// Share of every pixel that the bands cover, as drawn.
+/// Share of every pixel that the bands cover, as rendered.
 #[cfg(test)]
 pub(in crate::simulation) fn band_coverage(world: &World, time_s: f64) -> Vec<f64> {
     let rays = super::rays::Rays::new(&world.rig.camera);

@@ -21,7 +21,7 @@ pub struct Photo {
     pub rgb: Vec<u8>,
 }
 
-/// A rig's camera, ready to take photos of anything.
+/// A rig's camera, for photos of any scene.
 pub struct Photographer {
     tiling: Tiling,
     rays: Rays,
@@ -36,7 +36,7 @@ impl Photographer {
         Self { tiling, rays: Rays::new(&rig.camera), film: Film::new(rig), grain: Grain::new(&rig.optics) }
     }
 
-    /// A photo of what `look` sees along each ray; `seed` makes the noise.
+    /// Takes a photo; `look` gives the surface along each ray, and `seed` sets the noise.
     pub fn take(&self, look: impl Fn(Vector3<f64>) -> Sight + Sync, seed: u64) -> Photo {
         let (width, height) = (self.tiling.width, self.tiling.height);
         let still = Still::new(look, &self.rays, width, height);

@@ -5,7 +5,7 @@ use crate::pipeline::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 /// Chroma resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Chroma {
-    /// Half in both directions (4:2:0): nearly all video.
+    /// Half in both directions (4:2:0), as in nearly all video.
     Quarter,
     /// Half across (4:2:2).
     Half,

@@ -1,4 +1,4 @@
-//! The direction in which every pixel looks: the lens undone once, not once a frame.
+//! The viewing direction of every pixel: the lens distortion is undone once, not for every frame.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ pub struct Rays {
     directions: Vec<[f32; 2]>,
 }
 
-/// The rays of one pixel: its centre's, and how they change over one pixel to the right and one down.
+/// The rays of one pixel: the ray through its centre, and its change over one pixel to the right and one down.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelRays {
     /// Through the centre.
@@ -62,16 +62,17 @@ impl PixelRays {
         self.centre + self.right * du + self.down * dv
     }
 
-    /// How far rays of neighbouring pixels are apart at depth 1.
+    /// Distance between the rays of neighbouring pixels at depth 1.
     pub fn pitch(&self) -> f64 {
         self.right.norm().max(self.down.norm())
     }
 }
 
-/// Points of a pixel and moments of an exposure that are looked at where one look is not enough.
+/// Number of samples of a pixel where one is not enough; each has its own point in the pixel and moment in the
+/// exposure.
 pub const LOOKS: usize = 16;
 
-/// One of them.
+/// One sample of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Look {
     /// Offset from the pixel's centre to the right, −½..½.
@@ -82,8 +83,8 @@ pub struct Look {
     pub moment: f64,
 }
 
-/// The looks of a pixel: a Sobol sequence in three dimensions, so that each coordinate alone is spread evenly, and the
-/// two offsets together lie one in each sixteenth of the pixel.
+/// The samples of a pixel: a Sobol sequence in three dimensions. Each coordinate alone is spread evenly, and the two
+/// offsets together put one sample in each sixteenth of the pixel.
 pub const PATTERN: [Look; LOOKS] = pattern();
 
 const fn pattern() -> [Look; LOOKS] {

@@ -1,4 +1,4 @@
-//! What never moves, looked at once: radiance, depth, and how much of the light a tool's shadow can take off.
+//! The fixed scenery, traced once: radiance, depth, and the share of light that a tool's shadow can remove.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -13,19 +13,19 @@ pub struct Still {
     pixels: Vec<StillPixel>,
 }
 
-/// One pixel of it.
+/// One pixel of the empty box.
 #[derive(Clone, Copy, Debug)]
 pub struct StillPixel {
     /// Linear light.
     pub radiance: Rgb,
-    /// Share of it that comes straight from each lamp.
+    /// Share of the radiance that comes directly from each lamp.
     pub from_lamp: [f32; LAMPS],
     /// Depth at the pixel's centre, mm.
     pub depth: f32,
 }
 
 impl Still {
-    /// Looks at every pixel once, and again at those on an edge.
+    /// Traces every pixel once, and takes more samples of pixels on an edge.
     pub fn new(look: impl Fn(Vector3<f64>) -> Sight + Sync, rays: &Rays, width: usize, height: usize) -> Self {
         let first = rows(width, height, |u, v| StillPixel::from(look(rays.centre(u, v))));
         let at = |u: usize, v: usize| &first[v * width + u];

@@ -1,4 +1,4 @@
-//! The picture in squares: most of them never change, and are not looked at again.
+//! Cuts the picture into tiles: most of them never change, and are not traced again.
 
 /// Pixels along a tile; even, so that a chroma sample never straddles two.
 pub const TILE: usize = 16;
@@ -41,7 +41,7 @@ impl Tiling {
         Square { left, top, right: (left + TILE).min(self.width), bottom: (top + TILE).min(self.height) }
     }
 
-    /// A tile with this many pixels more on each side, row by row; beyond the picture's edge its last pixels repeat.
+    /// A tile with `more` extra pixels on each side, row by row; beyond the picture's edge the last pixels repeat.
     pub fn patch<T>(&self, square: Square, more: usize, at: impl Fn(usize, usize) -> T) -> Vec<T> {
         let side = TILE + 2 * more;
         let mut patch = Vec::with_capacity(side * side);
@@ -53,7 +53,7 @@ impl Tiling {
         patch
     }
 
-    /// Tiles.
+    /// Number of tiles.
     pub fn count(&self) -> usize {
         self.columns * self.rows
     }

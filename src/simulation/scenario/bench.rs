@@ -52,7 +52,7 @@ pub(super) fn slide(cast: &Cast) -> Script {
     Script { hands: vec![(0, hand)], props, ..Script::default() }
 }
 
-/// Greatest wobble of a guided slide: five sines of this RMS stay below 0.3 mm nearly always.
+/// The wobble of a guided slide: five sines of this RMS stay below 0.3 mm nearly always.
 pub(crate) fn slide_wobble(seed: u64) -> Oscillation {
     Oscillation::new(&mut Dice::new(seed, "wobble"), 0.06, 0.5, 4.0)
 }
@@ -68,7 +68,7 @@ pub(super) fn rest(cast: &Cast) -> Script {
     Script { hands: vec![(0, hand)], props: vec![block], ..Script::default() }
 }
 
-/// The right tool passes behind the left one three times, then is drawn out of the picture and comes back.
+/// The right tool passes behind the left one three times, then leaves the picture and comes back.
 pub(super) fn crossing(cast: &Cast) -> Script {
     let (front, beside, behind) = match cast.rig.view {
         View::Top => {
@@ -104,8 +104,8 @@ pub(super) fn crossing(cast: &Cast) -> Script {
     Script { hands: vec![(0, left), (1, right)], ..Script::default() }
 }
 
-/// Both tools cross to the other's side and back, one above the other; both are drawn out of the picture, the left one
-/// first, and come back where the other was, the right one first: only the trocars tell who is who.
+/// Both tools cross to the other's side and back, one above the other. Then both leave the picture, the left one first,
+/// and return where the other was, the right one first: only the trocars identify the tools.
 pub(super) fn exchange(cast: &Cast) -> Script {
     let (at_left, at_right) = match cast.rig.view {
         View::Top => (
@@ -148,7 +148,7 @@ pub(super) fn exchange(cast: &Cast) -> Script {
     Script { hands: vec![(0, left), (1, right)], ..Script::default() }
 }
 
-/// A point so near to a trocar, this share of the way, that nothing of the tool is in the picture.
+/// The point at this share of the way to a trocar: so near to it that no part of the tool is in the picture.
 fn away_from_view(cast: &Cast, side: usize, from: Point3<f64>, share: f64) -> Point3<f64> {
     let trocar = cast.rig.camera_from_board.inverse() * cast.rig.fulcrums[side];
     from + (trocar - from) * share

@@ -1,4 +1,4 @@
-//! A hand that carries out a task: a cursor in time that leaves reaches behind.
+//! A hand that performs a task: a time cursor that appends reaches.
 
 use nalgebra::{Point3, Vector3};
 
@@ -6,19 +6,19 @@ use crate::random::Dice;
 use crate::simulation::motion::Course;
 use crate::simulation::skill::Skill;
 
-/// How a reach is to end.
+/// How a reach ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// At rest on the target.
     Stop,
-    /// On the way to the next target; a fluent hand begins that early.
+    /// On the way to the next target; a fluent hand starts the next reach early.
     Flow,
 }
 
 /// Angle between the open jaws, rad.
 const OPEN: f64 = 0.62;
 
-/// A hand, and what it has done so far.
+/// A hand, and its movements so far.
 #[derive(Clone, Debug)]
 pub struct Hand {
     /// Aim of the closed jaws' point; board frame, mm.
@@ -27,7 +27,7 @@ pub struct Hand {
     pub opening: Course<f64>,
     /// Turn about the axis, rad.
     pub roll: Course<f64>,
-    /// Does it tremble and wander?
+    /// True if the hand is held by a fixture: it does not tremble or wander.
     pub steady: bool,
     now_s: f64,
     at: Vector3<f64>,
@@ -58,7 +58,7 @@ impl Hand {
         self
     }
 
-    /// When the hand is free again, s.
+    /// Time when the hand is free again, s.
     pub fn now_s(&self) -> f64 {
         self.now_s
     }
@@ -73,12 +73,12 @@ impl Hand {
         self.now_s = self.now_s.max(time_s);
     }
 
-    /// Rests as long as this skill does between two movements.
+    /// Rests for this skill's pause between two movements.
     pub fn pause(&mut self) {
         self.now_s += self.skill.pause_s * self.dice.within(0.5, 1.6);
     }
 
-    /// Reaches for a point as this skill does: detour on the way, a first miss, corrections, rest.
+    /// Reaches for a point with this skill's detour, first miss, corrections and rest.
     pub fn reach(&mut self, target: Point3<f64>, ending: Ending) {
         let whole = target.coords - self.at;
         let length = whole.norm();
@@ -104,7 +104,7 @@ impl Hand {
         self.at = target.coords;
     }
 
-    /// Reaches in a straight line in this time, s, without miss or detour.
+    /// Reaches in a straight line within this time, s, without miss or detour.
     pub fn glide(&mut self, target: Point3<f64>, seconds: f64) {
         self.straight(target.coords - self.at, seconds);
         self.at = target.coords;
@@ -129,7 +129,7 @@ impl Hand {
         }
     }
 
-    /// Two overlapping reaches over a point beside the straight way; returns the time taken, s.
+    /// Adds two overlapping reaches over a point beside the straight line; returns the time taken, s.
     fn bowed(&mut self, whole: Vector3<f64>, length: f64) -> f64 {
         const SHORTEST_S: f64 = 0.32; // a reach of a few mm still takes about this long
         let seconds = SHORTEST_S + length / self.skill.reach_speed_mm_s * self.dice.within(0.85, 1.25);

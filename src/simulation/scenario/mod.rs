@@ -1,4 +1,4 @@
-//! The scenes that can be simulated: which task, whose hands, what lies on the mat.
+//! The scenes that can be simulated: task, hands, and objects on the mat.
 //!
 //! | scene | what | tools |
 //! |---|---|---|
@@ -6,7 +6,7 @@
 //! | `rectangle` | along a printed rectangle, half each (trial 2) | 2 |
 //! | `approach` | three times towards the camera and back | 1 |
 //! | `slide` | along a straight guide and back, five times (repeatability, T 7.1.3) | 1 |
-//! | `rest` | lying still: what moves in the result is noise | 1 |
+//! | `rest` | lying still: any movement in the result is noise | 1 |
 //! | `pegs` | beads handed over from left to right pegs | 2 |
 //! | `crossing` | one tool behind the other, three times, then out of the picture and back | 2 |
 //! | `self-test` | a rod touches corners of the printed checkerboard, on the mat and lifted | 1 |
@@ -48,7 +48,7 @@ pub enum Scenario {
     Pegs,
     /// One tool behind the other, and out of the picture.
     Crossing,
-    /// Each to the other's side; both out of the picture, and back in the other order.
+    /// Each to the other's side; both out of the picture, and back on swapped sides in the other order.
     Exchange,
     /// A rod's end is held on corners of the printed checkerboard.
     SelfTest,
@@ -88,7 +88,7 @@ impl Scenario {
         }
     }
 
-    /// The scene played in this box as the setup wants it; the task is repeated until it is long enough.
+    /// Performs the scene in this box as the setup states; the task is repeated until it is long enough.
     pub fn play(self, rig: &Rig, setup: &Setup) -> Script {
         let Setup { skill, seed, at_least_s, .. } = *setup;
         let cast = Cast { rig, skill, seed, at_least_s };
@@ -106,31 +106,31 @@ impl Scenario {
     }
 }
 
-/// What a scene is made of.
+/// The contents of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Script {
     /// Hands with the trocar each uses (0 left, 1 right).
     pub hands: Vec<(usize, Hand)>,
-    /// Things that are carried about.
+    /// Beads that are carried.
     pub beads: Vec<Bead>,
-    /// Things that stand on the mat.
+    /// Fixed objects on the mat.
     pub props: Vec<Prop>,
     /// Lines printed on the mat.
     pub strokes: Vec<Stroke>,
-    /// Where the checkerboard lies from which time on, s; board frame, none before the first.
+    /// Poses of the checkerboard (board frame), each with its start time, s; there is no checkerboard before the first.
     pub sheets: Vec<(f64, Isometry3<f64>)>,
 }
 
-/// A bead, and where it is from which time on.
+/// A bead, and its places over time.
 #[derive(Clone, Debug)]
 pub struct Bead {
-    /// Stays in order of time; the first begins at 0.
+    /// Places with their start times, s, in order; the first starts at 0.
     pub stays: Vec<(f64, Place)>,
     /// Matt reflectance.
     pub colour: super::light::Rgb,
 }
 
-/// Where a bead is.
+/// The place of a bead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// On the board; board frame, mm.
@@ -139,7 +139,7 @@ pub enum Place {
     Held(usize),
 }
 
-/// What every scene needs to know.
+/// What every scene needs: the box, the skill, the seed and the minimum duration.
 struct Cast<'a> {
     rig: &'a Rig,
     skill: Skill,
@@ -148,7 +148,7 @@ struct Cast<'a> {
 }
 
 impl Cast<'_> {
-    /// A hand of this cast's skill at its usual place.
+    /// A hand of this skill at its usual place.
     fn hand(&self, left: bool) -> Hand {
         let home = if left { above(-46.0, 30.0, 42.0) } else { above(46.0, 30.0, 42.0) };
         self.hand_at(home, if left { "left hand" } else { "right hand" })
@@ -158,7 +158,7 @@ impl Cast<'_> {
         Hand::resting_at(home, self.skill, Dice::new(self.seed, purpose))
     }
 
-    /// Plays at least `least` laps, and on until the scene is long enough; a lap returns the time at its end.
+    /// Plays at least `least` laps, and more until the scene is long enough; a lap returns the time at its end.
     fn laps(&self, least: usize, mut lap: impl FnMut() -> f64) {
         const MOST: usize = 100_000;
         for played in 1..=MOST {

@@ -19,7 +19,7 @@ const LIFTED_MM: f64 = 40.0;
 const COLOURS: [Rgb; 3] = [[0.3, 0.05, 0.26], [0.62, 0.6, 0.56], [0.05, 0.2, 0.08]];
 const PEG: Material = Material { matt: [0.5, 0.5, 0.5], gloss: 0.25, sharpness: 20, mirror: 0.08 };
 
-/// Three beads to the right; a longer scene takes them back and over again.
+/// Moves three beads to the right; a longer scene moves them back and repeats.
 pub(super) fn pegs(cast: &Cast) -> Script {
     let mut hands = [cast.hand(true), cast.hand(false)];
     let mut dice = Dice::new(cast.seed, "hand-overs");
@@ -110,7 +110,7 @@ fn hand_over(hands: &mut [Hand; 2], giver: usize, bead: &mut Bead, (x, y): (f64,
     put_down(&mut hands[taker], bead, above(side_of(taker) * x, y, BEAD_UP_MM));
 }
 
-/// One hand does the whole way while the other idles.
+/// One hand carries the bead the whole way while the other rests.
 fn carry_alone(hands: &mut [Hand; 2], giver: usize, bead: &mut Bead, (x, y): (f64, f64)) {
     const DOMINANT: usize = 1;
     let from = above(side_of(giver) * x, y, BEAD_UP_MM);
@@ -129,7 +129,7 @@ fn over(peg: Point3<f64>) -> Point3<f64> {
     Point3::new(peg.x, peg.y, -LIFTED_MM)
 }
 
-/// The point this far to a hand's own side.
+/// The point shifted by `by` mm to a hand's own side.
 fn beside(point: Point3<f64>, hand: usize, by: f64) -> Point3<f64> {
     Point3::new(point.x + side_of(hand) * by, point.y, point.z)
 }

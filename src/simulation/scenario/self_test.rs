@@ -1,5 +1,5 @@
-//! The self-test of a box: the printed checkerboard lies on the mat, then on a block, and the end of a rod is held on six of
-//! its inner corners each time.
+//! The self-test of a box: the printed checkerboard lies on the mat, then on a block. Each time the end of a rod is
+//! held on six of its inner corners.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
@@ -13,14 +13,14 @@ use crate::simulation::rig::above;
 const TOUCHED: [(usize, usize); 6] = [(1, 1), (4, 1), (7, 1), (7, 4), (4, 4), (1, 4)];
 /// How long the rod rests on each corner, s.
 const HELD_S: f64 = 2.0;
-/// The board on the mat: its thickness, mm.
+/// Height of the board on the mat (its thickness), mm.
 const LYING_MM: f64 = 2.0;
-/// The board on its block, over the mat, mm.
+/// Height of the board on its block over the mat, mm.
 const LIFTED_MM: f64 = 30.0;
-/// How far the rod is lifted between two corners, mm.
+/// Height of the rod over the board between two corners, mm.
 const OVER_MM: f64 = 18.0;
 
-/// One rod, the left hand's.
+/// The left hand holds one rod.
 pub(super) fn self_test(cast: &Cast, diameter_mm: f64) -> Script {
     let trocar = cast.rig.camera_from_board.inverse() * cast.rig.fulcrums[0];
     let away = trocar + (above(-20.0, 10.0, 40.0) - trocar) * 0.24;
@@ -44,12 +44,12 @@ pub(super) fn self_test(cast: &Cast, diameter_mm: f64) -> Script {
     Script { hands: vec![(0, hand)], sheets, ..Script::default() }
 }
 
-/// The unsteadiness of a rod that is held on paper: five sines of this RMS stay below 0.1 mm nearly always.
+/// The unsteadiness of a rod held on paper: five sines of this RMS stay below 0.1 mm nearly always.
 pub(crate) fn touch_wobble(seed: u64) -> Oscillation {
     Oscillation::new(&mut Dice::new(seed, "touch"), 0.02, 0.5, 4.0)
 }
 
-/// A board that somebody has laid into the middle of the box by hand: sheet frame → board frame.
+/// The pose of a board laid by hand into the middle of the box: sheet frame → board frame.
 fn laid(dice: &mut Dice, up_mm: f64) -> Isometry3<f64> {
     let place = Translation3::new(dice.within(-6.0, 6.0), dice.within(-5.0, 1.0), -up_mm);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), dice.within(-0.06, 0.06));
@@ -66,7 +66,8 @@ fn touch(hand: &mut Hand, target: Point3<f64>) {
 
 /// Centre of the end of a rod through this trocar whose rim rests on a point of a level board; board frame.
 ///
-/// The rim's lowest point lies below the centre, across the axis, which itself depends on the centre: a few rounds settle it.
+/// The rim's lowest point lies below the centre, across the axis. The axis itself depends on the centre, so the
+/// solution is iterated.
 fn resting_on(corner: Point3<f64>, trocar: Point3<f64>, radius: f64) -> Point3<f64> {
     const ROUNDS: usize = 20;
     let down = Vector3::z();

@@ -19,8 +19,8 @@ fn rod() -> impl Strategy<Value = RoundCone> {
     })
 }
 
-/// Distance from a point to the solid's surface, negative inside: the hull of two balls, by searching the ball between
-/// them that reaches farthest.
+/// Distance from a point to the solid's surface, negative inside. The solid is the hull of two balls; the search finds
+/// the ball between them that is nearest to the point.
 fn height_over(solid: &RoundCone, point: Point3<f64>) -> f64 {
     const STEPS: usize = 4000;
     let ball = |i: usize| {

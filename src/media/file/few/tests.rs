@@ -3,7 +3,7 @@ use std::sync::Arc;
 use crate::media::testing::{all, open, recording, seen};
 use crate::media::{Limits, Samples};
 
-/// Numbers and pixels of what is shown; times mean nothing.
+/// Number and pixel hash of each frame shown; the times are meaningless.
 fn shown(recording: &Arc<[u8]>, numbers: &[u64]) -> Option<Vec<(u64, u64)>> {
     let mut few = Vec::new();
     let done = open(recording, Limits::default()).show_few(numbers, |picture| {

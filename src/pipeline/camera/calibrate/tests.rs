@@ -21,7 +21,7 @@ fn calibrated(views: &[BoardView]) -> Result<Calibration, CalibrationProblem> {
     calibrate(views, 1280, 720, board())
 }
 
-/// A board curved about one axis: its middle stands out by `bulge_mm`.
+/// Corners of a board curved about one axis; its middle bulges by `bulge_mm`.
 fn bent(pose: &Isometry3<f64>, bulge_mm: f64) -> Vec<Pixel> {
     let half = 84.0;
     let on_board = |p: &Point2<f64>| Point3::new(p.x, p.y, bulge_mm * (1.0 - (p.x / half).powi(2)));
@@ -32,7 +32,7 @@ fn left_out(calibration: &Calibration) -> Vec<&str> {
     calibration.photos.iter().filter(|p| !p.used()).map(|p| p.name.as_str()).collect()
 }
 
-/// Largest difference between the pixels at which two cameras see one direction, over the picture.
+/// Largest distance between the pixels where two cameras see the same direction, over the picture.
 fn largest_displacement_px(a: &Camera, b: &Camera) -> f64 {
     let grid = (0..=16).flat_map(|i| (0..=9).map(move |j| Pixel::new(f64::from(80 * i), f64::from(79 * j))));
     grid.map(|p| (a.pixel_of(b.normalised_of(p).unwrap()).0 - p.0).norm()).fold(0.0, f64::max)

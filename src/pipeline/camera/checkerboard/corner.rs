@@ -1,13 +1,15 @@
-//! One inner corner to a few hundredths of a pixel: a blurred crossing fitted to the pixels around it.
+//! Measures one inner corner to a few hundredths of a pixel: a blurred crossing is fitted to the pixels around it.
 //!
 //! In: the full picture, a rough position (within 0.3 squares) and the directions of the two edges. Out: the corner,
-//! with its blur and contrast. Method: `level = a + b·s₁·s₂ + c·s₁ + d·s₂ + e·(s₁·s₂)²` with `sᵢ = erf(distance to edge i
-//! / √2σ)`, all ten unknowns by Levenberg–Marquardt over a disc tapered to its rim. a to d let each square have its own
-//! brightness, so uneven light does not shift the corner; e bends the tone curve, without which the shrunken dark
-//! squares of a blurred and gamma-coded picture pull the fit to one of them. A checkerboard's crossing is point-symmetric, and stays so
-//! under any symmetric blur, sharpening and tone curve; a symmetric window on it is therefore unbiased by all of them,
-//! where gradient-orthogonality (OpenCV's `cornerSubPix`) pulls towards whatever enters one side of its square window.
-//! Assumes: the window meets no other edge. Gives up where the fit is no crossing: [`Corner::is_crossing`].
+//! with its blur and contrast. Method: `level = a + b·s₁·s₂ + c·s₁ + d·s₂ + e·(s₁·s₂)²` with `sᵢ = erf(distance to edge
+//! i / √2σ)`; all ten unknowns by Levenberg–Marquardt over a disc whose weights taper to its rim. a to d give each
+//! square its own brightness, so uneven light does not shift the corner. e bends the tone curve; without it, the
+//! shrunken dark squares of a blurred and gamma-coded picture pull the fit to one of them.
+//!
+//! A checkerboard's crossing is point-symmetric, and stays so under any symmetric blur, sharpening and tone curve. A
+//! symmetric window is therefore unbiased by all of them, while gradient orthogonality (OpenCV's `cornerSubPix`) is
+//! pulled towards anything that enters one side of its square window. Assumes that the window meets no other edge. A
+//! fit that is no crossing is rejected: [`Corner::is_crossing`].
 
 use nalgebra::{Point2, SMatrix, SVector, Vector2};
 
@@ -15,14 +17,14 @@ use super::grey::Grey;
 
 const UNKNOWNS: usize = 10;
 
-/// Steps of one fit, windows of one corner.
+/// Maximum steps of one fit, and maximum windows for one corner.
 const MOST_STEPS: usize = 25;
 const MOST_WINDOWS: usize = 20;
 
-/// The window sits on the corner if these are no further apart, px.
+/// The fit has converged when window centre and corner are this close, px.
 const ARRIVED_PX: f64 = 0.01;
 
-/// Narrowest blur the model takes on, px: a pixel's own area blurs by 0.29.
+/// Minimum blur of the model, px: a pixel's own area blurs by 0.29.
 const SHARPEST_PX: f64 = 0.35;
 
 /// A fitted corner.
@@ -32,19 +34,19 @@ pub(super) struct Corner {
     pub at: Point2<f64>,
     /// Standard deviation of the blur, px.
     pub blur_px: f64,
-    /// Half the step between dark and bright squares, grey levels; its sign tells which two are dark.
+    /// Half the step between dark and bright squares, grey levels; its sign says which two squares are dark.
     amplitude: f64,
     /// Largest difference between opposite squares, halved, grey levels.
     shading: f64,
-    /// How far the level between dark and bright lies from their mean, grey levels.
+    /// Distance of the level between dark and bright from their mean, grey levels.
     bend: f64,
-    /// Root mean square of what the model leaves, grey levels.
+    /// Root mean square of the model's residuals, grey levels.
     residual: f64,
     /// Sine of the angle between the edges.
     openness: f64,
 }
 
-/// Where to look for a corner.
+/// Rough position and steps of a corner, to start the fit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     /// Rough position, px.
@@ -62,7 +64,7 @@ impl Place {
 }
 
 impl Corner {
-    /// Fits a corner; `None` if the fit runs away or leaves the picture.
+    /// Fits a corner; `None` if the fit diverges or leaves the picture.
     pub fn fit(picture: &Grey, place: &Place) -> Option<Self> {
         let square = place.square_px();
         let radius = (WINDOW_IN_SQUARES * square).clamp(SMALLEST_WINDOW_PX, LARGEST_WINDOW_PX);
@@ -87,7 +89,7 @@ impl Corner {
         None
     }
 
-    /// Whether the pixels really show two edges that cross, rather than a square's outer corner, a T or texture.
+    /// Whether the pixels show two edges that cross, rather than a square's outer corner, a T-junction or texture.
     pub fn is_crossing(&self) -> bool {
         let contrast = self.amplitude.abs();
         let even = self.shading < 0.5 * contrast && self.bend < contrast; // a gamma of 2.2 bends by 0.3
@@ -100,14 +102,15 @@ impl Corner {
     }
 }
 
-/// How many times its step a window is to be shifted, by the secant of its last shift: steps that turn back have overshot,
-/// steps that hardly shrink have far to go.
+/// Factor for the next shift of the window, from the secant of its last shift: below 1 if the last shift overshot,
+/// above 1 if the steps hardly shrink.
 fn stride(last_shift: Vector2<f64>, last_step: Vector2<f64>, step: Vector2<f64>) -> f64 {
     let shrunk = (last_step - step).dot(&last_shift);
     if shrunk > 0.0 { (last_shift.norm_squared() / shrunk).clamp(0.4, 4.0) } else { 1.0 }
 }
 
-/// Radius of the window, in distances to the next edge: beyond half of it the neighbour's edge, blurred, comes in.
+/// Radius of the window, in distances to the next edge; beyond half that distance the window would include the next
+/// edge, blurred.
 const WINDOW_IN_SQUARES: f64 = 0.45;
 /// Below this a window holds too few pixels for ten unknowns.
 const SMALLEST_WINDOW_PX: f64 = 3.6;
@@ -157,7 +160,7 @@ impl Model {
         Point2::new(self.0[0], self.0[1])
     }
 
-    /// Levels a and b for the present edges; the others start from none.
+    /// Start values of the levels a and b for the present edges; c, d and e start at 0.
     fn start_levels(&mut self, window: &Window) {
         let (mut weights, mut mean) = (0.0, 0.0);
         for &(_, _, level, weight) in &window.pixels {
@@ -174,7 +177,8 @@ impl Model {
         self.0.fixed_rows_mut::<5>(5).copy_from(&SVector::from([mean, joint / own, 0.0, 0.0, 0.0]));
     }
 
-    /// The soft side `s` of an edge on which a pixel lies, its slope across the edge, and the offsets across and along.
+    /// For a pixel and an edge: the soft side `s`, its slope across the edge, and the offsets across and along the
+    /// edge.
     fn edge(&self, which: usize, x: f64, y: f64) -> (f64, f64, f64, f64) {
         let (sin, cos) = self.0[which].sin_cos();
         let (dx, dy) = (x - self.0[0], y - self.0[1]);
@@ -184,12 +188,12 @@ impl Model {
         (libm::erf(scaled), slope, across, along)
     }
 
-    /// The level expected at a pixel, and its slopes against the unknowns.
+    /// The level expected at a pixel, and its derivatives by the unknowns.
     fn level(&self, x: f64, y: f64) -> (f64, SVector<f64, UNKNOWNS>) {
         let [a, b, c, d, e] = [self.0[5], self.0[6], self.0[7], self.0[8], self.0[9]];
         let (first, slope1, across1, along1) = self.edge(2, x, y);
         let (second, slope2, across2, along2) = self.edge(3, x, y);
-        // How the level follows each edge's soft side, times that side's slope across the edge.
+        // Derivative of the level by each edge's soft side, times that side's slope across the edge.
         let bend = 2.0 * e * first * second;
         let (pull1, pull2) = ((b * second + c + bend * second) * slope1, (b * first + d + bend * first) * slope2);
         let ((sin1, cos1), (sin2, cos2)) = (self.0[2].sin_cos(), self.0[3].sin_cos());

@@ -1,9 +1,9 @@
-//! Crossings: places where two edges cross and dark and bright sectors alternate, at one scale.
+//! Finds crossings at one scale: points where two edges cross and dark and bright sectors alternate.
 //!
 //! In: a smoothed grey picture. Out: candidates for inner corners, to about a third of a pixel, with the directions of
 //! their two edges. Method: strongest saddles of the grey surface (most negative determinant of the Hessian), then a
-//! ring of samples around each must show four sectors, point-symmetric, with two straight edges through the middle.
-//! A saddle of a text or a T-junction fails the ring. Gives up on saddles fainter than [`FAINTEST`].
+//! ring of samples around each must show four sectors, point-symmetric, with two straight edges through the middle. A
+//! saddle of a text or a T-junction fails the ring test. Saddles weaker than [`MIN_SADDLE`] are ignored.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,10 +11,10 @@ use nalgebra::Point2;
 
 use super::grey::Grey;
 
-/// Weakest saddle, grey levels per px²: a corner of 15 levels' contrast, blurred by 1.5 px.
+/// Minimum strength of a saddle, grey levels per px²: a corner of 15 levels' contrast, blurred by 1.5 px.
 const FAINTEST: f32 = 1.1;
 
-/// Smallest contrast on the ring, grey levels.
+/// Minimum contrast on the ring, grey levels.
 const LEAST_CONTRAST: f32 = 10.0;
 
 /// Radius of the ring, px: inside the four squares if these are at least 8 px wide.
@@ -23,7 +23,7 @@ const RING_RADIUS: f64 = 5.0;
 /// Samples on the ring.
 const RING: usize = 32;
 
-/// Strongest saddles that are looked at: a bound on time for pictures full of texture.
+/// Maximum of saddles that are tested, the strongest first; it bounds the time for pictures full of texture.
 const MOST_SADDLES: usize = 4_000;
 
 /// A candidate for an inner corner.
@@ -31,8 +31,8 @@ const MOST_SADDLES: usize = 4_000;
 pub(super) struct Crossing {
     /// Position, px of the picture that was searched.
     pub at: Point2<f64>,
-    /// Directions in which the four half edges leave, radians, ascending within a turn; neighbours in this list
-    /// enclose one sector, and 0 and 2 (1 and 3) belong to one edge.
+    /// Directions of the four half edges, radians, ascending within a full turn. Neighbours in this list enclose one
+    /// sector; 0 and 2 (1 and 3) belong to one edge.
     pub rays: [f64; 4],
     /// Whether ray 0 (and 2) leads from a dark to a bright sector as the angle grows.
     pub first_rises: bool,
@@ -55,7 +55,7 @@ pub(super) fn find(smooth: &Grey) -> Vec<Crossing> {
 
 /// Local maxima of minus the Hessian's determinant, with their strength.
 fn saddles(smooth: &Grey) -> Vec<(f32, Point2<f64>)> {
-    const REACH: usize = 3; // two corners closer than that are not told apart
+    const REACH: usize = 3; // two corners closer than this are not separated
     let (width, height) = (smooth.width, smooth.height);
     if width < 16 || height < 16 {
         return Vec::new();
@@ -105,7 +105,7 @@ fn saddle_point(smooth: &Grey, x: usize, y: usize) -> Option<Point2<f64>> {
     (dx.abs() <= 1.5 && dy.abs() <= 1.5).then(|| Point2::new(x as f64 + dx, y as f64 + dy))
 }
 
-/// Looks at the ring around a saddle.
+/// Tests the ring around a saddle.
 fn crossing_at(smooth: &Grey, at: Point2<f64>) -> Option<Crossing> {
     let mut ring = [0.0_f32; RING];
     for (i, level) in ring.iter_mut().enumerate() {
@@ -150,7 +150,7 @@ fn sign_changes(ring: &[f32; RING], middle: f32) -> Option<([f64; 4], bool)> {
     (count == 4).then_some((rays, first_rises))
 }
 
-/// Whether opposite samples agree: the mark of a crossing, which a corner or a blot lacks.
+/// Whether opposite samples agree, as at a crossing but not at a square's outer corner or a blot.
 fn is_symmetric(ring: &[f32; RING]) -> bool {
     let mean = ring.iter().sum::<f32>() / RING as f32;
     let (first, second) = ring.split_at(RING / 2);

@@ -1,4 +1,4 @@
-//! A grey picture with room for fractions: smoothed, halved, and read between its pixels.
+//! A grey picture with fractional levels: it can be smoothed, halved, and read between its pixels.
 
 use crate::pipeline::frame::Plane;
 

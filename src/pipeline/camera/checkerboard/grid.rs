@@ -1,10 +1,10 @@
-//! From single crossings to the grid that they form, by topology alone: no homography, so distortion does not matter.
+//! Joins single crossings to a grid by topology alone: it uses no homography, so distortion does not matter.
 //!
 //! In: crossings. Out: connected grids, each crossing with its column and row. Method: from every crossing the nearest
-//! fitting one is sought along each of its four half edges; a link counts if both ends choose each other. Next corners
-//! of a checkerboard have their dark and bright sectors swapped, so a link along an edge joins a rising to a falling
-//! edge: this alone refuses most false neighbours. A walk over the links then gives columns and rows, whatever the
-//! board's rotation.
+//! fitting one is searched along each of its four half edges; a link counts if both ends choose each other.
+//! Neighbouring corners of a checkerboard have their dark and bright sectors swapped, so a link joins a rising edge to
+//! a falling edge; this rule alone rejects most false neighbours. A walk over the links then gives columns and rows at
+//! any rotation of the board.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::{PI, TAU};
@@ -13,11 +13,12 @@ use nalgebra::Point2;
 
 use super::crossing::Crossing;
 
-/// How far a neighbour may lie off the half edge's direction, radians: the edge bends under distortion, and its
+/// Maximum angle between a half edge's direction and its neighbour, radians: the edge bends under distortion, and its
 /// direction was measured on a small ring.
 const OFF_RAY: f64 = 0.3;
 
-/// Corners by column and row; columns run to the right of rows as seen in the picture (x right, y down).
+/// Corners by column and row. In the picture (x right, y down), the direction along a column lies clockwise of the
+/// direction along a row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Grid {
     pub corners: BTreeMap<(i32, i32), Point2<f64>>,
@@ -38,7 +39,8 @@ pub(super) fn grow(crossings: &[Crossing]) -> Vec<Grid> {
     grids
 }
 
-/// For every crossing and half edge the nearest crossing that could be its neighbour, and by which half edge it is met.
+/// For every crossing and half edge: the nearest crossing that could be its neighbour, and the half edge of that
+/// neighbour.
 type Links = Vec<[Option<(usize, usize)>; 4]>;
 
 fn chosen_neighbours(crossings: &[Crossing]) -> Links {
@@ -77,8 +79,8 @@ fn mutual(chosen: &Links) -> Links {
     (0..chosen.len()).map(|own| std::array::from_fn(|slot| agreed(own, slot))).collect()
 }
 
-/// Walks over all links from a seed. A crossing's half edge `slot` points to grid direction `slot − turn` (0: next
-/// column, 1: next row, 2: previous column, 3: previous row).
+/// Follows all links from a seed. A crossing's half edge `slot` points to grid direction `slot − turn` (0: next column,
+/// 1: next row, 2: previous column, 3: previous row).
 fn walk(seed: usize, crossings: &[Crossing], links: &Links, taken: &mut [bool]) -> Grid {
     let mut grid = Grid::default();
     let mut queue = VecDeque::from([(seed, (0, 0), 0)]);
@@ -93,7 +95,7 @@ fn walk(seed: usize, crossings: &[Crossing], links: &Links, taken: &mut [bool]) 
                 2 => (column - 1, row),
                 _ => (column, row - 1),
             };
-            // A second claim to a cell, or to a crossing, is a contradiction: the first one stays.
+            // A second crossing for a cell, or a second cell for a crossing, is a contradiction: the first one stays.
             if taken[next] || grid.corners.contains_key(&cell) {
                 continue;
             }
@@ -106,7 +108,8 @@ fn walk(seed: usize, crossings: &[Crossing], links: &Links, taken: &mut [bool]) 
 }
 
 impl Grid {
-    /// Brings positions found after `halvings` of a picture to that picture: pixel centres, not pixel corners, are whole.
+    /// Converts positions found after `halvings` of a picture to that picture's pixels. Pixel centres, not pixel
+    /// corners, have whole coordinates.
     pub fn enlarge(&mut self, halvings: usize) {
         let factor = f64::from(1_u32 << halvings.min(16));
         for at in self.corners.values_mut() {

@@ -1,8 +1,9 @@
-//! A grid of measured corners: holes filled, rows added where the picture shows them, doubtful ones removed.
+//! A grid of measured corners: holes are filled, rows are added where the picture shows them, doubtful rows are
+//! removed.
 //!
-//! In: a rough [`Grid`] and the full picture. Out: a full rectangle of corners, or how much of one was seen. Each
-//! corner that the rough grid lacks is predicted from its neighbours and must then show itself as a crossing in the
-//! pixels; nothing is ever interpolated.
+//! In: a rough [`Grid`] and the full picture. Out: a full rectangle of corners, or the part that was seen. A corner
+//! that the rough grid lacks is predicted from its neighbours, and counts only if the pixels show a crossing there; no
+//! corner is ever interpolated.
 
 use std::collections::BTreeMap;
 
@@ -36,7 +37,7 @@ impl Bounds {
         (self.first.1..=self.last.1).flat_map(move |row| (self.first.0..=self.last.0).map(move |column| (column, row)))
     }
 
-    /// The cells of the four outermost lines, moved outwards by `outwards`.
+    /// The cells of the four outermost rows and columns, moved outwards by `outwards`.
     fn sides(self, outwards: i32) -> [Vec<Cell>; 4] {
         let (columns, rows) = (self.first.0..=self.last.0, self.first.1..=self.last.1);
         [
@@ -49,7 +50,7 @@ impl Bounds {
 }
 
 impl Lattice {
-    /// Measures every corner of a rough grid, then completes what can be seen; more than `most` lines a side are not sought.
+    /// Measures every corner of a rough grid, then adds the corners that can be seen, up to `most` along a side.
     pub fn measure(picture: &Grey, rough: &Grid, most: usize) -> Self {
         let mut lattice = Self { corners: BTreeMap::new() };
         for (&cell, &at) in &rough.corners {
@@ -89,7 +90,7 @@ impl Lattice {
         median(self.corners.iter().filter_map(ratio).collect())
     }
 
-    /// Whether the corners lie as smoothly as perspective and a lens make them: third differences along rows and
+    /// Whether the corners lie as smoothly as perspective and distortion allow: third differences along rows and
     /// columns are small against a square.
     pub fn is_smooth(&self) -> bool {
         let at = |(c, r): Cell, (dc, dr): Cell, k: i32| self.position((c + k * dc, r + k * dr));
@@ -111,11 +112,11 @@ impl Lattice {
         even == 0 || even == self.count()
     }
 
-    /// The corners row by row as seen, turned so that a row holds `columns` corners; `None` if the size is another.
+    /// The corners row by row, turned so that a row holds `columns` corners; `None` if the size differs.
     pub fn in_order(&self, columns: usize, rows: usize) -> Option<Vec<Point2<f64>>> {
         let bounds = self.bounds().filter(|_| self.is_full())?;
         let (last_column, first_row) = (bounds.last.0, bounds.first.1);
-        let quarter = |(column, row): Cell| (last_column - row, first_row + column); // keeps the board's face to us
+        let quarter = |(column, row): Cell| (last_column - row, first_row + column); // a rotation, not a mirror image
         let upright = |(column, row): Cell| (bounds.first.0 + column, first_row + row);
         let turn = |turned: bool| {
             let cells = (0..rows as i32).flat_map(|row| (0..columns as i32).map(move |column| (column, row)));
@@ -144,7 +145,7 @@ impl Lattice {
         self.corners.get(&cell).map(|c| c.at)
     }
 
-    /// Where a cell's corner is or should be.
+    /// The measured or predicted position of a cell's corner.
     fn place(&self, cell: Cell) -> Option<Place> {
         let get = |c: Cell| self.position(c);
         let steps = [step(get, cell, (1, 0))?, step(get, cell, (0, 1))?];
@@ -152,7 +153,7 @@ impl Lattice {
         Some(Place { at, steps })
     }
 
-    /// A missing corner's position from its row and column: between two neighbours, or beyond two or three.
+    /// Predicts a missing corner from its row and column: between two neighbours, or beyond two or three.
     fn predict(&self, (column, row): Cell) -> Option<Point2<f64>> {
         let at = |(dc, dr): Cell, k: i32| self.position((column + k * dc, row + k * dr)).map(|p| p.coords);
         let between = [(1, 0), (0, 1)].map(|axis| Some((at(axis, 1)? + at(axis, -1)?) / 2.0));
@@ -172,7 +173,8 @@ impl Lattice {
         found
     }
 
-    /// Removes outermost lines that are less than half full, again and again: clutter that happened to fit.
+    /// Removes outermost rows and columns that are less than half full, repeatedly: they are clutter that happened to
+    /// fit.
     fn drop_sparse_sides(&mut self) {
         while let Some(bounds) = self.bounds() {
             let sparse = bounds
@@ -196,7 +198,7 @@ impl Lattice {
         grew
     }
 
-    /// Adds a line on every side where each of its corners shows itself.
+    /// Adds a row or column on every side where the picture shows all its corners.
     fn extend(&mut self, picture: &Grey, most: usize) -> bool {
         let mut grew = false;
         for side in 0..4 {
@@ -219,7 +221,7 @@ impl Lattice {
     }
 }
 
-/// The step from a corner to the next along an axis, from pairs of known corners around; nearest lines first.
+/// The step from a corner to the next along an axis, from pairs of known corners nearby; the nearest rows come first.
 fn step(at: impl Fn(Cell) -> Option<Point2<f64>>, (column, row): Cell, (dc, dr): Cell) -> Option<Vector2<f64>> {
     [0, 1, -1, 2, -2].into_iter().find_map(|aside| {
         let pair = |k: i32| {

@@ -1,12 +1,12 @@
 //! Finds a checkerboard's inner corners in a photo.
 //!
 //! In: one luma plane and the board that was shown. Out: all its inner corners, row by row, to a few hundredths of a
-//! pixel, or why not. Method: at several scales, coarse first, [`crossing`]s of two edges are found and joined to a
-//! [`grid`] by topology alone, so that rotation, perspective and a lens's bending do not matter; each corner is then
-//! fitted in the full picture ([`corner`]) and the [`lattice`] completed where the picture shows more.
+//! pixel, or the reason why not. Method: at several scales, coarse first, [`crossing`]s of two edges are found and
+//! joined to a [`grid`] by topology alone, so that rotation, perspective and distortion do not matter; each corner is
+//! then fitted in the full picture ([`corner`]), and the [`lattice`] is completed where the picture shows more corners.
 //!
-//! Assumes at least 8 px per square. Never guesses: a corner that the pixels do not show is not returned, and a board
-//! that is not seen whole gives a [`BoardReason`].
+//! Assumes at least 8 px per square. The finder never guesses: a corner that the pixels do not show is not returned,
+//! and a board that is not seen whole gives a [`BoardReason`].
 
 mod corner;
 mod crossing;
@@ -20,16 +20,17 @@ use crate::pipeline::space::Pixel;
 use grey::Grey;
 use lattice::Lattice;
 
-/// Edges wider than this (standard deviation, in squares) leave too little of the squares to locate a corner.
+/// Maximum blur of the edges (standard deviation, in squares); beyond it too little of the squares is left to locate a
+/// corner.
 const MOST_BLUR_IN_SQUARES: f64 = 0.2;
 
-/// Below this many pixels on the shorter side no further scale is made.
+/// Minimum of pixels on the shorter side of a scaled picture.
 const SMALLEST_SCALE_PX: usize = 120;
 
-/// A board of the fewest corners does not fit into less.
+/// Minimum of pixels on the shorter side of a photo; a smaller one cannot hold the smallest board.
 const SMALLEST_PHOTO_PX: usize = 24;
 
-/// Grids tried at one scale, the largest first.
+/// Maximum of grids tried at one scale, the largest first.
 const MOST_GRIDS: usize = 3;
 
 /// Why a photo gives no corners.
@@ -47,7 +48,7 @@ pub enum BoardReason {
         rows: usize,
     },
     /// A board was seen whole, but of another size.
-    #[error("a board of {columns}x{rows} inner corners or more is seen, another than the one asked for")]
+    #[error("the photo shows a board of {columns}x{rows} inner corners or more, not the board that was asked for")]
     OtherBoard {
         /// Columns seen.
         columns: usize,
@@ -60,13 +61,16 @@ pub enum BoardReason {
         /// Blur's standard deviation in percent of a square.
         blur_percent: f64,
     },
-    /// Crossings were found that do not lie as a board's corners do.
+    /// The crossings found do not lie like a board's corners.
     #[error("the crossings found do not form a regular board")]
     Irregular,
 }
 
-/// All inner corners of the board, row by row. Which of the (equivalent) first corners is chosen is not defined, but
-/// rows run so that columns lie clockwise of them in the picture: the board is seen from its face.
+/// All inner corners of the board, row by row. The choice among the (equivalent) first corners is not defined. In the
+/// picture, the direction along a column lies clockwise of the direction along a row: the board is seen from its face.
+///
+/// # Errors
+/// [`BoardReason`] if the board was not found whole.
 pub fn find(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, BoardReason> {
     seek(photo, board).map_err(|missed| missed.reason)
 }
@@ -74,13 +78,13 @@ pub fn find(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, BoardReason> 
 /// A board that was not found whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missed {
-    /// Why not.
+    /// Why it was not found.
     pub reason: BoardReason,
-    /// What was seen of it, in no order: where to look for what is wrong.
+    /// The corners that were seen, in no order; they show where the problem lies.
     pub seen: Vec<Pixel>,
 }
 
-/// As [`find`]; where that fails, with what was seen.
+/// As [`find`], but a failure also returns the corners that were seen.
 pub fn seek(photo: &Plane<'_>, board: Board) -> Result<Vec<Pixel>, Missed> {
     let mut missed = Missed { reason: BoardReason::NoBoard, seen: Vec::new() };
     if photo.width.min(photo.height) < SMALLEST_PHOTO_PX {
@@ -128,13 +132,13 @@ fn corners_of(lattice: &Lattice, board: Board) -> Result<Vec<Pixel>, BoardReason
     Ok(corners.into_iter().map(Pixel).collect())
 }
 
-/// A size as seen, turned the way that fits the board better.
+/// A seen size, with columns and rows swapped if that fits the board better.
 fn upright((a, b): (usize, usize), board: Board) -> (usize, usize) {
     let miss = |columns: usize, rows: usize| columns.abs_diff(board.columns()) + rows.abs_diff(board.rows());
     if miss(a, b) <= miss(b, a) { (a, b) } else { (b, a) }
 }
 
-/// Of several reasons the one counts that saw most of the board.
+/// Ranks a reason: of several, the one that saw most of the board is reported.
 fn weight(reason: &BoardReason) -> usize {
     match reason {
         BoardReason::NoBoard => 0,
@@ -147,7 +151,7 @@ fn weight(reason: &BoardReason) -> usize {
 /// The photo at full, half, quarter … size.
 struct Scales {
     pictures: Vec<Grey>,
-    /// At full size, lightly smoothed: what corners are fitted to.
+    /// The photo at full size, lightly smoothed; corners are fitted to it.
     fitted: Grey,
 }
 

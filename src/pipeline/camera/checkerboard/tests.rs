@@ -9,18 +9,18 @@ use crate::pipeline::space::CameraPoint;
 const WIDTH: usize = 480;
 const HEIGHT: usize = 360;
 
-/// A photo to be drawn.
+/// A photo to draw.
 struct Shot {
     camera: Camera,
     pose: Isometry3<f64>,
     board: Board,
     /// Passes of a binomial filter; each adds 1 px² to the blur's variance.
     blur: usize,
-    /// Share of a blurred copy that is subtracted, as cameras sharpen.
+    /// Share of a blurred copy that is subtracted, as in a camera's sharpening.
     sharpen: f32,
     /// Darkest place of the picture, as a share of the brightest.
     darkest: f64,
-    /// Tone curve's exponent: 1 linear, 1/2.2 as cameras store.
+    /// Exponent of the tone curve: 1 is linear, 1/2.2 is usual for cameras.
     gamma: f32,
     noise: f32,
 }
@@ -67,7 +67,7 @@ impl Shot {
         let mut data = Vec::with_capacity(WIDTH * HEIGHT);
         for y in 0..HEIGHT {
             for x in 0..WIDTH {
-                // Hammersley points: no two samples share a row or column, so slanted and upright edges are drawn alike.
+                // Hammersley points: no two samples share a row or column, so slanted and upright edges look alike.
                 let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(SAMPLES) - 0.5;
                 let sample = |i: u32| Pixel::new(x as f64 + offset(i), y as f64 + offset(i.reverse_bits() >> 28));
                 let light = (0..SAMPLES).map(|i| self.light(sample(i))).sum::<f64>() / f64::from(SAMPLES);

@@ -11,7 +11,7 @@ fn board() -> Board {
     Board::new(9, 6, 21.0).unwrap()
 }
 
-/// A board that faces the camera: its first square's corner, its squares' side, and what dark and bright are.
+/// A board that faces the camera: its first square's corner, its squares' side, and the codes of dark and bright.
 struct Drawn {
     left: i64,
     top: i64,
@@ -81,7 +81,7 @@ fn no_light_and_nothing_sharp_are_named_as_the_cause() {
     assert!(!elsewhere.hints.contains(&Hint::Dark), "an empty bright picture is not dark: {:?}", elsewhere.hints);
 }
 
-/// Where a lens that bends strongly sees a board that leans by so much, its side towards an edge nearer.
+/// The corners of a board that leans by `degrees` about an axis, as seen by a lens with strong distortion.
 fn seen_leaning(degrees: f64, about: [f64; 2], spin: f64, at: [f64; 3]) -> Vec<Pixel> {
     let axis = nalgebra::Vector3::new(about[0], about[1], 0.0);
     let lean = UnitQuaternion::from_scaled_axis(axis * degrees.to_radians());

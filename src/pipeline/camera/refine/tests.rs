@@ -7,7 +7,7 @@ use super::*;
 use crate::pipeline::camera::Board;
 use crate::pipeline::camera::testing::wide;
 
-/// Poses such as a person holds a board: tilted to all sides, near and far, over the whole picture.
+/// Poses as a person would hold a board: tilted to all sides, near and far, over the whole picture.
 pub(in crate::pipeline::camera) fn poses(count: usize) -> Vec<Isometry3<f64>> {
     let pose = |i: usize| {
         let turn = i as f64 * 2.4; // the golden angle spreads them
@@ -109,7 +109,7 @@ fn standard_deviations_are_those_of_repeated_noisy_calibrations() {
     }
     for i in 0..INTRINSICS {
         let ratio = (squares[i] / predicted[i]).sqrt();
-        // Sixty repeats know a standard deviation to 9 %: 1 ± 0.3 is beyond three of those.
+        // Sixty repeats give a standard deviation to 9 %; 1 ± 0.3 allows more than three times that.
         assert!((0.7..1.3).contains(&ratio), "number {i}: scatter is {ratio:.2} times the predicted one");
     }
 }
