@@ -1,5 +1,6 @@
-//! Scoring without tracking: the stored path of a session by the present program, and the rows of another tracker. The same
-//! assessment as after tracking, on numbers that were checked when they came; no pixels, so no child.
+//! Scores without tracking: a session's stored path with the present program, or rows from another tracker. The
+//! assessment is the same as after tracking. The numbers were validated on arrival and there are no pixels, so no child
+//! is needed.
 
 use super::edits;
 use super::orders::{Earlier, KnownBefore};
@@ -21,7 +22,7 @@ use crate::store::SessionResult;
 /// Longest stored paths that are scored again, bytes: about four hours of two tools.
 const MOST_BYTES: u64 = 512 * 1024 * 1024;
 
-/// Why what lies here makes no result.
+/// Why stored data gives no result.
 #[derive(Debug, thiserror::Error)]
 enum AgainError {
     #[error(transparent)]
@@ -30,12 +31,12 @@ enum AgainError {
     Paths(#[from] PathsError),
     #[error(transparent)]
     Rows(#[from] TrajectoryProblem),
-    /// The program before the present one did not keep how it had tracked.
+    /// The program version that tracked the session did not store the tracker's summary.
     #[error("the stored path does not say how it was tracked")]
     PathsAlone,
 }
 
-/// What scoring rows gave: with their path as a blob of ours.
+/// The result of scoring an imported table, with its path encoded as a blob.
 struct Rows {
     assessed: Assessed,
     tools: Vec<String>,
@@ -44,7 +45,7 @@ struct Rows {
 }
 
 impl Workshop {
-    /// Scores what a job names and stores the result beside those that are there.
+    /// Scores the session that a job names and stores the result beside earlier results.
     pub(super) async fn score_again(&self, held: Held, ending: &Shutdown) -> Result<(), WorkError> {
         let done = match held.job().input.clone() {
             JobInput::Import(input) => self.score_rows(&held, input, ending).await,
@@ -119,8 +120,8 @@ impl Workshop {
         Ok(held.finish(async |store, lease| store.jobs().finish_rescore(lease, score).await).await?)
     }
 
-    /// Works on a thread of its own and meanwhile keeps the lease; `None` if the job has ended otherwise: the service ends, or the
-    /// work cannot be done.
+    /// Runs `work` on a blocking thread and renews the lease meanwhile. Returns `None` if the job ended in another way:
+    /// the service shuts down, or the work cannot be done.
     async fn beside<T: Send + 'static>(
         &self,
         held: &Held,
@@ -148,7 +149,7 @@ impl Workshop {
     }
 }
 
-/// What was made of an old result's path now.
+/// The new score of an old result's path.
 fn again(old: &SessionResult, pipeline: String, edits: u64, assessed: Assessed) -> NewScore {
     let tracked_with = old.versions.tracked_with.as_ref().unwrap_or(&old.versions.pipeline);
     let tracked_with = (*tracked_with != pipeline).then(|| tracked_with.clone());
@@ -156,7 +157,7 @@ fn again(old: &SessionResult, pipeline: String, edits: u64, assessed: Assessed) 
     NewScore { from: old.id, tracked_with, pipeline, edits, features, evidence, quality }
 }
 
-/// The paths of a recording that was tracked here, and what was seen of it, as they are edited.
+/// Assesses the path of a recording that was tracked here, with its edits applied.
 fn score_stored(
     (blob, seen): (&[u8], &[u8]),
     known: &KnownBefore,
@@ -170,7 +171,7 @@ fn score_stored(
     Ok(product::assessed(&left, known)?)
 }
 
-/// The path of rows that another tracker measured.
+/// Assesses the stored path of rows from another tracker.
 fn score_stored_rows(blob: &[u8], frames: u64, edits: &EditsInForce) -> Result<Assessed, AgainError> {
     Ok(assessed_rows(&Paths::from_bytes(blob)?, frames, edits)?)
 }
@@ -180,7 +181,7 @@ fn assessed_rows(paths: &Paths, frames: u64, edits: &EditsInForce) -> Result<Ass
     product::assessed_rows(&left.trajectory(Kind::Smoothed), edits::frames_left(&left, frames, &edits.changes))
 }
 
-/// A table that was read once already when it came.
+/// Scores a table that was validated once already on arrival.
 fn score_table(table: &[u8], edits: &EditsInForce) -> Result<Rows, AgainError> {
     let ImportedTable { trajectory, frames, duration_s } = ImportedTable::of(read_csv(table)?);
     let smoothed = trajectory.samples.iter().map(PathRow::from).collect();
@@ -193,7 +194,7 @@ fn score_table(table: &[u8], edits: &EditsInForce) -> Result<Rows, AgainError> {
 }
 
 fn paths_alone() -> Problem {
-    let detail = "the program that tracked it did not keep all that a score depends on; order the rescoring with \
-                  `from=recording`, so that it is tracked again";
+    let detail = "the program version that tracked this session did not store everything that a score depends on; \
+                  request the rescoring with `from=recording`, so that it is tracked again";
     Problem::new("path-alone", "The stored path cannot be scored again", detail)
 }

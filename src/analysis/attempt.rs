@@ -1,4 +1,4 @@
-//! One attempt at a piece of work: a child, its records checked, its end named.
+//! One attempt at a piece of work: run a child, validate its records, classify how it ended.
 
 use std::fs::File;
 
@@ -8,17 +8,17 @@ use crate::domain::problem::Problem;
 use crate::media::Limits;
 use crate::sandbox::{self, Budget, Cost, Order, Outcome, Program, Stop};
 
-/// What is attempted, and with what.
+/// What one attempt needs.
 pub struct Attempt<'a> {
     /// The child's program: [`Program::this`] with the argument `child`.
     pub program: &'a Program,
-    /// What it is to do.
+    /// What the child is to do.
     pub request: Request,
-    /// Its files, open for reading.
+    /// The child's input files, open for reading.
     pub inputs: Vec<File>,
-    /// What it may use.
+    /// Limits of the child.
     pub budget: &'a Budget,
-    /// Ends it early.
+    /// Ends the child early.
     pub stop: &'a Stop,
 }
 
@@ -27,22 +27,24 @@ pub struct Attempt<'a> {
 pub enum Failure {
     /// The work cannot be done, however often it is tried.
     Explained(Problem),
-    /// The child died, fell silent or spoke nonsense; another attempt may go better.
+    /// The child crashed, timed out or sent invalid records; another attempt may succeed.
     Crashed(String),
     /// Ended on request.
     Stopped,
 }
 
-/// Runs a child to its end and tells on the way what its records bring. Blocks: see [`sandbox::run`].
-pub fn attempt(what: Attempt<'_>, mut on_news: impl FnMut(News)) -> (Result<Heard, Failure>, Cost) {
+/// Runs a child to its end and passes each event in its output to `on_event`. Blocks: see [`sandbox::run`].
+pub fn attempt(what: Attempt<'_>, mut on_event: impl FnMut(News)) -> (Result<Heard, Failure>, Cost) {
     let mut receipt = Receipt::new(&what.request.work, Limits::default());
     let request = match protocol::encode(&what.request) {
         Ok(bytes) => bytes,
-        Err(error) => return (Err(Failure::Crashed(format!("the request cannot be coded: {error}"))), Cost::default()),
+        Err(error) => {
+            return (Err(Failure::Crashed(format!("the request cannot be encoded: {error}"))), Cost::default());
+        }
     };
     let order = Order { program: what.program, request, inputs: what.inputs };
     let ended = sandbox::run(order, what.budget, what.stop, |record| {
-        on_news(receipt.take(record)?);
+        on_event(receipt.take(record)?);
         Ok(())
     });
     let heard = receipt.into_heard();
@@ -56,11 +58,11 @@ fn conclude(outcome: Outcome, stderr_tail: &str, mut heard: Heard) -> Result<Hea
     match (outcome, heard.problem.take()) {
         (Outcome::Finished, Some(problem)) => Err(Failure::Explained(problem)),
         (Outcome::Finished, None) if heard.done => Ok(heard),
-        (Outcome::Finished, None) => Err(Failure::Crashed("ended without a last word".into())),
+        (Outcome::Finished, None) => Err(Failure::Crashed("ended without reporting a result".into())),
         (Outcome::Stopped, _) => Err(Failure::Stopped),
         (Outcome::OutOfMemory(known_by), _) => Err(Failure::Explained(out_of_memory(known_by))),
         (outcome, _) => {
-            tracing::warn!(%outcome, stderr = stderr_tail, "a child did not end well");
+            tracing::warn!(%outcome, stderr = stderr_tail, "child process failed");
             Err(Failure::Crashed(outcome.to_string()))
         }
     }
@@ -68,8 +70,8 @@ fn conclude(outcome: Outcome, stderr_tail: &str, mut heard: Heard) -> Result<Hea
 
 fn out_of_memory(known_by: &str) -> Problem {
     let detail = format!(
-        "decoding and tracking it needs more memory than one recording may use ({known_by}); \
-         record a smaller picture or a shorter time"
+        "decoding and tracking this recording needs more memory than is allowed ({known_by}); \
+         record at a lower resolution or for a shorter time"
     );
     Problem::new("too-much-memory", "The recording needs too much memory", detail)
 }
@@ -78,8 +80,8 @@ fn warn_of_missing_landlock() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| {
         tracing::warn!(
-            "this kernel does not enforce Landlock: children that decode recordings are confined by the system call \
-             filter alone. Enable Landlock in the kernel, or require it in the settings to refuse recordings instead."
+            "this kernel does not enforce Landlock: child processes that decode recordings are confined by the system \
+             call filter alone. Enable Landlock in the kernel, or require it in the settings to refuse recordings instead."
         );
     });
 }

@@ -1,6 +1,6 @@
-//! Photos or a video of a board, as they come, to the views that make a camera.
+//! Finds the board in photos or in a video and returns the views that a camera is calibrated from.
 //!
-//! The command line and the service's confined child both go through here; what they add is where the bytes come from.
+//! The command line and the service's confined child both use this; they only add where the bytes come from.
 
 use std::io::{BufRead, Read, Seek};
 
@@ -9,13 +9,13 @@ use crate::pipeline::camera::checkerboard;
 use crate::pipeline::camera::film::Film;
 use crate::pipeline::camera::{Board, BoardView};
 
-/// Most photos of one calibration; forty are plenty.
+/// Most photos of one calibration; 40 are plenty.
 pub const MOST_PHOTOS: usize = 500;
 
-/// What was seen of the board in each photo or chosen frame, and the size that all of them have.
+/// The board in each photo or chosen frame, and their common picture size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Views {
-    /// One per photo, or per frame chosen.
+    /// One view per photo, or per chosen frame.
     pub views: Vec<BoardView>,
     /// Width of every photo, pixels.
     pub width: u32,
@@ -23,7 +23,7 @@ pub struct Views {
     pub height: u32,
 }
 
-/// Why photos or a video cannot be looked at.
+/// Why photos or a video give no views.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewsError {
     /// No photo was given, or too many.
@@ -32,14 +32,14 @@ pub enum ViewsError {
     /// A photo cannot be read.
     #[error("photo {name}: {source}")]
     Photo {
-        /// Which one.
+        /// The photo's name.
         name: String,
-        /// What is wrong with it.
+        /// Why it cannot be read.
         source: MediaError,
     },
     /// A photo has another size than the first.
     #[error(
-        "photo {name} is {}×{}, {first_name} is {}×{}: a camera is calibrated at one picture size, the recordings'; give photos of that size alone",
+        "photo {name} is {}×{}, {first_name} is {}×{}: a camera is calibrated at the picture size of its recordings; give only photos of that size",
         size.0, size.1, first_size.0, first_size.1
     )]
     SizeDiffers {
@@ -47,7 +47,7 @@ pub enum ViewsError {
         name: String,
         /// Its width and height.
         size: (u32, u32),
-        /// The first photo.
+        /// Name of the first photo.
         first_name: String,
         /// Its width and height.
         first_size: (u32, u32),
@@ -55,19 +55,19 @@ pub enum ViewsError {
     /// The video cannot be read.
     #[error("video {name}: {source}")]
     Video {
-        /// Which one.
+        /// The video's name.
         name: String,
-        /// What is wrong with it.
+        /// Why it cannot be read.
         source: MediaError,
     },
 }
 
-/// Whether a file's first bytes are a photo's.
+/// Whether a file with these first bytes is a photo.
 pub fn is_photo(first_bytes: &[u8]) -> bool {
     photo::is_photo(first_bytes)
 }
 
-/// Looks for the board in photos, in order; `done` hears of each.
+/// Looks for the board in each photo, in order; calls `done` after each.
 pub fn of_photos<R: BufRead + Seek>(
     photos: impl ExactSizeIterator<Item = (String, R)>,
     board: Board,
@@ -96,8 +96,8 @@ pub fn of_photos<R: BufRead + Seek>(
     Ok(Views { views, width, height })
 }
 
-/// Picks sharp and different views of the board from a video; `done` hears of each decoded frame and, if known, how
-/// many there will be.
+/// Picks sharp and different views of the board from a video. Calls `done` after each decoded frame with the number of
+/// frames so far and, if known, in all.
 pub fn of_video(
     name: &str,
     video: impl Read + Seek + Send + 'static,

@@ -1,4 +1,5 @@
-//! What the tracker saw on every frame, as the JSON that pages draw over the video: columns, so that an hour stays small.
+//! What the tracker saw on every frame, as JSON that the pages draw over the video: in columns, to keep an hour's file
+//! small.
 
 use std::ops::Range;
 
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::protocol::SeenRow;
 use crate::pipeline::reason::Reason;
 
-/// The document.
+/// The JSON document.
 #[derive(Debug, Serialize)]
 pub struct Diagnostics<'a> {
     width: u32,
@@ -28,7 +29,7 @@ struct Columns {
 }
 
 impl<'a> Diagnostics<'a> {
-    /// Of frames of this size: borders as `u1 v1 u2 v2`, tips as `u v`, in pixels of the recorded frame.
+    /// Diagnostics for frames of this size: borders as `u1 v1 u2 v2`, tips as `u v`, in pixels of the recorded frame.
     pub fn new((width, height): (u32, u32), tools: &'a [String], rows: &[SeenRow]) -> Self {
         let mut columns = Columns::default();
         for row in rows {
@@ -43,16 +44,17 @@ impl<'a> Diagnostics<'a> {
         Self { width, height, tools, columns }
     }
 
-    /// Its text.
+    /// The document as JSON text.
     pub fn to_json(&self) -> serde_json::Result<Vec<u8>> {
         serde_json::to_vec(self)
     }
 }
 
-/// Some frames of stored diagnostics, with tools under other names: `name_at` tells of a frame and a tool which one it is.
+/// Selects frames from stored diagnostics and renames tools: `name_at` gives the index under which a tool appears on a
+/// frame.
 ///
 /// # Errors
-/// A file that is none.
+/// The file is not a diagnostics document.
 pub fn part(json: &[u8], frames: Range<u64>, name_at: impl Fn(u64, u32) -> u32) -> serde_json::Result<Vec<u8>> {
     #[derive(Deserialize, Serialize)]
     struct Stored<'a> {

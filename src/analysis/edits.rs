@@ -1,10 +1,11 @@
-//! A recording's paths with what people changed about them: cut off at both ends, two tools' names exchanged over a stretch. What is
-//! stored stays as it was tracked; this is what scores are made of.
+//! Applies users' edits to a recording's paths: trims both ends and exchanges two tools' names over a span. The stored
+//! paths stay unchanged; scores are computed from the edited ones.
 //!
-//! **In:** [`Paths`], the changes in force, and why each tool was not measured on each frame ([`Unmeasured`]). **Out:** the paths
-//! and the tracker's summary as if only that had been recorded, under those names. Frames keep their numbers and times. Counts, gaps
-//! and light are of what is left. What is known of a recording as a whole stays: how far borders and depth are off, where the trocar
-//! is, how the colours stand apart; and of frames that are missing in the container, or are interlaced, the share.
+//! **In:** [`SessionPaths`], the edits in force, and why each tool was not measured on each frame ([`Unmeasured`]).
+//! **Out:** the paths and the tracker's summary as if only the remaining part had been recorded, under the new names.
+//! Frames keep their numbers and times. Counts, gaps and light cover the remaining part only. Figures for the whole
+//! recording stay: residuals of borders and depth, position of the trocar, separation of the colours. Counts of frames
+//! that are interlaced or missing in the container are scaled by the share of frames that remain.
 
 use std::collections::BTreeMap;
 
@@ -17,21 +18,21 @@ use crate::domain::text::Invalid;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::trajectory::{Cut, Trajectory};
 
-/// Shortest recording that may be left by trimming, s: less is no practice, and no feature could be measured.
+/// Shortest recording that trimming may leave, s: a shorter one is no practice, and no feature could be measured.
 pub const LEAST_KEPT_S: f64 = 1.0;
 
-/// From when to when where nothing is cut off, s.
+/// The span kept where nothing is trimmed, s.
 const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// Frame and tool of each measurement that failed, and why.
 pub type Unmeasured = Vec<(u64, u32, ReasonShape)>;
 
-/// The same of what a child has just seen.
+/// The unmeasured frames in a child's output.
 pub fn unmeasured(seen: &[SeenRow]) -> Unmeasured {
     seen.iter().filter_map(|row| Some((row.frame, row.tool, row.reason?))).collect()
 }
 
-/// The same of stored diagnostics; nothing of a file that cannot be read.
+/// The unmeasured frames in stored diagnostics; empty if the file cannot be read.
 pub fn unmeasured_of_diagnostics(json: &[u8]) -> Unmeasured {
     #[derive(Deserialize)]
     struct Document {
@@ -49,7 +50,7 @@ pub fn unmeasured_of_diagnostics(json: &[u8]) -> Unmeasured {
     rows.filter_map(|((frame, tool), reason)| Some((frame, tool, named(&reason?)?))).collect()
 }
 
-/// The paths with these changes. Without any, they are the same.
+/// The paths with these edits applied. Without edits they are unchanged.
 pub fn edited(paths: &Paths, changes: &[Change], unmeasured: &[(u64, u32, ReasonShape)]) -> Paths {
     if changes.is_empty() {
         return paths.clone();
@@ -81,7 +82,7 @@ pub fn edited(paths: &Paths, changes: &[Change], unmeasured: &[(u64, u32, Reason
     left
 }
 
-/// One of the paths with these changes.
+/// One of the paths with these edits applied.
 pub fn edited_path(paths: &Paths, kind: Kind, changes: &[Change]) -> Trajectory {
     let mut path = paths.trajectory(kind);
     if changes.is_empty() {
@@ -96,7 +97,7 @@ pub fn edited_path(paths: &Paths, kind: Kind, changes: &[Change]) -> Trajectory 
     path
 }
 
-/// How many frames of rows that came alone are left: those that any tool has a row on.
+/// Number of frames left of an imported path: the frames that have a row of any tool.
 pub fn frames_left(paths: &Paths, frames: u64, changes: &[Change]) -> u64 {
     if kept(changes).is_none() {
         return frames;
@@ -106,10 +107,10 @@ pub fn frames_left(paths: &Paths, frames: u64, changes: &[Change]) -> u64 {
     seen.len() as u64
 }
 
-/// The change as it can be made to these paths, beside those in force: its seconds are brought within the recording.
+/// Checks a new edit against these paths and the edits in force, and clips its span to the recording.
 ///
 /// # Errors
-/// It names a tool that is not there, lies outside the recording, changes nothing, or leaves nothing.
+/// The edit names an unknown tool, lies outside the recording, changes nothing, or leaves nothing.
 pub fn fitting(paths: &Paths, in_force: &EditsInForce, new: Change) -> Result<Change, Invalid> {
     let Some([first, last]) = recorded(paths) else {
         return Err(Invalid::new("from_s", "cannot be met: the recording has no path"));
@@ -157,7 +158,7 @@ pub fn fitting(paths: &Paths, in_force: &EditsInForce, new: Change) -> Result<Ch
     }
 }
 
-/// First and last second of a recording.
+/// First and last time of a recording, s.
 fn recorded(paths: &Paths) -> Option<[f64; 2]> {
     let ends = |first: Option<f64>, last: Option<f64>| Some([first?, last?]);
     let rows = &paths.smoothed;
@@ -173,11 +174,11 @@ fn share_of(number: u64, part: u64, whole: u64) -> u64 {
     if whole == 0 { number } else { (number as f64 * part as f64 / whole as f64).round() as u64 }
 }
 
-/// Which tools change names, when.
+/// Which tools exchange names, and over which spans.
 pub struct Swaps(Vec<([u32; 2], [f64; 2])>);
 
 impl Swaps {
-    /// Of these changes.
+    /// The swaps among these edits.
     pub fn of(paths: &Paths, changes: &[Change]) -> Self {
         let index = |name: &String| paths.tools.iter().position(|tool| tool == name).map(|index| index as u32);
         let swap = |change: &Change| match change {
@@ -187,12 +188,12 @@ impl Swaps {
         Self(changes.iter().filter_map(swap).collect())
     }
 
-    /// Is nothing exchanged?
+    /// True if no names are exchanged.
     pub fn is_none(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Under which name a tool goes at this time.
+    /// The index under which a tool appears at this time.
     pub fn name_at(&self, tool: u32, time_s: f64) -> u32 {
         let in_time = self.0.iter().filter(|(_, span)| is_within(time_s, *span));
         in_time.fold(tool, |tool, ([one, other], _)| match tool {
@@ -202,7 +203,8 @@ impl Swaps {
         })
     }
 
-    /// Where a name's rows, given with the tool that they were tracked as and in the order of time, are another tool's than before.
+    /// Times at which a name passes from one tracked tool to another. `rows` are tracked indices with times, in order
+    /// of time.
     fn cuts(&self, rows: impl Iterator<Item = (u32, f64)>) -> Vec<Cut> {
         let mut tracked_as = BTreeMap::new();
         let cut = |(tool, time_s): (u32, f64)| {
@@ -214,14 +216,14 @@ impl Swaps {
     }
 }
 
-/// The tracker's summary of what is left.
+/// The tracker's summary of the remaining part.
 fn summary(
     whole: &QualityShape,
     (paths, smoothed): (&Paths, &[PathRow]),
     (span, swaps): ([f64; 2], &Swaps),
     unmeasured: &[(u64, u32, ReasonShape)],
 ) -> QualityShape {
-    // Frames are numbered from 0, and each has its time.
+    // Frames are numbered from 0, and each has a time.
     let times = &paths.frame_times_s;
     let left = |frame: u64| times.get(frame as usize).is_some_and(|time_s| is_within(*time_s, span));
     let frames = times.iter().filter(|time_s| is_within(**time_s, span)).count() as u64;
@@ -263,7 +265,7 @@ fn summary(
     }
 }
 
-/// Adds a frame to a tool's gaps: to the one that it goes on, or as the first of another.
+/// Adds a frame to a tool's gaps: extends the last gap, or starts a new one.
 fn add_to(gaps: &mut [Vec<(u64, u64, Option<ReasonShape>)>], tool: u32, (frame, reason): (u64, Option<ReasonShape>)) {
     let Some(gaps) = gaps.get_mut(tool as usize) else { return };
     match gaps.last_mut() {

@@ -1,8 +1,9 @@
-//! Photos and frames for which somebody waits, with the board or the brush in their hand: looked at by a child of their own,
-//! beside the queue, within a second or two. Nothing of it is kept: the
-//! collector takes the files as soon as nobody looks at them.
+//! Analyses photos and frames at once, outside the queue, for a user who holds the board or marks colours and waits. It
+//! takes a second or two. The result is not stored, and the files are deleted by garbage collection when no analysis
+//! uses them.
 //!
-//! What is seen is what a job would see: the same work of the same confined child, its records checked by the same receipt.
+//! The result is the same as a job's: the same work in the same confined child, validated by the same
+//! [`super::output_validator::OutputValidator`].
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,10 +27,10 @@ use crate::shutdown::Shutdown;
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
 
-/// Any side of a square will do: a photo alone does not tell it.
+/// A photo alone does not show the side of a square, so any value serves.
 const SQUARE_MM: f64 = 1.0;
 
-/// Looks at pictures while people wait.
+/// Analyses pictures for users who wait.
 pub struct Glances {
     vault: Vault,
     program: Program,
@@ -39,28 +40,28 @@ pub struct Glances {
     places: Arc<Semaphore>,
 }
 
-/// Why nothing was seen.
+/// Why a quick analysis gave no result.
 #[derive(Debug, thiserror::Error)]
 pub enum Unseen {
-    /// The pictures cannot be looked at.
+    /// The pictures cannot be analysed.
     #[error("{}", .0.detail)]
     Problem(Problem),
-    /// The child died of them, or took too long.
-    #[error("the process that looked at it {0}")]
+    /// The child crashed on them, or took too long.
+    #[error("the analysis process {0}")]
     Crashed(String),
-    /// Nobody looked: this machine could not begin, or broke down.
-    #[error("looking at it failed: {0}")]
+    /// The analysis did not start, or failed for a reason on this machine.
+    #[error("the analysis failed: {0}")]
     Failed(String),
-    /// Too many wait already, or the service ends.
-    #[error("no place to look at it now")]
+    /// Too many analyses are waiting already, or the service is shutting down.
+    #[error("too many pictures are being analysed now")]
     Busy,
-    /// The files.
+    /// A file could not be read.
     #[error(transparent)]
     Vault(#[from] VaultError),
 }
 
 impl Glances {
-    /// With the program of the workers' children, but places of its own.
+    /// Uses the same program as the workers' children, but its own slots.
     pub fn new(
         vault: Vault,
         program: Program,
@@ -72,14 +73,14 @@ impl Glances {
         Self { vault, program, settings, clock, shutdown, places }
     }
 
-    /// Looks for a board on a photo.
+    /// Looks for a board in a photo.
     pub async fn check_photo(&self, board: BoardSize, photo: &NamedBlob) -> Result<PhotoCheck, Unseen> {
         let board = BoardShape { columns: board.columns, rows: board.rows, square_mm: SQUARE_MM };
         let heard = self.look(Work::Check(board), std::slice::from_ref(photo)).await?;
-        heard.photo_check.ok_or_else(|| Unseen::Crashed("said nothing of the photo".to_owned()))
+        heard.photo_check.ok_or_else(|| Unseen::Crashed("sent no result for the photo".to_owned()))
     }
 
-    /// What these marks take for tape on these frames, of which file `n` shows frame `frames[n]`.
+    /// Shows the pixels that these marks classify as tape on these frames; file `n` shows frame `frames[n]`.
     pub async fn preview(
         &self,
         annotations: &AnnotationsFile,
@@ -93,7 +94,7 @@ impl Glances {
             Some(report) if heard.masks.len() == frames.len() => {
                 Ok(PalettePreview { colours, frames: heard.masks, report })
             }
-            _ => Err(Unseen::Crashed("did not say what it saw on every frame".to_owned())),
+            _ => Err(Unseen::Crashed("did not send a mask for every frame".to_owned())),
         }
     }
 
@@ -123,7 +124,7 @@ impl Glances {
         }
     }
 
-    /// A place, once there is one.
+    /// Waits for a slot.
     async fn place(&self) -> Result<SemaphorePermit<'_>, Unseen> {
         let longest = Duration::from_secs(self.settings.glance_s);
         tokio::select! {
@@ -134,7 +135,7 @@ impl Glances {
     }
 }
 
-/// Ends a child whose asker has gone.
+/// Stops the child when the caller has dropped the request.
 struct PulledWhenGone(Stop);
 
 impl Drop for PulledWhenGone {

@@ -1,4 +1,5 @@
-//! Frames on which an instructor marked colours: their samples, what those are worth, and what of any frame they take for tape.
+//! Frames on which an instructor marked colours: collects the samples, judges them, and makes masks of the pixels that
+//! they classify as tape.
 
 use crate::domain::palette::{FrameMask, PaletteReport};
 use crate::media::Picture;
@@ -11,14 +12,15 @@ use crate::pipeline::segmentation::palette::{FalseArea, verdict};
 use crate::pipeline::segmentation::region_of_interest::{CELL_PX, CellBox, class_at};
 use crate::pipeline::segmentation::samples::{ColourSamples, Rectangle};
 
-/// Frames kept to be looked over when all colours are known; more marked frames than this give samples alone. A 1080p
-/// frame takes 3 MB.
+/// Most marked frames kept for the report, which needs all colours; further frames only give samples. A 1080p frame
+/// takes 3 MB.
 const FRAMES_KEPT: usize = 6;
 
-/// Most cells of a mask: of a larger picture every second or third one is looked at, so that a record holds the worst of them.
+/// Most cells of a mask. In a larger picture only every second or third cell is classified, so that the worst case fits
+/// into one record.
 const MOST_CELLS: usize = 1 << 20;
 
-/// Marked frames, one after the other.
+/// Collects marked frames, one after the other.
 #[derive(Default)]
 pub struct MarkedFrames {
     samples: Option<ColourSamples>,
@@ -26,10 +28,11 @@ pub struct MarkedFrames {
     keeps_all: bool,
 }
 
-/// A frame, and what is marked on it.
+/// A frame and the rectangles marked on it.
 type MarkedFrame = (Picture, Vec<Rectangle>);
 
-/// The marks of one frame with the number of their stroke, put together: each is one or more rectangles of a label.
+/// Groups one frame's marks, given with their stroke numbers, into strokes: each is one or more rectangles with the
+/// same label.
 pub fn strokes(marks: impl Iterator<Item = (Option<u32>, Rectangle)>) -> Vec<Vec<Rectangle>> {
     let mut strokes: Vec<(Option<u32>, Vec<Rectangle>)> = Vec::new();
     for (number, mark) in marks {
@@ -44,7 +47,7 @@ pub fn strokes(marks: impl Iterator<Item = (Option<u32>, Rectangle)>) -> Vec<Vec
     strokes.into_iter().map(|(_, stroke)| stroke).collect()
 }
 
-/// The colours of tape of tools, each once.
+/// The distinct tape colours of the tools.
 pub fn colours_of(tapes: &[String]) -> Vec<String> {
     let mut colours: Vec<String> = Vec::new();
     for tape in tapes {
@@ -56,13 +59,13 @@ pub fn colours_of(tapes: &[String]) -> Vec<String> {
 }
 
 impl MarkedFrames {
-    /// Keeps every frame, to make masks of them all.
+    /// Keeps every frame, to make a mask of each.
     pub fn keeping_all() -> Self {
         Self { keeps_all: true, ..Self::default() }
     }
 
-    /// Takes what is marked on a frame, stroke by stroke; every frame may come, also with nothing marked. The first one's
-    /// encoding is that of all samples.
+    /// Adds a frame and its marks, stroke by stroke. Frames without marks are allowed. All samples use the encoding of
+    /// the first frame.
     pub fn take(&mut self, picture: Picture, strokes: Vec<Vec<Rectangle>>) {
         let frame = picture.frame();
         let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
@@ -74,19 +77,19 @@ impl MarkedFrames {
         }
     }
 
-    /// What of every frame kept the tracker takes for which of these colours of tape; `None` without a sample.
+    /// For each kept frame, which cells the tracker classifies as which tape colour; `None` without a sample.
     pub fn masks(&self, colours: &[String]) -> Option<Vec<FrameMask>> {
         let samples = self.samples.as_ref().filter(|samples| !samples.samples.is_empty())?;
         Some(self.of_frames(samples, colours, |(picture, _), table| vec![mask_of(&picture.frame(), table)]))
     }
 
-    /// The samples; `None` if no frame came.
+    /// The samples; `None` if no frame was added.
     pub fn samples(&self) -> Option<&ColourSamples> {
         self.samples.as_ref()
     }
 
-    /// Judges the colours against each other and against the frames; `None` if no frame came. `tapes` has the colour that
-    /// each tool wears: twice, where two wear the same.
+    /// Judges the colours against each other and against the frames; `None` if no frame was added. `tapes` has one
+    /// entry per tool, so a colour that two tools wear is in it twice.
     pub fn report(&self, tapes: &[String]) -> Option<PaletteReport> {
         let samples = self.samples.as_ref()?;
         let colours = colours_of(tapes);
@@ -102,7 +105,7 @@ impl MarkedFrames {
         self.of_frames(samples, colours, |(picture, marks), table| of_frame(&picture.frame(), table, marks, &worn))
     }
 
-    /// Looks over the frames kept, each with a table of its own encoding.
+    /// Applies `look` to the kept frames; each run of frames with the same encoding gets its own colour table.
     fn of_frames<T>(
         &self,
         samples: &ColourSamples,
@@ -120,7 +123,7 @@ impl MarkedFrames {
     }
 }
 
-/// The class of each of a frame's cells, as the tracker looks them up.
+/// The class of each cell of a frame, looked up as the tracker does.
 fn mask_of(frame: &Frame<'_>, table: &ColourTable) -> FrameMask {
     let whole = CellBox::whole(frame);
     let mut every = 1;
@@ -148,7 +151,8 @@ fn mask_of(frame: &Frame<'_>, table: &ColourTable) -> FrameMask {
     }
 }
 
-/// The false area of each colour that is marked on this frame. Colours come with how many tools wear them.
+/// The false area of each colour that is marked on this frame. Each colour is given with the number of tools that wear
+/// it.
 fn of_frame(
     frame: &Frame<'_>,
     table: &ColourTable,

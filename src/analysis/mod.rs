@@ -1,13 +1,14 @@
-//! The job: claim it, run a confined child on its files, assess what the child says, save the result.
+//! Runs a job: a worker claims it, runs a confined child process on its files, assesses the child's output and saves
+//! the result.
 //!
 //! ```text
-//! worker ──claim──▶ job ──▶ orders ──▶ sandbox::run ══▶ child: open → Tracker → rows
-//!    ▲                                     │ records
-//!    └── save (one transaction) ◀── assess ◀── receipt (checks every record)
+//! worker ──claim──▶ job ──▶ JobPlan ──▶ sandbox::run ══▶ child: open → Tracker → rows
+//!    ▲                                       │ records
+//!    └── save (one transaction) ◀── assess ◀── OutputValidator (checks every record)
 //! ```
-//! Pixels are touched in the child alone; the parent sees numbers, and believes none of them unchecked. A path that lies here already, or
-//! that another tracker sent, has no pixels: `again.rs` assesses it without a child. A photo or a few frames for which somebody
-//! waits are no job: `glance.rs` looks at them in a child of their own, at once.
+//! Only the child touches pixels. The parent receives numbers and checks every one of them. A stored path, or a path
+//! that another tracker sent, has no pixels: `rescore.rs` assesses it without a child. Photos and frames for a user who
+//! is waiting are not a job: `quick.rs` analyses them at once in a separate child.
 
 pub mod calibration;
 pub mod child;

@@ -1,4 +1,4 @@
-//! From a job to what its child is told: rows and files looked up, nothing decided.
+//! Looks up the rows and files that a job's child needs. Decides nothing.
 
 use std::fs::File;
 
@@ -20,39 +20,39 @@ use crate::sandbox::MOST_INPUTS;
 use crate::store::{Palette, SessionPlace, Store, StoreError};
 use crate::vault::Vault;
 
-/// Work for a child and the files that go with it.
+/// The work of a child, its input files, and the context for judging the result.
 pub(super) struct Orders {
-    /// What it is to do.
+    /// What the child is to do.
     pub(super) work: Work,
-    /// On which files.
+    /// The input files.
     pub(super) inputs: Vec<File>,
-    /// What the result is judged with, but for what earlier sessions tell.
+    /// Context for judging the result, still without the ports of earlier sessions.
     pub(super) known: KnownBefore,
-    /// Those sessions, of a recording that is held against them.
+    /// The earlier sessions that a tracked recording is compared with.
     pub(super) earlier: Option<Earlier>,
 }
 
-/// The sessions of a box that came before one, with the same calibration.
+/// The sessions of a box before a given one, with the same calibration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Earlier {
     of: BoxId,
     calibration: CalibrationId,
     before: SessionPlace,
-    /// What is tracked behind this place cannot change them any more.
+    /// Sessions still being tracked before this place can change the result; later ones cannot.
     open_before: SessionPlace,
 }
 
-/// What is known of a recording's box before it is tracked.
+/// What is known about a recording's box before it is tracked.
 #[derive(Clone, Debug, Default)]
 pub(super) struct KnownBefore {
-    /// RMS reprojection error of the camera that tracks, pixels, where it is known.
+    /// RMS reprojection error of the camera's calibration, pixels, where it is known.
     pub(super) calibration_rms_px: Option<f64>,
-    /// Where trocars were in earlier sessions.
+    /// Trocar positions in earlier sessions.
     pub(super) ports: Ports,
 }
 
 impl Orders {
-    /// Looks up what a job needs; `None` where there is nothing to decode and so nothing for a child ([`super::again`]).
+    /// Looks up what a job needs; `None` if nothing is decoded, so that no child is needed ([`super::rescore`]).
     pub(super) async fn for_job(
         job: &JobInput,
         store: &Store,
@@ -93,18 +93,18 @@ async fn track(input: &TrackInput, camera: CameraShape, store: &Store) -> Result
 }
 
 impl Earlier {
-    /// Those before this session.
+    /// The sessions before this one.
     pub(super) async fn than(id: SessionId, calibration: CalibrationId, store: &Store) -> Result<Self, StoreError> {
         let session = store.sessions().get(&Scope::service(), id).await?;
         let before = SessionPlace(session.created_at_ms, session.id);
         Ok(Self { of: session.box_id, calibration, before, open_before: before })
     }
 
-    /// Where trocars were in them; `None` while one is being tracked that may tell: what a session is held against must not
-    /// depend on which worker was quicker. Those that wait in the queue, as after a crash, are not waited for: there may be
-    /// no worker for them.
+    /// Trocar positions in these sessions; `None` while one that could contribute is being tracked, because the result
+    /// must not depend on which worker was quicker. Sessions that wait in the queue, as after a crash, are not waited
+    /// for: there may be no worker for them.
     pub(super) async fn ports(&mut self, store: &Store) -> Result<Option<Ports>, StoreError> {
-        // Asked first: one that ends in between is among them.
+        // Query this first: a session that ends between the two queries is then found by the second.
         let is_open = store.sessions().is_tracked_before(self.of, self.open_before).await?;
         let found = store.sessions().fulcrums(self.of, self.calibration, self.before, ports::MOST).await?;
         if let Some((last, _)) = found.get(ports::MOST - 1) {
@@ -114,9 +114,9 @@ impl Earlier {
     }
 }
 
-/// Where trocars were in all of a box's sessions with this calibration.
+/// Trocar positions in all of a box's sessions with this calibration.
 async fn ports_so_far(of: BoxId, calibration: CalibrationId, store: &Store) -> Result<Ports, StoreError> {
-    let last = SessionPlace(i64::MAX, SessionId::at(0)); // by its time alone, which no session has
+    let last = SessionPlace(i64::MAX, SessionId::at(0)); // a time later than any session's
     Ok(of_sessions(store.sessions().fulcrums(of, calibration, last, ports::MOST).await?))
 }
 
@@ -154,18 +154,18 @@ async fn work_with(palette: Palette, camera: CameraShape, store: &Store) -> Resu
     })
 }
 
-/// What a recording that arrives in a box is tracked and judged with.
+/// What a live recording in a box is tracked and judged with.
 pub struct LiveOrders {
     /// Camera, tools and colours.
     pub track: TrackWork,
-    /// Where trocars were in earlier sessions.
+    /// Trocar positions in earlier sessions.
     pub ports: Vec<FulcrumShape>,
 }
 
-/// What a recording that arrives in a box is tracked with, or what the box lacks.
+/// Looks up what a live recording in a box is tracked with, or the problem if the box lacks something.
 ///
 /// # Errors
-/// The store's.
+/// The store's errors.
 pub async fn track_in(of: BoxId, store: &Store) -> Result<Result<LiveOrders, Problem>, StoreError> {
     let scope = Scope::service();
     let Some(calibration) = store.calibrations().latest(&scope, of).await? else {
@@ -187,14 +187,14 @@ async fn view_of(of: BoxId, store: &Store) -> Result<Option<View>, WorkError> {
     Ok(store.boxes().get(&Scope::service(), &Key::from(&of)).await?.view)
 }
 
-/// What is marked, on these frames or on a clip's.
+/// The marks on these frames, or on a clip's frames.
 pub(super) fn palette(annotations: &AnnotationsFile, frames: Option<Vec<u64>>) -> Result<PaletteWork, Problem> {
     let colour_of = |label: &LabelledRectangle| annotations.colour_of(&label.label).to_owned();
     let marks = annotations.labels.iter().map(|l| mark(l, colour_of(l))).collect::<Result<_, _>>()?;
     Ok(PaletteWork { marks, tools: annotations.tapes(), frames })
 }
 
-/// A rectangle as a mark of a colour.
+/// Converts a rectangle into a mark with a colour.
 fn mark(label: &LabelledRectangle, colour: String) -> Result<MarkShape, Problem> {
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(u32::try_from);
     match (x, y, w, h) {
@@ -225,16 +225,16 @@ impl From<BoxTool> for ToolShape {
 fn outside(label: &LabelledRectangle) -> Problem {
     let LabelledRectangle { frame, label, x, y, w, h, .. } = label;
     let detail = format!(
-        "the rectangle `{label}` on frame {frame} begins at x {x}, y {y} and measures {w}×{h}: outside any frame"
+        "the rectangle `{label}` on frame {frame} begins at x {x}, y {y} and measures {w}×{h}, outside the picture"
     );
-    Problem::new("mark-outside", "A rectangle leaves the frame", detail)
+    Problem::new("mark-outside", "A rectangle is outside the picture", detail)
 }
 
 fn unreadable_palette() -> Problem {
-    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the tools' tape again")
+    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the colours of the tools' tape again")
 }
 
 fn too_many_files(given: usize) -> Problem {
-    let detail = format!("{given} files were sent; at most {MOST_INPUTS} can be looked at together");
+    let detail = format!("{given} files were sent; at most {MOST_INPUTS} are allowed in one job");
     Problem::new("too-many-files", "Too many files for one job", detail)
 }

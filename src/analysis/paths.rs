@@ -1,5 +1,5 @@
-//! The stored form of a session's three paths, with what the tracker said of how they came about: one blob, exact to the last bit,
-//! read back one path at a time. It holds all that a session is scored by, so that scoring it again gives the same bytes.
+//! The stored form of a session's three paths and of the tracker's summary: one blob, exact to the last bit, read back
+//! one path at a time. It holds everything that a score depends on, so scoring it again gives the same bytes.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,73 +7,73 @@ use super::protocol::{PathRow, QualityShape, decode, encode};
 pub use crate::pipeline::trajectory::Kind;
 use crate::pipeline::trajectory::{self, Cut, Sample, Trajectory};
 
-/// Begins every blob of this form; the last byte is its version.
+/// Magic bytes at the start of every blob; the last byte is the version of the format.
 const MAGIC: [u8; 8] = *b"trocarP\x02";
 
-/// The form without the tracker's words, which ends where they begin: written up to pipeline version 8.
+/// Magic bytes of the format without the tracker's summary, otherwise the same: written up to pipeline version 8.
 const MAGIC_OF_PATHS_ALONE: [u8; 8] = *b"trocarP\x01";
 
-/// Why a blob gives no path.
+/// Why a blob cannot be read or written as paths.
 #[derive(Debug, thiserror::Error)]
 pub enum PathsError {
-    /// Another kind of file, or another version of this one.
-    #[error("not a blob of paths of this version")]
+    /// Another kind of file, or another version of this format.
+    #[error("not a file of paths of this version")]
     NotPaths,
-    /// It begins well, but its content contradicts itself.
-    #[error("a damaged blob of paths: {0}")]
+    /// The magic bytes are right, but the content is inconsistent.
+    #[error("a damaged file of paths: {0}")]
     Damaged(postcard::Error),
     /// There is too little memory to write it.
-    #[error("paths cannot be coded: {0}")]
+    #[error("paths cannot be encoded: {0}")]
     Unwritable(postcard::Error),
 }
 
 /// A session's paths.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Paths {
-    /// Names of the tools; rows count in it.
+    /// Names of the tools; rows refer to them by index.
     pub tools: Vec<String>,
     /// Presentation time of every decoded frame, s.
     pub frame_times_s: Vec<f64>,
-    /// Unfiltered.
+    /// Unfiltered path.
     pub raw: Vec<PathRow>,
-    /// Causal filter.
+    /// Path from the causal filter.
     pub filtered: Vec<PathRow>,
-    /// Smoother.
+    /// Path from the smoother.
     pub smoothed: Vec<PathRow>,
-    /// How the tracker fared; `None` where another tracker made the path, and in blobs from before this was kept.
+    /// The tracker's summary; `None` if another tracker made the path, or if the blob is older than this field.
     pub tracking: Option<Tracked>,
-    /// Where edits exchange names; what is stored has none.
+    /// Where edits exchange two tools' names; stored paths have none.
     #[serde(skip)]
     pub cuts: Vec<Cut>,
 }
 
-/// How a recording was tracked, as far as its score depends on it.
+/// The part of the tracker's summary that the score depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tracked {
     /// Counts, gaps, colours, light.
     pub quality: QualityShape,
-    /// Frames that the container announced, if it did.
+    /// Number of frames that the container announced, if it did.
     pub frames_expected: Option<u64>,
 }
 
 impl Paths {
-    /// As a blob.
+    /// Encodes the paths as a blob.
     pub fn to_bytes(&self) -> Result<Vec<u8>, PathsError> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend(encode(self).map_err(PathsError::Unwritable)?);
         Ok(bytes)
     }
 
-    /// From a blob.
+    /// Decodes a blob.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PathsError> {
         if let Some(content) = bytes.strip_prefix(&MAGIC_OF_PATHS_ALONE) {
-            return decode(&[content, &[0]].concat()).map_err(PathsError::Damaged); // an absent value is one zero
+            return decode(&[content, &[0]].concat()).map_err(PathsError::Damaged); // `None` is one zero byte
         }
         let content = bytes.strip_prefix(&MAGIC).ok_or(PathsError::NotPaths)?;
         decode(content).map_err(PathsError::Damaged)
     }
 
-    /// One of the paths, as the pipeline knows it.
+    /// One of the paths as the pipeline's type.
     pub fn trajectory(&self, kind: Kind) -> Trajectory {
         Trajectory {
             tools: self.tools.clone(),

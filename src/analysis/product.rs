@@ -1,5 +1,5 @@
-//! From what a child said to what is stored: assessed, coded, named by the versions that made it. What is stored is assessed again
-//! in the same way ([`super::again`]).
+//! Turns a child's output into rows and files to store: assessed, encoded, and marked with the versions that made it.
+//! Stored paths are assessed again in the same way ([`super::rescore`]).
 
 use serde_json::Value;
 
@@ -28,27 +28,27 @@ use crate::pipeline::quality::{self, Evidence};
 use crate::pipeline::tracker::{MotionSettings, Quality, ToolQuality};
 use crate::pipeline::trajectory::{Kind, SampleState, Trajectory};
 
-/// Why what a child said makes no result, although each record was in order.
+/// Why a child's output makes no result, although each record was valid.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum ProductError {
-    /// It ended as done without saying this.
-    #[error("the child ended without {0}")]
+    /// The child reported that it was done without sending this.
+    #[error("the child process ended without sending {0}")]
     Missing(&'static str),
-    /// Paths that cannot be coded.
+    /// The paths cannot be encoded.
     #[error(transparent)]
     Paths(#[from] PathsError),
-    /// Diagnostics or quality that cannot be coded.
-    #[error("what was seen cannot be coded: {0}")]
+    /// The diagnostics or the quality document cannot be encoded.
+    #[error("diagnostics cannot be encoded: {0}")]
     Seen(#[from] serde_json::Error),
-    /// Colours that cannot be coded.
-    #[error("colours cannot be coded: {0}")]
+    /// The colours cannot be encoded.
+    #[error("colours cannot be encoded: {0}")]
     Palette(#[from] postcard::Error),
-    /// A camera that cannot be.
-    #[error("the child's camera: {0}")]
+    /// The camera's parameters are invalid.
+    #[error("the camera that the child process sent is invalid: {0}")]
     Camera(#[from] CameraFileError),
 }
 
-/// What tracking gave, but for its files' places in the vault.
+/// The result of tracking, before its files are in the vault.
 pub(super) struct Tracked {
     pub(super) versions: Versions,
     pub(super) edits: u64,
@@ -63,8 +63,8 @@ pub(super) struct Tracked {
 }
 
 impl Tracked {
-    /// Judges and assesses the smoothed path, as it is edited, and codes the rest as it was tracked. Takes a while for an hour of recording: not for an async
-    /// thread.
+    /// Assesses the smoothed path with its edits, and encodes everything else as it was tracked. Takes seconds for an
+    /// hour of recording: do not call it on an async thread.
     pub(super) fn new(
         input: &TrackInput,
         tools: Vec<String>,
@@ -102,7 +102,7 @@ impl Tracked {
     }
 }
 
-/// What is made of a session's paths, and nothing else.
+/// What follows from a session's paths alone.
 #[derive(Debug, PartialEq)]
 pub(super) struct Assessed {
     pub(super) features: Vec<FeatureRow>,
@@ -111,7 +111,7 @@ pub(super) struct Assessed {
 }
 
 impl Assessed {
-    /// Every feature and what made it; without their values where the session is refused.
+    /// Every feature and its evidence; the values are withheld if the session is refused.
     fn of(path: &Trajectory, tools: &[ToolQuality], is_refused: bool, quality: Value) -> Self {
         let assessment = assess(path, tools, &AssessmentSettings::default());
         let assessment = if is_refused { assessment.withheld() } else { assessment };
@@ -123,7 +123,7 @@ impl Assessed {
     }
 }
 
-/// Judges and assesses paths that were tracked here: the same paths and the same knowledge give the same bytes.
+/// Judges and assesses paths that were tracked here. The same paths and the same context give the same bytes.
 pub(super) fn assessed(paths: &Paths, known: &KnownBefore) -> Result<Assessed, ProductError> {
     let tracking = paths.tracking.as_ref().ok_or(ProductError::Missing("how it was tracked"))?;
     let counts = tracking.quality.quality(&paths.tools);
@@ -143,8 +143,8 @@ pub(super) fn assessed(paths: &Paths, known: &KnownBefore) -> Result<Assessed, P
     Ok(Assessed::of(&smoothed, &counts.tools, verdict.is_refused(), quality))
 }
 
-/// Judges and assesses rows that came alone: nothing is known of how they were measured, so the gate judges by the path, and a
-/// value has an error bar only where the rows state how far they may be off.
+/// Judges and assesses rows from another tracker. How they were measured is unknown, so the quality gate judges the
+/// path alone, and a value has an error bar only where the rows state their uncertainty.
 pub(super) fn assessed_rows(path: &Trajectory, frames: u64) -> Result<Assessed, ProductError> {
     let figures = quality::measure(&Evidence::of_path(path));
     let verdict = quality::judge(&figures);
@@ -191,7 +191,7 @@ fn feature_error(ErrorBar { as_measured, sigma, low, high }: ErrorBar) -> Featur
     FeatureError { as_measured, sigma, low, high }
 }
 
-/// Colours as a box keeps them.
+/// The colours as a box stores them.
 pub(super) fn palette(annotations: &AnnotationsFile, heard: Heard) -> Result<NewPalette, ProductError> {
     let palette: PaletteShape = heard.palette.ok_or(ProductError::Missing("colours"))?;
     let count = |(label, samples)| LabelCount { label, samples };
@@ -204,19 +204,19 @@ pub(super) fn palette(annotations: &AnnotationsFile, heard: Heard) -> Result<New
     })
 }
 
-/// Which tapes suit a box.
+/// Which tapes suit the box.
 pub(super) fn advice(heard: Heard) -> Result<PaletteAdvice, ProductError> {
     heard.palette_advice.ok_or(ProductError::Missing("advice on tapes"))
 }
 
-/// A camera as a box keeps it.
+/// The camera as a box stores it.
 pub(super) fn calibration(is_video: bool, heard: Heard) -> Result<NewCalibration, ProductError> {
     let shape = heard.calibration.ok_or(ProductError::Missing("a calibration"))?;
     let source = if is_video { CalibrationSource::Video } else { CalibrationSource::Photos };
     Ok(NewCalibration { camera: CameraFile::parse(&shape.camera_json)?, source })
 }
 
-/// A self-test as a box keeps it.
+/// The self-test as a box stores it.
 pub(super) fn self_test(input: &SelfTestInput, heard: Heard) -> Result<NewSelfTest, ProductError> {
     let report = heard.self_test.ok_or(ProductError::Missing("a self-test"))?;
     Ok(NewSelfTest { calibration: input.calibration, palette: input.palette, person: input.person, report })
@@ -231,7 +231,7 @@ mod tests {
 
     const FRAMES: u64 = 100;
 
-    /// What a child says of a tool that goes to the right at 20 mm/s and is seen on some frames.
+    /// The result for a tool that moves to the right at 20 mm/s and is seen on some frames.
     fn tracked(seen: impl Fn(u64) -> bool) -> Tracked {
         let row = |frame: u64| PathRow {
             frame,
@@ -289,12 +289,16 @@ mod tests {
 
         let mut nudged = stored.clone();
         nudged.smoothed[40].tip_mm[0] += 1e-9;
-        assert_ne!(assessed(&nudged, &known).unwrap().features, first.features, "a path that was rounded");
+        assert_ne!(assessed(&nudged, &known).unwrap().features, first.features, "a changed path gives other features");
         let mut forgetful = stored.clone();
         forgetful.tracking.as_mut().unwrap().quality.frames_interlaced = 0;
-        assert_ne!(assessed(&forgetful, &known).unwrap().quality, first.quality, "a tracker's word that was lost");
-        let alone = Paths { tracking: None, ..stored };
-        assert!(assessed(&alone, &known).is_err(), "paths alone are not enough");
+        assert_ne!(
+            assessed(&forgetful, &known).unwrap().quality,
+            first.quality,
+            "a changed summary gives another quality"
+        );
+        let untracked = Paths { tracking: None, ..stored };
+        assert!(assessed(&untracked, &known).is_err(), "paths without a tracker's summary cannot be assessed");
     }
 
     #[test]
@@ -310,6 +314,6 @@ mod tests {
         assert_eq!(seen.quality["recording"]["calibration_rms_px"], 0.3);
         assert_eq!(seen.quality["recording"]["interlaced_share"], 0.5);
         assert_eq!(hidden.quality["reasons"][0]["name"], "coverage");
-        assert_eq!(hidden.features.len(), seen.features.len(), "each says why it has no value");
+        assert_eq!(hidden.features.len(), seen.features.len(), "each feature gives the reason for its missing value");
     }
 }

@@ -1,7 +1,7 @@
-//! What a child says, checked record by record: its decoder may have been taken over by the file it decoded.
+//! Validates a child's output record by record: the file that the child decoded may have taken over its decoder.
 //!
-//! A record is accepted if an honest child could have written it at this point. Sizes, order, indices and numbers
-//! are checked here; what is accepted can be stored and shown.
+//! A record is accepted if an honest child could have sent it at this point. Sizes, order, indices and numbers are
+//! checked here, so accepted records can be stored and shown.
 
 mod advices;
 mod glances;
@@ -30,24 +30,24 @@ const MAGNITUDE: f64 = 1e7;
 /// Most samples in a palette.
 const SAMPLES: usize = 1_000_000;
 
-/// Most frames that one record of a feed can bring forth: those that a decoder keeps back, or that were rehearsed.
+/// Most frames in one reply about a feed: those that a decoder held back, or that were rehearsed.
 const MOST_AT_A_TIME: u64 = 64;
 
-/// Longest texts of a problem: name, title, detail; characters.
+/// Longest texts of a problem, characters: slug, title, detail.
 const TEXTS: [usize; 3] = [64, 200, 4000];
 
-/// Everything a child said.
+/// The validated output of a child.
 #[derive(Debug, Default)]
 pub struct Heard {
-    /// It is confined; with Landlock or without.
+    /// Set once the child is confined; true if Landlock is enforced.
     pub landlock: Option<bool>,
     /// Width and height as displayed, pixels.
     pub size: Option<(u32, u32)>,
-    /// Frames that the container announces, if it does.
+    /// Number of frames that the container announces, if it does.
     pub frames_expected: Option<u64>,
     /// Presentation time of every decoded frame, s.
     pub times_s: Vec<f64>,
-    /// What was seen, a row per frame and tool.
+    /// What the tracker saw, a row per frame and tool.
     pub seen: Vec<SeenRow>,
     /// Unfiltered path.
     pub raw: Vec<PathRow>,
@@ -55,45 +55,45 @@ pub struct Heard {
     pub filtered: Vec<PathRow>,
     /// Smoothed path.
     pub smoothed: Vec<PathRow>,
-    /// How tracking went.
+    /// The tracker's summary.
     pub quality: Option<QualityShape>,
-    /// A small JPEG.
+    /// The preview, a small JPEG.
     pub preview: Option<Vec<u8>>,
-    /// Collected colours.
+    /// The colour samples.
     pub palette: Option<PaletteShape>,
-    /// What they are worth.
+    /// The report on the colours.
     pub palette_report: Option<PaletteReport>,
     /// Which tapes suit a box.
     pub palette_advice: Option<PaletteAdvice>,
-    /// What of each picture is taken for tape.
+    /// For each picture, the pixels classified as tape.
     pub masks: Vec<FrameMask>,
-    /// What a photo of a board is good for.
+    /// How a photo of a board can be used.
     pub photo_check: Option<PhotoCheck>,
     /// A calibration.
     pub calibration: Option<CalibrationShape>,
-    /// What a self-test found.
+    /// The report of a self-test.
     pub self_test: Option<SelfTestReport>,
-    /// Frames in a recording that was put together, and how many were left out.
+    /// Frames in an assembled recording, and frames left out of it.
     pub assembled: Option<[u64; 2]>,
     /// Why the work cannot be done.
     pub(super) problem: Option<Problem>,
-    /// It said that it was done.
+    /// The child reported that it was done.
     pub(super) done: bool,
 }
 
-/// Checks answers as they come and keeps what they say.
+/// Checks a child's replies as they arrive and collects their content.
 pub(super) struct Receipt {
     work: Kind,
     tools: usize,
-    /// Board and tools of a self-test.
+    /// Board and tool names of a self-test.
     tested: Option<(BoardShape, Vec<String>)>,
-    /// Board that is looked for on a photo.
+    /// The board to find in a photo.
     sought: Option<BoardShape>,
-    /// Pictures of which masks are made, and of how many colours.
+    /// The frames of the pictures to mask, and the number of colours.
     masked: (Vec<u64>, usize),
     limits: Limits,
     heard: Heard,
-    /// Number and time of the last frame that was followed.
+    /// Number and time of the last live frame that was tracked.
     followed: Option<(u64, f64)>,
 }
 
@@ -112,23 +112,23 @@ enum Kind {
     Demux,
 }
 
-/// What of an answer is passed on at once.
+/// What a reply means for the caller at once.
 #[derive(Debug)]
 pub enum News {
-    /// It is kept, or says only that the child lives.
+    /// Nothing: the content is stored, or the reply is only a sign of life.
     Nothing,
-    /// How far the child has come, 0..1.
+    /// Progress of the child, 0..1.
     Progress(f64),
-    /// What one more record of a feed showed.
+    /// The result of one record of a feed.
     Followed(Followed),
-    /// What a pushed stream holds.
+    /// What a pushed stream contains.
     Stream(SourceInfo),
-    /// Its next frame.
+    /// The next coded frame of a pushed stream.
     Coded(CapturedFrame),
 }
 
 impl Receipt {
-    /// A receipt for what this work may answer.
+    /// A validator for the replies that this work may give.
     pub(super) fn new(work: &Work, limits: Limits) -> Self {
         let tested = match work {
             Work::SelfTest(test) => Some((test.board, test.track.tools.iter().map(|tool| tool.name.clone()).collect())),
@@ -155,19 +155,19 @@ impl Receipt {
         Self { work, tools, tested, sought, masked, limits, heard: Heard::default(), followed: None }
     }
 
-    /// Takes one record; an error ends the child.
+    /// Validates one record; an error ends the child.
     pub(super) fn take(&mut self, record: &[u8]) -> Result<News, String> {
-        let answer = protocol::decode(record).map_err(|e| format!("a record that cannot be read: {e}"))?;
+        let answer = protocol::decode(record).map_err(|e| format!("an unreadable record: {e}"))?;
         if self.heard.done || self.heard.problem.is_some() {
             return Err("a record after the last one".into());
         }
         if self.heard.landlock.is_none() && !matches!(answer, Answer::Confined { .. }) {
-            return Err("an answer before confinement".into());
+            return Err("a reply before confinement".into());
         }
         self.accept(answer)
     }
 
-    /// What was said in the end.
+    /// The output after the last record.
     pub(super) fn into_heard(self) -> Heard {
         self.heard
     }
@@ -195,7 +195,7 @@ impl Receipt {
             Answer::Assembled { frames, left_out } => {
                 self.only(&[Kind::Assemble])?;
                 if frames == 0 || frames.max(left_out) > MOST_FRAMES {
-                    return Err("a recording of an impossible number of frames".into());
+                    return Err("an assembled recording with an impossible number of frames".into());
                 }
                 once(&mut self.heard.assembled, [frames, left_out], "recording")?;
             }
@@ -208,7 +208,7 @@ impl Receipt {
     }
 
     fn only(&self, kinds: &[Kind]) -> Result<(), String> {
-        if kinds.contains(&self.work) { Ok(()) } else { Err("an answer to another question".into()) }
+        if kinds.contains(&self.work) { Ok(()) } else { Err("a reply that does not belong to this work".into()) }
     }
 
     fn recording(&mut self, width: u32, height: u32, frames_expected: Option<u64>) -> Result<(), String> {
@@ -240,7 +240,7 @@ impl Receipt {
         if !seen.iter().all(|row| known(row) && row.numbers().all(|x| sensible(x.into())))
             || !seen.is_sorted_by(|a, b| place(a) < place(b))
         {
-            return Err("a row of what was seen that cannot be".into());
+            return Err("an invalid row of observations".into());
         }
         self.heard.seen.extend(seen);
         Ok(share(after, self.heard.frames_expected))
@@ -254,7 +254,7 @@ impl Receipt {
             let are_tools = frame.tools.len() == self.tools
                 && frame.tools.iter().enumerate().all(|(index, tool)| is_of(tool, frame, index as u32));
             if !(is_later && in_time && are_tools && frame.frame < MOST_FRAMES) {
-                return Err("a frame of a feed that cannot be".into());
+                return Err("an invalid frame of a feed".into());
             }
             self.followed = Some((frame.frame, frame.time_s));
         }
@@ -269,7 +269,7 @@ impl Receipt {
             && followed.placement.iter().flat_map(PlacementShape::numbers).all(sensible)
             && followed.placement.iter().all(|placement| placement.ports.len() == self.tools)
             && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_picture(jpeg));
-        if consistent { Ok(News::Followed(followed)) } else { Err("news of a feed that cannot be".into()) }
+        if consistent { Ok(News::Followed(followed)) } else { Err("an invalid reply about a feed".into()) }
     }
 
     fn stream(&mut self, info: SourceInfo) -> Result<News, String> {
@@ -285,7 +285,7 @@ impl Receipt {
         self.only(&[Kind::Demux])?;
         match self.heard.size.is_some() && frame.bytes.len() <= MOST_PAYLOAD && frame.due_s.is_finite() {
             true => Ok(News::Coded(frame)),
-            false => Err("a frame of a stream that cannot be".into()),
+            false => Err("an invalid frame of a stream".into()),
         }
     }
 
@@ -302,7 +302,7 @@ impl Receipt {
             let on_its_frame = times_s.get(row.frame as usize).is_some_and(|&t| t == row.time_s);
             let in_order = path.last().is_none_or(|last| place(last) < place(&row));
             if !(on_its_frame && in_order && (row.tool as usize) < self.tools && row.numbers().all(sensible)) {
-                return Err("a row of a path that cannot be".into());
+                return Err("an invalid row of a path".into());
             }
             path.push(row);
         }
@@ -343,7 +343,7 @@ impl Receipt {
             return Ok(());
         }
         if jpeg.len() > PREVIEW_BYTES || !jpeg.starts_with(&[0xff, 0xd8]) {
-            return Err("a preview that is no small JPEG".into());
+            return Err("a preview that is not a small JPEG".into());
         }
         once(&mut self.heard.preview, jpeg, "preview")
     }
@@ -352,16 +352,16 @@ impl Receipt {
         self.only(&[Kind::Palette])?;
         let named = palette.labels.iter().all(|l| l.chars().count() <= TEXTS[0]);
         if !named || palette.samples.len() > SAMPLES || palette.colour_samples().is_none() {
-            return Err("colours that cannot be".into());
+            return Err("invalid colour samples".into());
         }
         once(&mut self.heard.palette, palette, "palette")
     }
 
     fn self_test(&mut self, report: SelfTestReport) -> Result<(), String> {
         self.only(&[Kind::SelfTest])?;
-        let Some((board, tools)) = &self.tested else { return Err("an answer to another question".into()) };
+        let Some((board, tools)) = &self.tested else { return Err("a reply that does not belong to this work".into()) };
         if !self_tests::is_possible(&report, *board, tools) {
-            return Err("a self-test that cannot be".into());
+            return Err("an invalid self-test".into());
         }
         once(&mut self.heard.self_test, report, "self-test")
     }
@@ -369,9 +369,9 @@ impl Receipt {
     fn mask(&mut self, mask: FrameMask) -> Result<(), String> {
         self.only(&[Kind::Mask])?;
         let (frames, colours) = &self.masked;
-        let next = frames.get(self.heard.masks.len()).ok_or("a mask of no picture")?;
+        let next = frames.get(self.heard.masks.len()).ok_or("a mask without a picture")?;
         if !glances::is_possible_mask(&mask, *next, *colours, self.limits) {
-            return Err("a mask that cannot be".into());
+            return Err("an invalid mask".into());
         }
         self.heard.masks.push(mask);
         Ok(())
@@ -379,9 +379,9 @@ impl Receipt {
 
     fn photo_check(&mut self, check: PhotoCheck) -> Result<(), String> {
         self.only(&[Kind::Check])?;
-        let Some(board) = self.sought else { return Err("an answer to another question".into()) };
+        let Some(board) = self.sought else { return Err("a reply that does not belong to this work".into()) };
         if !glances::is_possible_check(&check, board, self.limits) {
-            return Err("a photo that cannot be".into());
+            return Err("an invalid check of a photo".into());
         }
         once(&mut self.heard.photo_check, check, "photo")
     }
@@ -389,7 +389,7 @@ impl Receipt {
     fn palette_report(&mut self, report: PaletteReport) -> Result<(), String> {
         self.only(&[Kind::Palette, Kind::Mask])?;
         if !report.numbers().all(sensible) || report.texts().any(|text| text.chars().count() > TEXTS[2]) {
-            return Err("a report on colours that cannot be".into());
+            return Err("an invalid report on colours".into());
         }
         once(&mut self.heard.palette_report, report, "report on colours")
     }
@@ -397,13 +397,13 @@ impl Receipt {
     fn palette_advice(&mut self, advice: PaletteAdvice) -> Result<(), String> {
         self.only(&[Kind::Advise])?;
         if !advices::is_possible(&advice) {
-            return Err("advice on tapes that cannot be".into());
+            return Err("invalid advice on tapes".into());
         }
         once(&mut self.heard.palette_advice, advice, "advice on tapes")
     }
 }
 
-/// Does a tool's row speak of this frame?
+/// True if the tool's rows belong to this frame.
 fn is_of(tool: &FollowedTool, frame: &FollowedFrame, index: u32) -> bool {
     let FollowedTool { seen, path, .. } = tool;
     (seen.frame, seen.tool) == (frame.frame, index)

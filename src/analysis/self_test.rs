@@ -1,4 +1,4 @@
-//! A recording of a self-test, from its file to a report: tracked, and searched for the board, in one pass.
+//! Makes a self-test report from a recording: tracks the tools and looks for the board in one pass.
 //!
 //! The command line and the service's confined child both go through here.
 
@@ -11,37 +11,37 @@ use crate::pipeline::self_test::{BoardWatch, ColourWatch, Evidence, measure, ver
 use crate::pipeline::tracker::{MOST_REHEARSED, SettingsProblem, Tracker, TrackerSettings};
 use crate::pipeline::trajectory::Kind;
 
-/// What is asked besides the recording and what it is tracked with.
+/// What a self-test needs besides the recording and the tracker's settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Asked {
     /// The board that lies in the box.
     pub board: Board,
-    /// How far beyond the tape the tool's point lies, mm; 0 for a rod that ends flat where its tape ends.
+    /// Distance from the end of the tape to the tool's tip, mm; 0 for a rod that ends flat where its tape ends.
     pub reach_mm: f64,
-    /// What the stored camera's own photos left, pixels, where that is known.
+    /// RMS reprojection error of the stored calibration, pixels, where it is known.
     pub calibration_rms_px: Option<f64>,
-    /// Where trocars were in the box's sessions; none where that is not known.
+    /// Trocar positions in the box's sessions; empty where they are unknown.
     pub ports: Ports,
 }
 
-/// Farthest that a tool's point can lie beyond its tape, mm: jaws are 15 to 30 long.
+/// Largest distance from the tape to the tool's tip, mm: jaws are 15 to 30 mm long.
 pub const MOST_REACH_MM: f64 = 100.0;
 
 /// Why a recording cannot be tested.
 #[derive(Debug, thiserror::Error)]
 pub enum SelfTestError {
-    /// It cannot be decoded.
+    /// The recording cannot be decoded.
     #[error(transparent)]
     Media(#[from] MediaError),
-    /// It cannot be tracked with these settings.
+    /// The recording cannot be tracked with these settings.
     #[error(transparent)]
     Settings(#[from] SettingsProblem),
 }
 
-/// Tests a box; `done` hears of each frame and, if known, how many there will be.
+/// Tests a box. Calls `done` after each frame with the number of frames so far and, if known, in all.
 ///
 /// # Errors
-/// A recording that cannot be decoded, or is of another size than the camera.
+/// The recording cannot be decoded, or its size differs from the camera's.
 pub fn of_video(
     video: VideoFile,
     settings: TrackerSettings,

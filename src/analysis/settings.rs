@@ -1,4 +1,4 @@
-//! What a piece of work may use.
+//! Limits of the child processes that decode and track.
 
 use std::time::Duration;
 
@@ -10,23 +10,24 @@ use crate::sandbox::{Budget, LandlockPolicy};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AnalysisSettings {
-    /// Decoder threads of each child, beside the one that tracks. More than two seldom help; workers times threads should
-    /// not exceed the cores. Usually 2.
+    /// Decoder threads of each child, beside the one that tracks. More than two seldom help; workers times threads
+    /// should not exceed the cores. Usually 2.
     pub decoder_threads: usize,
-    /// Memory a child may take beyond the program's own, MiB. Less refuses large pictures and long recordings, more lets a
-    /// hostile file take more. 448 decodes 4096×2304 and tracks an hour of two tools.
+    /// Memory that a child may take beyond the program's own, MiB. Less refuses large pictures and long recordings,
+    /// more lets a hostile file take more. 448 decodes 4096×2304 and tracks an hour of two tools.
     pub memory_mib: u64,
-    /// Longest a child may work, s. It is then ended and tried again, three times in all. Usually 14400.
+    /// Longest time that a child may work, s. Then it is killed and the job is tried again, three times in all. Usually
+    /// 14400.
     pub longest_s: u64,
-    /// Longest a child may go without a sign of progress, s. Usually 60.
+    /// Longest time that a child may go without reporting progress, s. Usually 60.
     pub silence_s: u64,
-    /// Photos and frames looked at beside the queue at the same time, for people who set up a box and wait. More take a core
-    /// each while they are looked at. Usually 2.
+    /// Photos and frames analysed at the same time outside the queue, for users who set up a box and wait. Each takes
+    /// one core while it runs. Usually 2.
     pub glances: usize,
-    /// Longest that such a look may take, and wait for its turn, s. Usually 20.
+    /// Longest time that such an analysis may take, and longest time that it may wait for a slot, s. Usually 20.
     pub glance_s: u64,
-    /// Refuse to start where the kernel does not enforce Landlock (Linux 5.13 or newer, and switched on), instead of going
-    /// on behind the system call filter alone.
+    /// Refuse to start where the kernel does not enforce Landlock (Linux 5.13 or newer, and enabled). Otherwise the
+    /// children are confined by the system call filter alone.
     pub require_landlock: bool,
 }
 
@@ -45,18 +46,18 @@ impl Default for AnalysisSettings {
 }
 
 impl AnalysisSettings {
-    /// The budget of a child for whom somebody waits.
+    /// The budget of a child that works for a waiting user.
     pub fn glance_budget(&self) -> Budget {
         let longest = Duration::from_secs(self.glance_s);
         Budget { cpu: longest, slice: Budget::SHORT_SLICE, wall: longest, silence: longest, ..self.budget() }
     }
 
-    /// A child's budget.
+    /// The budget of a job's child.
     pub fn budget(&self) -> Budget {
         let landlock = if self.require_landlock { LandlockPolicy::Required } else { LandlockPolicy::IfAvailable };
         Budget {
             memory_bytes: self.memory_mib << 20,
-            // All its threads together may compute for as long as it may run.
+            // The limit is on CPU time: all threads together may compute for as long as the child may run.
             cpu: Duration::from_secs(self.longest_s.saturating_mul(self.decoder_threads as u64 + 1)),
             wall: Duration::from_secs(self.longest_s),
             silence: Duration::from_secs(self.silence_s),

@@ -1,4 +1,4 @@
-//! Workers: each takes one job at a time, runs its child, and saves what came of it.
+//! The worker pool: each worker takes one job at a time, runs its child process and saves the result.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,29 +23,29 @@ use crate::store::{Store, StoreError};
 use crate::time::{SharedClock, to_rfc3339};
 use crate::vault::{Kept, Vault, VaultError};
 
-/// Progress is written at most this often: each time is a commit.
+/// Interval between progress updates: each one is a database commit.
 const WORD: Duration = Duration::from_secs(1);
 
-/// How long a worker rests after the disk, the database or the system failed it.
+/// Pause of a worker after an error of the disk, the database or the system.
 const REST: Duration = Duration::from_secs(5);
 
-/// What workers work with.
+/// The workers and what they share.
 pub struct Workshop {
-    /// Rows.
+    /// Database.
     pub store: Store,
-    /// Files.
+    /// Stored files.
     pub vault: Vault,
-    /// Where the jobs come from.
+    /// The queue of jobs.
     pub queue: Queue,
-    /// Waits and the moment of a calibration.
+    /// For waits, and for the time stamp of a calibration.
     pub clock: SharedClock,
-    /// What a child may use.
+    /// Limits of the children.
     pub settings: AnalysisSettings,
-    /// The child's program: [`Workshop::this_program`] but in tests.
+    /// The child's program: [`WorkerPool::this_program`] except in tests.
     pub program: Program,
 }
 
-/// Why a job could not be worked on to its end.
+/// Why a job could not be finished.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WorkError {
     /// The job itself cannot be done.
@@ -58,7 +58,7 @@ pub(super) enum WorkError {
     #[error(transparent)]
     Vault(#[from] VaultError),
     /// The system refused a thread, a descriptor or memory.
-    #[error("while preparing the work: {0}")]
+    #[error("preparing the child process failed: {0}")]
     System(#[from] std::io::Error),
 }
 
@@ -69,39 +69,39 @@ impl From<Problem> for WorkError {
 }
 
 impl Workshop {
-    /// This program as a child.
+    /// This program, run as a child.
     pub fn this_program() -> Program {
         Program::this(&["child"])
     }
 
-    /// Starts so many workers; they work until the service ends, and then hand back what they hold.
+    /// Starts this many workers. They work until the service shuts down and then release their jobs.
     pub fn open(self, workers: usize, shutdown: &Shutdown) {
-        let shop = Arc::new(self);
+        let pool = Arc::new(self);
         for number in 1..=workers {
-            let (shop, ending) = (shop.clone(), shutdown.clone());
+            let (pool, shutdown_of_worker) = (pool.clone(), shutdown.clone());
             let name = format!("worker {number} of process {}", std::process::id());
-            shutdown.spawn(async move { shop.work(&name, &ending).await });
+            shutdown.spawn(async move { pool.work(&name, &shutdown_of_worker).await });
         }
     }
 
-    /// One worker's life.
+    /// Takes jobs from the queue until the service shuts down.
     async fn work(&self, name: &str, shutdown: &Shutdown) {
         while let Some(held) = self.queue.next(name, shutdown).await {
             let job = held.job().id;
             match self.attend(held, shutdown).await {
                 Ok(()) => {}
                 Err(WorkError::Store(error)) if is_lost(&error) => {
-                    tracing::info!(%job, worker = name, "somebody else has the job now; what was done counts for nothing");
+                    tracing::info!(%job, worker = name, "lease lost: another worker owns the job; result discarded");
                 }
                 Err(error) => {
-                    tracing::error!(%error, %job, worker = name, "working on a job");
+                    tracing::error!(%error, %job, worker = name, "job failed on this machine; retried later, pausing 5 s");
                     tokio::select! { () = shutdown.begun() => {}, () = self.clock.sleep(REST) => {} }
                 }
             }
         }
     }
 
-    /// Works on one job to its end, whatever that is.
+    /// Runs one job until it is finished, failed or released.
     async fn attend(&self, mut held: Held, shutdown: &Shutdown) -> Result<(), WorkError> {
         let now = to_rfc3339(self.clock.now_ms());
         let orders = match Orders::for_job(&held.job().input, &self.store, &self.vault, &now).await {
@@ -123,7 +123,7 @@ impl Workshop {
         }
     }
 
-    /// A job that cannot be done fails. Where the machine failed, the job is handed back and nothing is counted against it.
+    /// Fails a job that cannot be done. If the machine failed, releases the job without counting an attempt.
     pub(super) async fn stumble(&self, held: Held, error: WorkError) -> Result<(), WorkError> {
         match error {
             WorkError::Impossible(problem) => Ok(held.fail(problem).await.map(drop)?),
@@ -139,7 +139,7 @@ impl Workshop {
         }
     }
 
-    /// Runs the child, and meanwhile passes on its progress and keeps the lease.
+    /// Runs the child; meanwhile reports its progress and renews the lease.
     async fn accompany(
         &self,
         held: &mut Held,
@@ -147,39 +147,43 @@ impl Workshop {
         shutdown: &Shutdown,
     ) -> std::io::Result<Result<Heard, Failure>> {
         let stop = Stop::new()?;
-        let (tell, mut told) = watch::channel(0.0);
-        let mut child = self.start(orders, stop.clone(), tell);
+        let (progress_sender, mut progress_seen) = watch::channel(0.0);
+        let mut child = self.start(orders, stop.clone(), progress_sender);
         let mut beat = self.clock.sleep(held.heartbeat());
-        let mut rest = self.clock.sleep(Duration::ZERO);
-        let mut rested = true;
+        let mut pause = self.clock.sleep(Duration::ZERO);
+        let mut may_report = true;
         loop {
-            let kept = tokio::select! {
+            let updated = tokio::select! {
                 ended = &mut child => return Ok(ended.unwrap_or_else(|e| Err(Failure::Crashed(e.to_string())))),
                 () = shutdown.begun() => { stop.pull(); return Ok(child.await.unwrap_or(Err(Failure::Stopped))) }
                 () = &mut beat => {
                     beat = self.clock.sleep(held.heartbeat());
                     held.beat().await
                 }
-                () = &mut rest, if !rested => {
-                    rested = true;
+                () = &mut pause, if !may_report => {
+                    may_report = true;
                     Ok(())
                 }
-                Ok(()) = told.changed(), if rested => {
-                    (rest, rested) = (self.clock.sleep(WORD), false);
-                    let progress = *told.borrow_and_update();
+                Ok(()) = progress_seen.changed(), if may_report => {
+                    (pause, may_report) = (self.clock.sleep(WORD), false);
+                    let progress = *progress_seen.borrow_and_update();
                     held.progress(progress).await
                 }
             };
-            match kept {
+            match updated {
                 Ok(()) => {}
                 Err(error) if is_lost(&error) => stop.pull(),
-                // The lease lasts for some beats; if the store stays away longer, it is lost by then.
-                Err(error) => tracing::warn!(%error, job = %held.job().id, "giving word of a job"),
+                // The lease lasts for several heartbeats. If the store is unavailable for longer, the lease is lost by
+                // then.
+                Err(error) => {
+                    tracing::warn!(%error, job = %held.job().id, "lease renewal failed; retrying at the next heartbeat")
+                }
             }
         }
     }
 
-    /// Where trocars were in earlier sessions, once all of them that are being tracked have ended; `None` if the service ends.
+    /// Trocar positions from earlier sessions, once none of those sessions is being tracked; `None` if the service
+    /// shuts down.
     pub(super) async fn ports(
         &self,
         held: &Held,
@@ -203,18 +207,18 @@ impl Workshop {
         }
     }
 
-    /// Starts the child on a thread of its own, which lives as long as the child does.
+    /// Starts the child on a blocking thread, which lives as long as the child.
     fn start(
         &self,
         orders: Orders,
         stop: Stop,
-        tell: watch::Sender<f64>,
+        progress: watch::Sender<f64>,
     ) -> tokio::task::JoinHandle<Result<Heard, Failure>> {
         let (program, budget, threads) = (self.program.clone(), self.settings.budget(), self.settings.decoder_threads);
-        tokio::task::spawn_blocking(move || run(&program, &budget, threads, orders, &stop, &tell))
+        tokio::task::spawn_blocking(move || run(&program, &budget, threads, orders, &stop, &progress))
     }
 
-    /// Stores what came of the job and ends it, in one transaction; files first, row second.
+    /// Stores the child's output and ends the job in one transaction; files first, row second.
     async fn save(&self, held: Held, tools: Vec<String>, known: KnownBefore, heard: Heard) -> Result<(), WorkError> {
         match held.job().input.clone() {
             JobInput::Track(input) => {
@@ -225,7 +229,7 @@ impl Workshop {
                 let assess = move || Tracked::new(&input, tools, &known, &edits, heard);
                 self.save_tracking(held, tokio::task::spawn_blocking(assess).await).await
             }
-            JobInput::Import(_) | JobInput::Rescore(_) => Ok(held.give_back().await?), // no child speaks of these
+            JobInput::Import(_) | JobInput::Rescore(_) => Ok(held.give_back().await?), // these jobs have no child
             JobInput::Palette(input) => match product::palette(&input.annotations, heard) {
                 Ok(new) => {
                     held.finish(async |store, lease| store.jobs().finish_palette(lease, new).await).await?;
@@ -273,7 +277,7 @@ impl Workshop {
         }
     }
 
-    /// Puts a result's files into the vault, where they are kept until their row is there.
+    /// Puts a result's files into the vault, which protects them from garbage collection until their row exists.
     async fn keep(&self, tracked: Tracked) -> Result<(NewResult, Vec<Kept>), VaultError> {
         let trajectory = self.vault.put(&tracked.paths).await?;
         let diagnostics = self.vault.put(&tracked.diagnostics).await?;
@@ -304,12 +308,12 @@ fn run(
     threads: usize,
     orders: Orders,
     stop: &Stop,
-    tell: &watch::Sender<f64>,
+    progress_sender: &watch::Sender<f64>,
 ) -> Result<Heard, Failure> {
     let request = Request { threads, work: orders.work };
-    let (result, cost) = attempt(Attempt { program, request, inputs: orders.inputs, budget, stop }, |news| {
-        if let News::Progress(progress) = news {
-            tell.send_replace(progress);
+    let (result, cost) = attempt(Attempt { program, request, inputs: orders.inputs, budget, stop }, |event| {
+        if let News::Progress(progress) = event {
+            progress_sender.send_replace(progress);
         }
     });
     tracing::debug!(
@@ -317,30 +321,30 @@ fn run(
         cpu_ms = cost.cpu.as_millis() as u64,
         peak_rss_bytes = cost.peak_rss_bytes,
         output_bytes = cost.output_bytes,
-        "a child has ended"
+        "child process ended"
     );
     result
 }
 
-/// The tools in the order in which the child counts them.
+/// The tool names in the child's order.
 fn tool_names(work: &Work) -> Vec<String> {
     match work {
         Work::Track(track) => track.tools.iter().map(|tool| tool.name.clone()).collect(),
-        _ => Vec::new(), // no other work's rows count tools
+        _ => Vec::new(), // no other work has rows per tool
     }
 }
 
 pub(super) fn crashed(reason: &str) -> Problem {
-    let detail = format!("the process that worked on it {reason}; after three times it is not tried again by itself");
-    Problem::new("analysis-crashed", "The analysis did not survive this file", detail)
+    let detail = format!("the analysis process {reason}; after three attempts it is not tried again automatically");
+    Problem::new("analysis-crashed", "The analysis process failed on this file", detail)
 }
 
 fn damaged() -> Problem {
-    let detail = "a stored file that this work needs is damaged: restore it from a backup, then try again";
-    Problem::new("input-damaged", "What the work needs is damaged", detail)
+    let detail = "a stored file that this analysis needs is damaged: restore it from a backup, then try again";
+    Problem::new("input-damaged", "A file that the analysis needs is damaged", detail)
 }
 
 fn gone(what: &str) -> Problem {
-    let detail = format!("the {what} that this work needs has been deleted");
-    Problem::new("input-gone", "What the work needs is gone", detail)
+    let detail = format!("the {what} that this analysis needs has been deleted");
+    Problem::new("input-gone", "A file that the analysis needs was deleted", detail)
 }

@@ -1,4 +1,5 @@
-//! One conversation with the server, as `docs/feed.md` has it: records out, acknowledgements in, side by side.
+//! One connection to the server, as described in `docs/feed.md`: sends records and receives acknowledgements at the
+//! same time.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -23,20 +24,20 @@ use crate::domain::feed::record::{Body, GapReason, Record};
 use crate::domain::feed::words::{FromSender, FromServer};
 use crate::ids::{FeedId, SessionId};
 
-/// How long a connection may take to come about.
+/// Longest time to establish a connection.
 const CONNECT: Duration = Duration::from_secs(10);
-/// How long the server may be silent. It answers pings, but not while it puts a recording together.
+/// Longest silence of the server. It answers pings, but not while it assembles a recording.
 const SILENCE: Duration = Duration::from_secs(30);
-/// How long this end is silent at most; the protocol allows 20 s.
+/// Interval between pings when there is nothing to send; the protocol allows 20 s of silence.
 const PING_EVERY: Duration = Duration::from_secs(5);
-/// Longest word of the server, bytes: 4096 ranges have less.
+/// Longest message from the server, bytes: 4096 ranges need less.
 const MOST_WORD: usize = 1 << 18;
-/// Read at once: what the service says is short, and each read clears this much first.
+/// Read buffer, bytes: the server's messages are short, and each read first clears the whole buffer.
 const READ_BYTES: usize = 4096;
 
 type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
-/// Where recordings go.
+/// The server that receives the recordings.
 #[derive(Clone, Debug)]
 pub struct Server {
     address: String,
@@ -44,32 +45,32 @@ pub struct Server {
     token_file: PathBuf,
 }
 
-/// How a conversation ended.
+/// How a connection ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Parting {
-    /// The recording is whole, and this session.
+    /// The recording is complete and is this session.
     Whole(SessionId),
-    /// There was nothing to send, neither here nor there.
+    /// There was nothing to send, here or on the server.
     Empty,
-    /// It may go on later.
+    /// Try again later.
     Again {
-        /// Why it ended.
+        /// Why the connection ended.
         why: String,
-        /// Was there a welcome?
+        /// True if the server had sent a welcome.
         was_welcome: bool,
     },
-    /// It will not go on by itself: why, and what to do.
+    /// Sending cannot continue without help: why, and what to do.
     Refused(String),
 }
 
 impl Server {
-    /// A box of a server at an address such as `https://trocar.example:8443`; the token is read whenever it is needed.
+    /// A box of a server at an address such as `https://trocar.example:8443`. The token is read at each connection.
     ///
     /// # Errors
-    /// The address is none, in words for people.
+    /// The address or the box is invalid; the text is for users.
     pub fn new(address: &str, in_box: &str, token_file: &Path) -> Result<Self, String> {
         let expected =
-            || format!("`{address}` is no server's address; expected http://HOST[:PORT] or https://HOST[:PORT]");
+            || format!("`{address}` is not a server address; expected http://HOST[:PORT] or https://HOST[:PORT]");
         let uri: Uri = address.parse().map_err(|_| expected())?;
         let scheme = match uri.scheme_str() {
             Some("http") => "ws",
@@ -78,19 +79,19 @@ impl Server {
         };
         let host = uri.authority().filter(|host| !host.as_str().contains('@')).ok_or_else(expected)?;
         if in_box.is_empty() || !in_box.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_.".contains(&b)) {
-            return Err(format!("`{in_box}` is no box's code"));
+            return Err(format!("`{in_box}` is not the code of a box"));
         }
         let path = uri.path().trim_end_matches('/');
         let address = format!("{scheme}://{host}{path}/api/v1/boxes/{in_box}/feed");
         Ok(Self { address, in_box: in_box.to_owned(), token_file: token_file.to_owned() })
     }
 
-    /// The box's code, or id.
+    /// Code or id of the box.
     pub fn in_box(&self) -> &str {
         &self.in_box
     }
 
-    /// Does everybody on the way read the token?
+    /// True if the token travels unencrypted over a network.
     pub fn is_open_to_all(&self) -> bool {
         let is_near = ["ws://127.", "ws://localhost", "ws://[::1]"].iter().any(|near| self.address.starts_with(near));
         self.address.starts_with("ws://") && !is_near
@@ -100,15 +101,16 @@ impl Server {
     pub async fn converse(&self, agent: &Agent, id: FeedId) -> Parting {
         let recorded_in = agent.spool().get(id).and_then(|recording| recording.in_box.clone());
         if let Some(other) = recorded_in.filter(|in_box| *in_box != self.in_box) {
-            let why = format!("it was recorded in the box {other}, and this is {}", self.in_box);
+            let why =
+                format!("the recording belongs to the box {other}, but the agent runs for the box {}", self.in_box);
             return Parting::Refused(format!(
-                "{why}: start the agent with `--box {other}` and that box's token to send it; if that box has another code today, \
-                 write it into `{id}/box` in the spool"
+                "{why}: to send it, start the agent with `--box {other}` and that box's token; if that box has a new \
+                 code, write the new code into `{id}/box` in the spool"
             ));
         }
         match timeout(CONNECT, self.connect()).await {
             Ok(Ok(socket)) => Talk { agent, id, progress: Mutex::default() }.run(socket).await,
-            Ok(Err(parting)) => parting,
+            Ok(Err(outcome)) => outcome,
             Err(_) => again(format!("no answer within {CONNECT:?}")),
         }
     }
@@ -118,20 +120,20 @@ impl Server {
         let token = std::fs::read_to_string(&self.token_file)
             .map_err(|error| Parting::Refused(format!("the token cannot be read from {shown}: {error}")))?;
         let token = HeaderValue::from_str(&format!("Bearer {}", token.trim()))
-            .map_err(|_| Parting::Refused(format!("{shown} holds no token")))?;
+            .map_err(|_| Parting::Refused(format!("{shown} contains no valid token")))?;
         let mut request = self.address.as_str().into_client_request().map_err(|error| again(error.to_string()))?;
         request.headers_mut().insert(header::AUTHORIZATION, token);
         let words = WebSocketConfig::default().max_message_size(Some(MOST_WORD)).max_frame_size(Some(MOST_WORD));
         let config = words.read_buffer_size(READ_BYTES);
         match connect_async_with_config(request, Some(config), true).await {
             Ok((socket, _)) => Ok(socket),
-            Err(Error::Http(answer)) => Err(parting_at_the_door(answer.status().as_u16(), &shown.to_string())),
+            Err(Error::Http(response)) => Err(parting_at_the_door(response.status().as_u16(), &shown.to_string())),
             Err(error) => Err(again(error.to_string())),
         }
     }
 }
 
-/// A conversation that has begun.
+/// A connection to the server.
 struct Talk<'a> {
     agent: &'a Agent,
     id: FeedId,
@@ -166,16 +168,16 @@ impl Talk<'_> {
                 epoch
             }
             Ok(FromServer::Ended { session, .. }) => return Parting::Whole(session),
-            Ok(_) => return again("the server answers what was not asked".into()),
-            Err(parting) => return parting,
+            Ok(_) => return again("the server sent an unexpected message".into()),
+            Err(outcome) => return outcome,
         };
         self.agent.status().connected();
         tracing::info!(recording = %self.id, epoch, "connected");
-        let parting = tokio::select! {
-            parting = self.listen(&mut stream) => parting,
-            parting = self.send(&mut sink, epoch) => parting,
+        let outcome = tokio::select! {
+            outcome = self.listen(&mut stream) => outcome,
+            outcome = self.send(&mut sink, epoch) => outcome,
         };
-        match parting {
+        match outcome {
             Parting::Again { why, .. } => Parting::Again { why, was_welcome: true },
             other => other,
         }
@@ -192,7 +194,7 @@ impl Talk<'_> {
                 }
                 Ok(FromServer::Ended { session, .. }) => return Parting::Whole(session),
                 Ok(FromServer::Welcome { .. }) => {}
-                Err(parting) => return parting,
+                Err(outcome) => return outcome,
             }
             self.agent.has_changed();
         }
@@ -202,14 +204,14 @@ impl Talk<'_> {
         loop {
             let sent = match block_in_place(|| self.turn(epoch)) {
                 Turn::Say(message) => sink.send(message).await,
-                Turn::Over(parting) => return parting,
+                Turn::Over(outcome) => return outcome,
                 Turn::Wait => match timeout(PING_EVERY, self.agent.0.changed.notified()).await {
                     Ok(()) => Ok(()),
                     Err(_) => sink.send(Message::Ping(Vec::new().into())).await,
                 },
             };
             if sent.is_err() {
-                // Why is heard by the other half, if the server said so.
+                // The receiving half reports why, if the server sent a reason.
                 tokio::time::sleep(SILENCE).await;
                 return again("the connection was cut".into());
             }
@@ -235,7 +237,8 @@ impl Talk<'_> {
                     return Turn::Say(message(&Record { epoch, number, body }));
                 }
                 None if is_live || progress.has_said_end || !progress.order.is_done(recording) => return Turn::Wait,
-                // What lies in some buffer on the way may yet be lost: the end is that of what the server has.
+                // Frames in buffers on the way may still be lost, so the end is sent only when the server has
+                // everything.
                 None if !recording.is_acknowledged() => return Turn::Wait,
                 None if recording.end == 0 => return Turn::Over(Parting::Empty),
                 None => {
@@ -252,12 +255,12 @@ impl Talk<'_> {
 
     fn acknowledged(&self, durable: Vec<[u64; 2]>) {
         let mut numbers = Numbers::default();
-        // A server that acknowledges in more pieces than the protocol allows is sent the rest again.
+        // A server that acknowledges in more ranges than the protocol allows receives the rest again.
         let _ = durable.iter().try_for_each(|[first, last]| numbers.add(*first, *last));
         self.progress().order.acknowledged(&numbers);
         self.agent.status().acknowledged = numbers.ranges().iter().map(|[first, last]| last - first + 1).sum();
         if let Err(error) = block_in_place(|| self.agent.spool().acknowledge(self.id, numbers)) {
-            tracing::warn!(%error, "what the server has cannot be removed from the spool");
+            tracing::warn!(%error, "acknowledged frames cannot be removed from the spool; it keeps growing");
         }
     }
 
@@ -266,15 +269,16 @@ impl Talk<'_> {
     }
 }
 
-/// The server's next word, or how it parted.
+/// The server's next message, or how the connection ended.
 async fn hear(stream: &mut SplitStream<Socket>) -> Result<FromServer, Parting> {
     loop {
         match timeout(SILENCE, stream.next()).await {
-            Err(_) => return Err(again(format!("nothing was heard for {SILENCE:?}"))),
+            Err(_) => return Err(again(format!("the server was silent for {SILENCE:?}"))),
             Ok(None) => return Err(again("the connection was cut".into())),
             Ok(Some(Err(error))) => return Err(again(error.to_string())),
             Ok(Some(Ok(Message::Text(text)))) => {
-                return serde_json::from_str(&text).map_err(|error| again(format!("a word not understood: {error}")));
+                return serde_json::from_str(&text)
+                    .map_err(|error| again(format!("the server sent an unreadable message: {error}")));
             }
             Ok(Some(Ok(Message::Close(frame)))) => {
                 let (code, why) = frame.map_or((1005, String::new()), |f| (f.code.into(), f.reason.to_string()));
@@ -292,38 +296,38 @@ fn message(record: &Record<'_>) -> Message {
 }
 
 fn word(word: &FromSender) -> Message {
-    Message::text(serde_json::to_string(word).unwrap_or_default()) // plain data
+    Message::text(serde_json::to_string(word).unwrap_or_default()) // cannot fail: plain data
 }
 
 fn again(why: String) -> Parting {
     Parting::Again { why, was_welcome: false }
 }
 
-/// What a close code asks for: the last column of its table in `docs/feed.md`.
+/// What to do after this close code: the last column of its table in `docs/feed.md`.
 fn parting_by_code(number: u16, why: &str) -> Parting {
-    let what_to_do = match Code::ALL.into_iter().find(|code| code.number() == number) {
+    let advice = match Code::ALL.into_iter().find(|code| code.number() == number) {
         None | Some(Code::Done | Code::Ending | Code::Silent | Code::Busy | Code::Failed) => {
             return again(format!("{why} ({number})"));
         }
-        Some(Code::SignedOut) => "put a new token into the token file and start the agent again",
+        Some(Code::SignedOut) => "put a new token into the token file and restart the agent",
         Some(Code::Unknown) => {
-            "make the box, trainee or task on the server, or name another, and start the agent again"
+            "create the box, trainee or task on the server, or name another one, and restart the agent"
         }
-        Some(Code::Superseded) => "see that no other agent sends this recording",
-        Some(Code::TooMuch | Code::DoesNotBelong) => "the server takes no more of this recording; begin another",
-        Some(Code::NotUnderstood) => "see that agent and server are of one version",
+        Some(Code::Superseded) => "check that no other agent sends this recording",
+        Some(Code::TooMuch | Code::DoesNotBelong) => "the server accepts no more of this recording; start a new one",
+        Some(Code::NotUnderstood) => "install the same version of agent and server",
     };
-    Parting::Refused(format!("{why} ({number}): {what_to_do}"))
+    Parting::Refused(format!("{why} ({number}): {advice}"))
 }
 
-/// What an answer asks for that came instead of a connection.
+/// What to do after this HTTP status in place of a connection.
 fn parting_at_the_door(status: u16, token_file: &str) -> Parting {
     match status {
-        401 => Parting::Refused(format!("the token in {token_file} does not count: put a new one there (401)")),
+        401 => Parting::Refused(format!("the token in {token_file} is not valid: put a new one there (401)")),
         403 => Parting::Refused(format!("the token in {token_file} may not send recordings of this box (403)")),
-        404 => Parting::Refused("the token knows no such box, or the address leads elsewhere (404)".into()),
+        404 => Parting::Refused("the token's user has no such box, or the address is wrong (404)".into()),
         400..500 if status != 408 && status != 429 => {
-            Parting::Refused(format!("the server refuses with status {status}"))
+            Parting::Refused(format!("the server refused the connection with status {status}"))
         }
         _ => again(format!("the server is busy (status {status})")),
     }

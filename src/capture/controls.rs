@@ -1,10 +1,11 @@
-//! What a camera regulates by itself, and how it is kept from doing so: Video4Linux controls.
+//! Switches off a camera's automatic controls: Video4Linux controls.
 //!
-//! Automatic exposure and white balance change the tapes' colours while somebody trains. Each automatic is switched off at the
-//! value that it has found, so that the picture stays as it is; one that was off already was set by somebody, and stays.
+//! Automatic exposure and white balance change the tapes' colours during training. Each automatic is switched off at
+//! the value that it has found, so that the picture stays as it is. An automatic that was off already was set by hand
+//! and stays as it is.
 //!
-//! What is switched off is noted in a file first: an agent that is killed cannot switch it on again, the next one does
-//! ([`give_back`]).
+//! What is switched off is noted in a file first: an agent that is killed cannot restore it, but the next one does
+//! ([`restore_automatics`]).
 
 use std::fs::{self, File};
 use std::io;
@@ -14,52 +15,52 @@ use serde::{Deserialize, Serialize};
 
 use rustix::ioctl::{Opcode, Updater, ioctl, opcode};
 
-/// Something that a camera regulates by itself, as Linux numbers it (`linux/v4l2-controls.h`).
+/// A control that a camera regulates automatically, with its Linux numbers (`linux/v4l2-controls.h`).
 struct Automatic {
     name: &'static str,
     switch: u32,
-    /// What the switch says when the camera leaves it alone.
+    /// Value of the switch that turns the automatic off.
     off: i32,
-    /// What it regulates.
+    /// The control that the automatic regulates.
     value: u32,
 }
 
-/// In the order in which they are switched off: the gain follows the exposure in many cameras.
+/// In the order of switching off: in many cameras the gain follows the exposure.
 const AUTOMATICS: [Automatic; 3] = [
     Automatic { name: "exposure", switch: 0x009a_0901, off: 1, value: 0x009a_0902 },
     Automatic { name: "gain", switch: 0x0098_0912, off: 0, value: 0x0098_0913 },
     Automatic { name: "white balance", switch: 0x0098_090c, off: 0, value: 0x0098_091a },
 ];
 
-/// Controls of a camera by their numbers.
+/// Access to a camera's controls by their numbers.
 pub trait Controls {
-    /// What the control says now, or none if the camera has no such control.
+    /// Value of the control, or `None` if the camera has no such control.
     fn get(&self, id: u32) -> io::Result<Option<i32>>;
-    /// Sets it.
+    /// Sets the control.
     fn set(&mut self, id: u32, value: i32) -> io::Result<()>;
 }
 
-/// What became of an automatic.
+/// The result for one automatic.
 #[derive(Debug)]
 pub enum Locked {
-    /// It is off, at the value that it had found, if the camera tells that.
+    /// Switched off at the value that it had found, if the camera reports one.
     Off(Option<i32>),
-    /// It was off before.
+    /// It was off already.
     WasOff,
-    /// The camera has no such switch.
+    /// The camera has no such automatic.
     Absent,
-    /// The camera refuses.
+    /// The camera refused.
     Refused(io::Error),
 }
 
-/// Switches that were on, with what they said, for whoever finds them off.
+/// The switches that were on and their values, for the next agent.
 #[derive(Debug, Serialize, Deserialize)]
 struct Note {
     camera: PathBuf,
     were: Vec<(u32, i32)>,
 }
 
-/// A camera whose automatics are off for as long as it is kept. Afterwards they are as they were.
+/// A camera whose automatics stay off while this exists. Dropping it restores them.
 pub struct Lock<C: Controls> {
     controls: C,
     note: Note,
@@ -67,13 +68,13 @@ pub struct Lock<C: Controls> {
 }
 
 impl<C: Controls> Lock<C> {
-    /// Switches the automatics of a camera off, noting in a file which, and tells what became of each.
+    /// Switches a camera's automatics off, notes them in a file, and returns the result for each.
     pub fn new(controls: C, camera: &Path, note_path: &Path) -> (Self, Vec<(&'static str, Locked)>) {
         let note = Note { camera: camera.to_owned(), were: Vec::new() };
         let mut lock = Self { controls, note, note_path: note_path.to_owned() };
-        let told = AUTOMATICS.iter().map(|automatic| (automatic.name, lock.switch_off(automatic)));
-        let told = told.collect();
-        (lock, told)
+        let results = AUTOMATICS.iter().map(|automatic| (automatic.name, lock.switch_off(automatic)));
+        let results = results.collect();
+        (lock, results)
     }
 
     fn switch_off(&mut self, automatic: &Automatic) -> Locked {
@@ -83,7 +84,7 @@ impl<C: Controls> Lock<C> {
             Ok(None) => return Locked::Absent,
             Err(error) => return Locked::Refused(error),
         };
-        // Read before: many cameras go back to the value that was last set by hand once the automatic is off.
+        // Read it first: many cameras return to the last manual value when the automatic is switched off.
         let found = match self.controls.get(automatic.value) {
             Ok(found) => found,
             Err(error) => return Locked::Refused(error),
@@ -92,8 +93,8 @@ impl<C: Controls> Lock<C> {
         match self.write_note().and_then(|()| self.hold(automatic, found)) {
             Ok(()) => Locked::Off(found),
             Err(error) => {
-                // At some other value the picture would be worse than with the automatic.
-                let _ = self.controls.set(automatic.switch, was); // one that refuses this too was told of
+                // At another value the picture would be worse than with the automatic.
+                let _ = self.controls.set(automatic.switch, was); // a failure here is reported as `Refused` too
                 self.note.were.pop();
                 Locked::Refused(error)
             }
@@ -105,7 +106,7 @@ impl<C: Controls> Lock<C> {
         found.map_or(Ok(()), |found| self.controls.set(automatic.value, found))
     }
 
-    /// In one step: it is there as it was, or as it is.
+    /// Writes the note in one step: the file has either the old or the new content.
     fn write_note(&self) -> io::Result<()> {
         let new = self.note_path.with_extension("new");
         fs::write(&new, serde_json::to_vec(&self.note)?)?;
@@ -113,10 +114,10 @@ impl<C: Controls> Lock<C> {
     }
 }
 
-/// Switches on what an earlier agent switched off and, because it was killed, left so.
+/// Switches on what an earlier agent switched off and, because it was killed, left off.
 ///
 /// # Errors
-/// The camera cannot be switched back, or is gone; the note is gone all the same.
+/// The camera cannot be restored, or is gone; the note is removed all the same.
 pub fn give_back<C: Controls>(note_path: &Path, open: impl FnOnce(&Path) -> io::Result<C>) -> io::Result<()> {
     let note = match fs::read(note_path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -127,7 +128,7 @@ pub fn give_back<C: Controls>(note_path: &Path, open: impl FnOnce(&Path) -> io::
     switch_back(&mut open(&note.camera)?, &note)
 }
 
-/// In the opposite order. All are tried.
+/// Restores in reverse order and tries all.
 fn switch_back(controls: &mut impl Controls, note: &Note) -> io::Result<()> {
     let switched: Vec<io::Result<()>> =
         note.were.iter().rev().map(|(switch, was)| controls.set(*switch, *was)).collect();
@@ -136,8 +137,8 @@ fn switch_back(controls: &mut impl Controls, note: &Note) -> io::Result<()> {
 
 impl<C: Controls> Drop for Lock<C> {
     fn drop(&mut self) {
-        let _ = switch_back(&mut self.controls, &self.note); // a camera that was unplugged forgets it anyway
-        let _ = fs::remove_file(&self.note_path); // where nothing was switched off there is none
+        let _ = switch_back(&mut self.controls, &self.note); // an unplugged camera loses the settings anyway
+        let _ = fs::remove_file(&self.note_path); // absent if nothing was switched off
     }
 }
 
@@ -145,7 +146,7 @@ impl<C: Controls> Drop for Lock<C> {
 pub struct Camera(File);
 
 impl Camera {
-    /// Opens it beside whoever reads its frames.
+    /// Opens it while another process reads its frames.
     pub fn open(path: &Path) -> io::Result<Self> {
         File::options().read(true).write(true).open(path).map(Self)
     }
@@ -165,17 +166,17 @@ const SET: Opcode = opcode::read_write::<Control>(b'V', 28);
 impl Controls for Camera {
     fn get(&self, id: u32) -> io::Result<Option<i32>> {
         let mut control = Control { id, value: 0 };
-        // SAFETY: VIDIOC_G_CTRL reads and writes a `v4l2_control`, which `Control` is.
+        // SAFETY: VIDIOC_G_CTRL reads and writes a `v4l2_control`, the layout of `RawControl`.
         match unsafe { ioctl(&self.0, Updater::<GET, Control>::new(&mut control)) } {
             Ok(()) => Ok(Some(control.value)),
-            Err(rustix::io::Errno::INVAL) => Ok(None), // no control has this number
+            Err(rustix::io::Errno::INVAL) => Ok(None), // no such control
             Err(error) => Err(error.into()),
         }
     }
 
     fn set(&mut self, id: u32, value: i32) -> io::Result<()> {
         let mut control = Control { id, value };
-        // SAFETY: VIDIOC_S_CTRL reads and writes a `v4l2_control`, which `Control` is.
+        // SAFETY: VIDIOC_S_CTRL reads and writes a `v4l2_control`, the layout of `RawControl`.
         Ok(unsafe { ioctl(&self.0, Updater::<SET, Control>::new(&mut control)) }?)
     }
 }
@@ -195,7 +196,7 @@ mod tests {
     const WHITE: u32 = 0x0098_090c;
     const TEMPERATURE: u32 = 0x0098_091a;
 
-    /// A camera that goes back to its factory's values when an automatic is switched off, as many do.
+    /// A camera that returns to its factory values when an automatic is switched off, as many do.
     #[derive(Clone, Default)]
     struct Webcam {
         says: Rc<RefCell<BTreeMap<u32, i32>>>,
@@ -237,19 +238,19 @@ mod tests {
         Lock::new(camera.clone(), Path::new("/dev/video0"), &folder.path().join("note"))
     }
 
-    fn fate(told: &[(&str, Locked)], name: &str) -> String {
-        told.iter().filter(|of| of.0 == name).map(|of| format!("{:?}", of.1)).collect()
+    fn fate(results: &[(&str, Locked)], name: &str) -> String {
+        results.iter().filter(|of| of.0 == name).map(|of| format!("{:?}", of.1)).collect()
     }
 
     #[test]
     fn automatics_are_off_at_what_they_had_found_and_as_before_afterwards() {
         let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
         let folder = tempfile::tempdir().unwrap();
-        let (lock, told) = lock(&camera, &folder);
+        let (lock, results) = lock(&camera, &folder);
         assert_eq!([camera.says(EXPOSURE), camera.says(TIME)], [1, 312]);
         assert_eq!([camera.says(WHITE), camera.says(TEMPERATURE)], [0, 3900]);
-        assert_eq!(fate(&told, "exposure"), "Off(Some(312))");
-        assert_eq!(fate(&told, "gain"), "Absent");
+        assert_eq!(fate(&results, "exposure"), "Off(Some(312))");
+        assert_eq!(fate(&results, "gain"), "Absent");
         drop(lock);
         assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 1]);
     }
@@ -258,8 +259,8 @@ mod tests {
     fn what_somebody_set_by_hand_stays() {
         let camera = Webcam::new(&[(EXPOSURE, 1), (TIME, 80), (WHITE, 0), (TEMPERATURE, 5000)]);
         let folder = tempfile::tempdir().unwrap();
-        let (lock, told) = lock(&camera, &folder);
-        assert_eq!(fate(&told, "exposure"), "WasOff");
+        let (lock, results) = lock(&camera, &folder);
+        assert_eq!(fate(&results, "exposure"), "WasOff");
         drop(lock);
         assert_eq!([camera.says(EXPOSURE), camera.says(TIME), camera.says(TEMPERATURE)], [1, 80, 5000]);
     }
@@ -269,8 +270,8 @@ mod tests {
         let camera = Webcam::new(&[(EXPOSURE, 3), (TIME, 312), (WHITE, 1), (TEMPERATURE, 3900)]);
         let refusing = Webcam { refuses: Some(EXPOSURE), ..camera.clone() };
         let folder = tempfile::tempdir().unwrap();
-        let (_lock, told) = lock(&refusing, &folder);
-        assert!(fate(&told, "exposure").starts_with("Refused"));
+        let (_lock, results) = lock(&refusing, &folder);
+        assert!(fate(&results, "exposure").starts_with("Refused"));
         assert_eq!(camera.says(WHITE), 0);
     }
 
@@ -281,8 +282,8 @@ mod tests {
             [Webcam { refuses: Some(TIME), ..camera.clone() }, Webcam { does_not_tell: Some(TIME), ..camera.clone() }]
         {
             let folder = tempfile::tempdir().unwrap();
-            let (_lock, told) = lock(&hindered, &folder);
-            assert!(fate(&told, "exposure").starts_with("Refused"));
+            let (_lock, results) = lock(&hindered, &folder);
+            assert!(fate(&results, "exposure").starts_with("Refused"));
             assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 0]);
         }
     }
@@ -301,7 +302,7 @@ mod tests {
         };
         give_back(&note, open).unwrap();
         assert_eq!([camera.says(EXPOSURE), camera.says(WHITE)], [3, 1]);
-        give_back(&note, |_| -> io::Result<Webcam> { panic!("there is nothing to give back") }).unwrap();
+        give_back(&note, |_| -> io::Result<Webcam> { panic!("there is nothing to restore") }).unwrap();
 
         let (orderly, _) = lock(&camera, &folder);
         drop(orderly);

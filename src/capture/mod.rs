@@ -1,21 +1,22 @@
-//! The agent beside a box: frames of its camera go to a server while they are recorded, and lie in a spool until the server
-//! has them.
+//! The agent beside a box: sends the frames of its camera to a server while they are recorded, and keeps them in a
+//! spool until the server has them.
 //!
 //! ```text
-//! media::Source ──frames──▶ recorder ──▶ spool (disk) ──▶ order: live first, the rest behind ──▶ connection ──▶ server
-//!                                          ◀── what is durable there goes ──────────────────────────┘
+//! media::Source ──frames──▶ recorder ──▶ spool (disk) ──▶ send_order: live frames first ──▶ connection ──▶ server
+//!                                          ◀── removes what is durable on the server ───────────┘
 //! ```
-//! A recording is in the spool until the server says that it is whole. What one run could not send the next one does.
+//! A recording stays in the spool until the server reports it complete. The next run sends what one run could not
+//! send.
 //!
 //! | file | holds |
 //! |---|---|
-//! | [`controls`] | what a camera regulates by itself, switched off |
-//! | [`recorder`] | frames as they come, numbered, into the spool |
+//! | [`controls`] | switching off a camera's automatic controls |
+//! | [`recorder`] | frames into the spool as they arrive, with numbers |
 //! | [`spool`] | recordings on the disk |
-//! | [`order`] | what goes out next |
-//! | [`connection`] | one conversation with the server |
-//! | [`sender`] | conversations until the recording is whole |
-//! | [`status`] | how it stands, for people |
+//! | [`send_order`] | what is sent next |
+//! | [`connection`] | one connection to the server |
+//! | [`sender`] | connections until the recording is complete |
+//! | [`status`] | the agent's state, for display |
 
 pub mod connection;
 pub mod controls;
@@ -32,40 +33,40 @@ use tokio::sync::Notify;
 use self::spool::Spool;
 use self::status::Status;
 
-/// What recorder and sender share. Clones are the same agent.
+/// The state that recorder and sender share. Clones are the same agent.
 #[derive(Clone)]
 pub struct Agent(Arc<Shared>);
 
 struct Shared {
     spool: Mutex<Spool>,
     status: Mutex<Status>,
-    /// There may be something to send, or to end.
+    /// Notified when there may be something to send, or the recording may be ended.
     changed: Notify,
 }
 
 impl Agent {
-    /// An agent with this spool.
+    /// Creates an agent with this spool.
     pub fn new(spool: Spool) -> Self {
         let (spool, status) = (Mutex::new(spool), Mutex::new(Status::default()));
         Self(Arc::new(Shared { spool, status, changed: Notify::new() }))
     }
 
-    /// Its spool; held for one operation, never across an await.
+    /// The spool. Hold the lock for one operation, never across an await.
     pub fn spool(&self) -> MutexGuard<'_, Spool> {
-        self.0.spool.lock().unwrap_or_else(PoisonError::into_inner) // files are whole at every step
+        self.0.spool.lock().unwrap_or_else(PoisonError::into_inner) // the files are consistent after every step
     }
 
-    /// How it stands.
+    /// The agent's state.
     pub fn status(&self) -> MutexGuard<'_, Status> {
         self.0.status.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes everything in the spool durable, without holding up who appends to it.
+    /// Makes everything in the spool durable without delaying new records.
     pub async fn sync(&self) {
         let files = self.spool().take_unsynced();
         let synced = tokio::task::spawn_blocking(move || files.iter().try_for_each(|file| file.sync_data())).await;
         if let Ok(Err(error)) = synced {
-            tracing::error!(%error, "the spool cannot be synced: a power cut may cost what the server does not have yet");
+            tracing::error!(%error, "spool not synced: a power cut may lose frames that the server lacks");
         }
     }
 

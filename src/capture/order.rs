@@ -1,52 +1,52 @@
-//! What goes out next on a connection: live frames first, the rest behind them with what bandwidth is left.
+//! The order of sending on a connection: live frames first; older frames with the remaining bandwidth.
 //!
-//! Live frames go in their order. Who has fallen behind by more than [`MOST_LAG`] frames, as after an outage, goes on with
-//! the newest key frame and fills in what was left out, oldest first. Of that only so much is under way at a time that a
-//! live frame does not wait long behind it in some buffer.
+//! Live frames are sent in order. If the agent is more than [`MAX_LAG_FRAMES`] frames behind, as after an outage, it
+//! continues with the newest key frame and sends the skipped frames later, oldest first. Only a limited amount of those
+//! is in flight at a time, so that a live frame does not wait long behind them in a buffer.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use super::spool::{Entry, Recording};
 use crate::domain::feed::numbers::Numbers;
 
-/// Frames that live may fall behind before it leaves some out: five seconds at 25 Hz.
+/// Frames that sending may lag behind before it skips some: five seconds at 25 Hz.
 const MOST_LAG: u64 = 125;
-/// Bytes that may be under way, unacknowledged, for more of the rest to be sent. With an acknowledgement every 100 ms this
-/// is 20 MB a second at most, and half a second of 32 Mbit/s.
+/// Most unacknowledged bytes in flight while older frames are sent. With an acknowledgement every 100 ms this allows 20
+/// MB a second, and it is half a second at 32 Mbit/s.
 const MOST_UNDER_WAY: usize = 2 << 20;
-/// Pieces that the acknowledged numbers may lie in for live to leave some out once more; the protocol allows 4096.
+/// Most ranges of acknowledged numbers for frames to be skipped once more; the protocol allows 4096.
 const MOST_PIECES: usize = 512;
 
-/// What is to be sent.
+/// What to send next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// A record of the spool.
     Record(Entry),
-    /// A gap: the spool does not have these, and the server misses them.
+    /// A gap: the server lacks these numbers, and so does the spool.
     Lost([u64; 2]),
 }
 
-/// What has been sent on one connection.
+/// What was sent on one connection.
 #[derive(Debug, Default)]
 pub struct Order {
     /// The next live number.
     live: u64,
-    /// The next number of the rest.
+    /// The next number of the older frames.
     rest: u64,
-    /// What the server said it misses.
+    /// The numbers that the server reported as missing.
     asked: VecDeque<[u64; 2]>,
     sent: Numbers,
-    /// Bytes of what was sent and not acknowledged, by number.
+    /// Length of each record that was sent and not acknowledged, bytes, by number.
     under_way: BTreeMap<u64, usize>,
 }
 
 impl Order {
-    /// Nothing was sent yet.
+    /// Nothing has been sent yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// What is to be sent next, if anything is to be sent now.
+    /// What to send next, if anything may be sent now.
     pub fn next(&mut self, recording: &Recording, is_live: bool) -> Option<Next> {
         if let Some(next) = self.next_asked(recording) {
             return Some(next);
@@ -75,18 +75,18 @@ impl Order {
         None
     }
 
-    /// Has everything been sent that the spool has? Of the last numbers it may have nothing: the server asks for those.
+    /// True if everything in the spool has been sent. The spool may lack the last numbers; the server asks for those.
     pub fn is_done(&self, recording: &Recording) -> bool {
         let behind = recording.at_or_after(self.rest).is_some_and(|entry| entry.number < self.live);
         self.asked.is_empty() && recording.at_or_after(self.live).is_none() && !behind
     }
 
-    /// The server has these.
+    /// The server has these numbers.
     pub fn acknowledged(&mut self, durable: &Numbers) {
         self.under_way.retain(|number, _| !durable.contains(*number));
     }
 
-    /// The server misses these: they are sent (again), or told as gaps.
+    /// The server lacks these numbers: they are sent again, or reported as gaps.
     pub fn asked(&mut self, missing: Vec<[u64; 2]>) {
         self.asked = missing.into();
     }
@@ -106,7 +106,7 @@ impl Order {
     }
 
     fn sending(&mut self, entry: Entry) -> Next {
-        // Too many pieces to remember: at worst one is sent twice, and ignored.
+        // Too many ranges to remember: at worst a frame is sent twice, and the server ignores it.
         let _ = self.sent.add(entry.number, entry.last);
         self.under_way.insert(entry.number, entry.bytes);
         Next::Record(entry)

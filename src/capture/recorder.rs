@@ -1,4 +1,4 @@
-//! Frames as they come, numbered, into the spool.
+//! Writes frames into the spool as they arrive, with numbers.
 
 use std::time::Duration;
 
@@ -12,27 +12,27 @@ use crate::domain::feed::{LONGEST_S, MOST_FRAMES, TimeBase};
 use crate::media::{CapturedFrame, Source};
 use crate::shutdown::Shutdown;
 
-/// Frames that may wait for the disk; a camera's own queue comes before them.
+/// Frames that may wait for the disk; a camera's own queue comes first.
 const MOST_WAITING: usize = 32;
-/// How often what was captured is made durable. A power cut costs so much of what the server does not have, and what a
-/// sync takes.
+/// Interval between syncs of the spool. A power cut loses at most this much of what the server does not have, and what
+/// arrived during a sync.
 const SYNC_EVERY: Duration = Duration::from_millis(400);
 
-/// How long a source may give nothing; one that is unplugged may hold its reader for ever.
+/// Longest silence of a source; an unplugged one may block its reader for ever.
 const SOURCE_SILENCE: Duration = Duration::from_secs(30);
 
 /// How a recording is made.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// Are frames taken at the times that they bear, as a camera would give them?
+    /// True if frames are taken at the times that they carry, as a camera would deliver them.
     pub is_paced: bool,
-    /// The recording ends after so many seconds.
+    /// The recording ends after this many seconds.
     pub seconds: Option<f64>,
-    /// The clock of the frames' times.
+    /// Time base of the frames.
     pub time_base: TimeBase,
 }
 
-/// Reads a source on a thread of its own until it ends or nobody wants more.
+/// Reads a source on a separate thread until it ends or the receiver is dropped.
 pub fn frames_of(mut source: Source) -> mpsc::Receiver<CapturedFrame> {
     let (sender, frames) = mpsc::channel(MOST_WAITING);
     std::thread::spawn(move || {
@@ -40,18 +40,19 @@ pub fn frames_of(mut source: Source) -> mpsc::Receiver<CapturedFrame> {
             match source.next_frame() {
                 Ok(Some(frame)) => {
                     if sender.blocking_send(frame).is_err() {
-                        return; // nobody wants more
+                        return; // the receiver was dropped
                     }
                 }
                 Ok(None) => return,
-                Err(error) => return tracing::error!(%error, "the source fails: the recording ends here"),
+                Err(error) => return tracing::error!(%error, "the source failed; the recording ends here"),
             }
         }
     });
     frames
 }
 
-/// Appends frames to the live recording until the source, the time or `ending` ends it. Returns how many there were.
+/// Appends frames to the live recording until the source ends, the time is over or `ending` begins. Returns their
+/// number.
 pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, rules: Rules, ending: &Shutdown) -> u64 {
     let seconds = rules.seconds.unwrap_or(LONGEST_S).min(LONGEST_S);
     let mut silent_at = Instant::now() + SOURCE_SILENCE;
@@ -66,7 +67,7 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
             _ = sync.tick() => { syncing.begin(agent); continue; }
             frame = frames.recv() => frame,
             () = sleep_until(silent_at) => {
-                tracing::error!("the source gives nothing any more: the recording ends here");
+                tracing::error!("the source sent nothing for 30 s; the recording ends here");
                 break;
             }
         };
@@ -74,7 +75,7 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
         silent_at = Instant::now() + SOURCE_SILENCE;
         let first = *first.get_or_insert_with(Instant::now);
         if frame.due_s >= seconds || number == MOST_FRAMES {
-            tracing::info!(seconds, number, "the recording has its length");
+            tracing::info!(seconds, number, "the recording has reached its length");
             break;
         }
         let due = first + Duration::from_secs_f64(frame.due_s.max(0.0));
@@ -97,12 +98,12 @@ pub async fn record(agent: &Agent, mut frames: mpsc::Receiver<CapturedFrame>, ru
     number
 }
 
-/// A sync beside the recording, one at a time: a slow disk must not hold up the camera.
+/// A sync that runs beside the recording, one at a time: a slow disk must not delay the camera.
 #[derive(Default)]
 struct Syncing(Option<JoinHandle<()>>);
 
 impl Syncing {
-    /// Begins one, unless one goes on.
+    /// Starts a sync, unless one is running.
     fn begin(&mut self, agent: &Agent) {
         if self.0.as_ref().is_none_or(JoinHandle::is_finished) {
             let agent = agent.clone();
@@ -110,22 +111,22 @@ impl Syncing {
         }
     }
 
-    /// Waits for the one that goes on.
+    /// Waits for the running sync.
     async fn end(&mut self) {
-        if let Some(going_on) = self.0.take() {
-            let _ = going_on.await; // a panic is logged where it happened
+        if let Some(running) = self.0.take() {
+            let _ = running.await; // a panic is logged where it happened
         }
     }
 }
 
-/// Appends a frame; one that no feed can have is a gap.
+/// Appends a frame; a frame that cannot be sent becomes a gap.
 fn append(agent: &Agent, number: u64, frame: &CapturedFrame, time_base: TimeBase) {
     let body = frame.body(number, time_base);
     if let Body::Gap { .. } = body {
         let (time_s, bytes) = (time_base.seconds(frame.time), frame.bytes.len());
-        tracing::warn!(number, time_s, bytes, "a frame that cannot be sent: damaged, too long or out of time");
+        tracing::warn!(number, time_s, bytes, "frame replaced by a gap: damaged, too large or out of order");
     }
     if let Err(error) = block_in_place(|| agent.spool().append(&Record { epoch: 0, number, body })) {
-        tracing::error!(number, %error, "a frame is lost: the spool cannot be written");
+        tracing::error!(number, %error, "frame lost: the spool cannot be written");
     }
 }

@@ -1,4 +1,4 @@
-//! Conversations with the server, one after the other, until a recording is whole there.
+//! Connects to the server again and again until a recording is complete there.
 
 use std::time::Duration;
 
@@ -7,22 +7,22 @@ use super::connection::{Parting, Server};
 use crate::ids::{FeedId, SessionId};
 use crate::time::{Clock, System};
 
-/// The first pause after a connection, and the longest; each is twice the one before.
+/// First and longest pause after a connection; each pause is twice the one before.
 const PAUSE: Duration = Duration::from_millis(500);
 const LONGEST_PAUSE: Duration = Duration::from_secs(15);
 
-/// What became of a recording.
+/// The result of sending a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// It is whole on the server.
+    /// It is complete on the server.
     Whole(SessionId),
     /// It has no frames.
     Empty,
-    /// The server does not take it: why, and what to do. It stays in the spool.
+    /// The server refuses it: why, and what to do. The recording stays in the spool.
     Refused(String),
 }
 
-/// Sends a recording of the spool until it is whole, however often the connection is cut.
+/// Sends a recording of the spool until it is complete, over as many connections as needed.
 pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> Outcome {
     let mut pause = PAUSE;
     wait_for_a_frame(agent, id).await;
@@ -43,7 +43,7 @@ pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> Outcome {
             Parting::Refused(why) => {
                 let kept = agent.spool().path(id);
                 agent.status().away(&why);
-                tracing::error!(recording = %id, why, "the server refuses the recording; it stays in the spool");
+                tracing::error!(recording = %id, why, "the server refused the recording; it stays in the spool");
                 return Outcome::Refused(format!("{why}. The recording stays in {}", kept.display()));
             }
             Parting::Again { why, was_welcome } => {
@@ -51,7 +51,7 @@ pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> Outcome {
                     pause = PAUSE;
                 }
                 agent.status().away(&why);
-                tracing::warn!(why, pause_ms = pause.as_millis() as u64, "no connection");
+                tracing::warn!(why, pause_ms = pause.as_millis() as u64, "no connection; next attempt after the pause");
                 tokio::time::sleep(pause).await;
                 pause = (2 * pause).min(LONGEST_PAUSE);
             }
@@ -59,7 +59,7 @@ pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> Outcome {
     }
 }
 
-/// A recording that has just begun is not spoken of before it has a frame.
+/// Waits until a new recording has a frame, so that no empty recording reaches the server.
 async fn wait_for_a_frame(agent: &Agent, id: FeedId) {
     loop {
         {
@@ -72,23 +72,23 @@ async fn wait_for_a_frame(agent: &Agent, id: FeedId) {
     }
 }
 
-/// Did the server end the recording, because it had heard nothing for too long, before it was told the end?
+/// True if the server ended the recording, after too long a silence, before the agent had sent the end.
 fn was_ended_early(agent: &Agent, id: FeedId) -> bool {
     let spool = agent.spool();
     let is_live = spool.live() == Some(id);
     spool.get(id).is_some_and(|recording| !recording.is_closing() && (is_live || recording.at_or_after(0).is_some()))
 }
 
-/// What is left becomes a recording of its own. Some seconds before it may be in both.
+/// Makes the remaining frames a recording of their own. Some seconds before them may be in both.
 fn renew(agent: &Agent, id: FeedId) -> std::io::Result<FeedId> {
     let new = FeedId::at(System.now_ms());
     agent.spool().renew(id, new)?;
-    tracing::warn!(ended = %id, recording = %new, "the server had ended the recording: what is left is another");
+    tracing::warn!(ended = %id, recording = %new, "recording ended by the server; remaining frames become a new one");
     Ok(new)
 }
 
 fn forget(agent: &Agent, id: FeedId) {
     if let Err(error) = agent.spool().remove(id) {
-        tracing::warn!(recording = %id, %error, "a recording that is whole cannot be removed from the spool");
+        tracing::warn!(recording = %id, %error, "a complete recording cannot be removed from the spool");
     }
 }

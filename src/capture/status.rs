@@ -1,17 +1,17 @@
-//! How the agent stands, in a line for people.
+//! The agent's state, in one line for display.
 
 use std::time::Instant;
 
 use super::Agent;
 
-/// How the agent stands.
+/// The agent's state.
 #[derive(Debug)]
 pub struct Status {
     /// Frames captured in this run.
     pub captured: u64,
-    /// Frames and gaps of the recording that the server has.
+    /// Frames and gaps of the recording that the server has acknowledged.
     pub acknowledged: u64,
-    /// Has the server welcomed anything in this run?
+    /// True if a server has sent a welcome in this run.
     pub was_welcome: bool,
     is_connected: bool,
     since: Instant,
@@ -26,13 +26,13 @@ impl Default for Status {
 }
 
 impl Status {
-    /// There is a connection.
+    /// A connection was established.
     pub fn connected(&mut self) {
         (self.is_connected, self.was_welcome, self.since) = (true, true, Instant::now());
         self.word = "welcome".into();
     }
 
-    /// There is none, or none any more.
+    /// There is no connection, or it has ended.
     pub fn away(&mut self, why: &str) {
         if self.is_connected {
             (self.is_connected, self.since) = (false, Instant::now());
@@ -41,7 +41,7 @@ impl Status {
     }
 }
 
-/// The line.
+/// The state as one line.
 pub fn line(agent: &Agent) -> String {
     let (waiting, bytes, spool) = {
         let spool = agent.spool();

@@ -1,4 +1,4 @@
-//! One connection's end of a feed: the right to send, for as long as no later one has it.
+//! One connection's side of a feed: it may send until a later connection takes over.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -24,7 +24,7 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// Takes the right to send from any earlier connection.
+    /// Takes over from any earlier connection.
     pub(super) fn begin(feeds: Feeds, feed: Arc<Feed>, epoch: u32) -> Self {
         feed.connections.fetch_add(1, Ordering::AcqRel);
         feed.epoch.send_if_modified(|now| {
@@ -37,7 +37,8 @@ impl Connection {
         Self { feeds, feed, epoch, now, is_unsynced: true }
     }
 
-    /// The first word: what is durable already; or the last, if the recording was being ended when this connection began.
+    /// The first message: what is durable already; or the end, if the recording was being ended when this connection
+    /// began.
     pub async fn welcome(&mut self) -> Result<FromServer, Farewell> {
         if let Some(session) = self.feed.state.lock().await.ended {
             return Ok(FromServer::Ended { session, durable: None });
@@ -46,7 +47,8 @@ impl Connection {
         Ok(FromServer::Welcome { session: self.feed.row.session_id, epoch: self.epoch, durable })
     }
 
-    /// Takes a record; it is durable after the next [`Connection::begin_sync`], and tracked after that or [`Connection::write`].
+    /// Takes a record. It is durable after the next [`Connection::begin_sync`], and tracked after that or after
+    /// [`Connection::write`].
     pub async fn take(&mut self, message: Bytes) -> Result<(), Farewell> {
         let record = Record::read(&message).map_err(not_a_record)?;
         self.check(&record)?;
@@ -66,11 +68,11 @@ impl Connection {
             Body::Gap { .. } => state.numbers.contains_all(first, last),
         };
         if is_known {
-            return Ok(()); // sent again, because its acknowledgement was lost
+            return Ok(()); // a repetition: its acknowledgement was lost
         }
         let most = self.feeds.0.settings.max_bytes;
         if state.log.bytes() + message.len() as u64 > most {
-            return Err(Farewell::new(Code::TooMuch, format!("a recording of more than {most} bytes")));
+            return Err(Farewell::new(Code::TooMuch, format!("the recording has more than {most} bytes")));
         }
         state.numbers.add(first, last).map_err(|error| Farewell::new(Code::TooMuch, error.to_string()))?;
         let (offset, bytes) = (state.log.bytes(), message.len());
@@ -84,12 +86,12 @@ impl Connection {
         Ok(())
     }
 
-    /// Does a child wait for records that are not written yet?
+    /// True if a child waits for records that are not written yet.
     pub fn holds_back(&self) -> bool {
         self.feed.follower.waits_for_log()
     }
 
-    /// Writes what came, so that it is tracked. Better once for several records that are at hand than for each.
+    /// Writes the records that arrived, so that they are tracked. Call it once for all records at hand, not for each.
     pub async fn write(&mut self) -> Result<(), Farewell> {
         let feed = self.feed.clone();
         let mut state = feed.state.lock().await;
@@ -100,7 +102,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Takes a frame or gap that was made here, as [`Connection::take`] takes a sender's.
+    /// Takes a frame or gap made by the service, as [`Connection::take_record`] takes a sender's.
     pub(super) async fn take_own(&mut self, number: u64, body: Body<'_>) -> Result<(), Farewell> {
         let record = Record { epoch: self.epoch, number, body };
         let mut bytes = Vec::with_capacity(record.bytes());
@@ -108,28 +110,28 @@ impl Connection {
         self.take(bytes.into()).await
     }
 
-    /// The clock of the recording's frames.
+    /// Time base of the recording's frames.
     pub(super) fn time_base(&self) -> TimeBase {
         self.feed.time_base
     }
 
-    /// May another record come? One that is too fast to be tracked while it arrives is slowed.
+    /// True if another record may arrive. A sender that is too fast for live tracking is slowed down.
     pub fn has_room(&self) -> bool {
         self.feed.follower.has_room()
     }
 
-    /// Waits until another record may come.
+    /// Waits until another record may arrive.
     pub async fn room(&self) {
         self.feed.follower.room().await;
     }
 
-    /// Is there anything that is not on its way to being acknowledged?
+    /// True if there are records for which no sync has begun.
     pub fn is_unsynced(&self) -> bool {
         self.is_unsynced
     }
 
-    /// Begins to make what came durable; the future resolves once it is, with the numbers that are. More may come meanwhile: a
-    /// disk that is busy holds no frame up.
+    /// Begins to make the arrived records durable. The future resolves when they are, with the durable numbers. More
+    /// records may arrive meanwhile: a busy disk does not delay them.
     pub async fn begin_sync(
         &mut self,
     ) -> Result<impl Future<Output = Result<Vec<[u64; 2]>, Farewell>> + use<>, Farewell> {
@@ -161,10 +163,10 @@ impl Connection {
         })
     }
 
-    /// The recording has so many frames: `Missing` what has not come, or else `Ended` once it is a session.
+    /// The sender ends the recording with this many frames: returns `Missing` frames, or `Ended` once it is a session.
     pub async fn end(&mut self, frames: u64) -> Result<FromServer, Farewell> {
         let durable = Some(self.make_durable().await?);
-        // On a task of its own: a sender that goes now must not undo it.
+        // In a separate task: a sender that disconnects now must not cancel it.
         let (feeds, feed, ending) = (self.feeds.clone(), self.feed.clone(), Ending::Told { epoch: self.epoch, frames });
         let ended = self.feeds.0.shutdown.spawn(async move { feeds.finish(&feed, ending).await });
         match ended.await.map_err(|panic| Farewell::new(Code::Failed, panic.to_string()))?? {
@@ -174,43 +176,43 @@ impl Connection {
         }
     }
 
-    /// Resolves once nothing more may come on this connection, with the reason: the service ends, a later connection has
-    /// taken over, or a frame came that does not fit.
+    /// Waits until nothing more may arrive on this connection and returns why: the service shuts down, a later
+    /// connection took over, or a frame does not fit.
     pub async fn over(&self) -> Farewell {
         tokio::select! {
             biased;
             () = self.feeds.0.shutdown.begun() => Farewell::service_ends(),
-            farewell = self.superseded() => farewell,
-            farewell = self.refused() => farewell,
+            reason = self.superseded() => reason,
+            reason = self.refused() => reason,
         }
     }
 
-    /// Resolves once a later connection has taken over.
+    /// Waits until a later connection has taken over.
     async fn superseded(&self) -> Farewell {
         let (mine, mut now) = (self.epoch, self.now.clone());
-        let _ = now.wait_for(|now| *now != mine).await; // the feed, and with it the sender, lives as long as this
+        let _ = now.wait_for(|now| *now != mine).await; // cannot fail: the feed holds the sender
         match self.may_send() {
-            Err(farewell) => farewell,
-            Ok(()) => Farewell::new(Code::Failed, "the recording is gone"),
+            Err(reason) => reason,
+            Ok(()) => Farewell::new(Code::Failed, "the recording was removed"),
         }
     }
 
-    /// Resolves once a frame has come that does not fit the recording.
+    /// Waits until a frame does not fit the recording.
     async fn refused(&self) -> Farewell {
         Farewell::new(Code::DoesNotBelong, self.feed.follower.refused().await)
     }
 
-    /// Something was heard.
+    /// Notes a contact with the sender.
     pub fn heard(&self) {
         self.feed.heard_ms.store(self.feeds.0.clock.passed_ms(), Ordering::Release);
     }
 
-    /// Makes what came durable before anything else comes.
+    /// Makes the arrived records durable before anything else is done.
     async fn make_durable(&mut self) -> Result<Vec<[u64; 2]>, Farewell> {
         self.begin_sync().await?.await
     }
 
-    /// A log that could not be written is closed; the next hello reads it through.
+    /// Closes the log if it could not be written; the next hello reads it through.
     async fn or_close<T>(&self, done: VaultResult<T>) -> Result<T, Farewell> {
         match done {
             Ok(done) => Ok(done),
@@ -241,7 +243,7 @@ impl Connection {
         {
             let seconds = self.feed.time_base.seconds(time);
             return wrong(format!(
-                "frame {} at {seconds:.1} s; times count from the recording's beginning and end with its fourth hour",
+                "frame {} at {seconds:.1} s; times count from the start of the recording and end after four hours",
                 record.number
             ));
         }

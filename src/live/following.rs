@@ -1,11 +1,12 @@
-//! Following: while a recording arrives, a child tracks it, and whoever watches is told at once.
+//! Tracks a recording in a child process while it arrives, and passes each result to the watchers at once.
 //!
 //! ```text
-//! record ─▶ log ─▶ its place ─turn─▶ child: decode, track ─▶ news ─▶ watchers
+//! record ─▶ log ─▶ position ─slot─▶ child: decode, track ─▶ reply ─▶ watchers
 //! ```
-//! Frames wait in the log for their [turn](super::turns), so a slow child costs no memory. What is too fast for it is
-//! slowed: a connection reads no further while [`Follower::has_room`] says no. A child that dies costs the recording nothing:
-//! another goes on from the next frame, three times in all. A slow watcher loses old news, never the feed.
+//! Frames wait in the log for a [slot](super::cpu_slots), so a slow child costs no memory. A sender that is too fast
+//! for the child is slowed down: its connection reads nothing while [`TrackingSupervisor::has_capacity`] is false. A
+//! crashed child does not affect the recording: another one starts at the next frame, up to three times in all. A slow
+//! watcher loses old replies but never the feed.
 
 mod telling;
 mod watching;
@@ -36,105 +37,106 @@ use crate::domain::session::LiveFeature;
 use crate::sandbox::{Budget, Stop};
 use crate::store;
 
-/// Records that a child may be behind; then the feed is slowed. Half a second of a camera: the rehearsal at a recording's
-/// beginning needs it, nothing else should.
+/// Largest backlog of a child in records; beyond it the sender is slowed down. This is half a second of a camera: the
+/// rehearsal at the start of a recording needs it, nothing else should.
 const MOST_BEHIND: usize = 16;
 
-/// A feed that was slowed goes on once its child is only so many behind: several records are read and written at once.
+/// Backlog at which a slowed sender continues: several records are then read and written at once.
 const ROOM_BEHIND: usize = MOST_BEHIND / 2;
 
-/// Records of which a child is told in one turn: where boxes are behind, they catch up with fewer changes between them.
+/// Records sent to a child per slot: a backlog is then worked off with fewer changes between children.
 const MOST_IN_A_TURN: usize = 8;
 
-/// Frames between two key frames of which a child can still begin with the first.
+/// Most frames since a key frame for a new child to begin at that key frame.
 const MOST_RECENT: usize = 1024;
 
-/// News that a watcher may be behind before it loses the oldest.
+/// Replies that a watcher may be behind before it loses the oldest.
 const NEWS_KEPT: usize = 64;
 
-/// Children that may die of one recording.
+/// Crashes of children per recording before live tracking is given up.
 const MOST_CRASHES: u32 = 3;
 
-/// A child that hears nothing for so long is asked whether it lives.
+/// A child that receives nothing for this long gets a heartbeat to answer.
 const BEAT: Duration = Duration::from_secs(10);
 
-/// How long a child may take for what it is behind when the recording ends.
+/// Time that a child has for its backlog when the recording ends.
 const LAST_WORDS: Duration = Duration::from_secs(10);
 
-/// How long a child may live and compute: a recording of four hours, and as much again while its sender was away.
+/// Longest life and CPU time of a child: a recording of four hours, and as much again for outages of its sender.
 const LONGEST: Duration = Duration::from_secs(8 * 3600);
 
-/// What a child may say of four hours: positions, and a picture for every one that is asked for.
+/// Most output of a child for four hours: positions, and a picture whenever one is requested.
 const OUTPUT_BYTES: u64 = 64 << 30;
 
-/// Is a recording being tracked while it arrives?
+/// Whether a recording is tracked while it arrives.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Following {
-    /// Its first frame has not come.
+    /// Its first frame has not arrived.
     NotYet,
-    /// Yes, with these tools.
+    /// It is tracked with these tools.
     Tools(Vec<String>),
-    /// No, for this reason; it is tracked once it is whole.
+    /// It is not tracked, for this reason; it will be tracked once it is complete.
     Not(String),
-    /// No, and no frame of its sender is of use any more, for this reason.
+    /// It is not tracked, and no further frame of its sender can be used, for this reason.
     Refused(String),
 }
 
-/// Follows one recording. Clones are the same.
+/// Supervises the child that tracks one recording. Clones share the same child.
 #[derive(Clone)]
 pub(super) struct Follower(Arc<Parts>);
 
 struct Parts {
     news: broadcast::Sender<Arc<Followed>>,
     following: watch::Sender<Following>,
-    /// Watchers that want pictures.
+    /// Number of watchers that want pictures.
     viewers: Arc<AtomicUsize>,
-    /// The line in which its child stands with those of others.
+    /// The slots that its child shares with the children of other recordings.
     turns: Arc<Turns>,
-    /// Another record may come.
+    /// Notified when the backlog has shrunk.
     room: Notify,
     child: Mutex<Child>,
 }
 
-/// The child and what it was told of.
+/// The state of the child and of its input.
 #[derive(Default)]
 struct Child {
     telling: Telling,
     place: InLine,
-    /// Frames that came and that nobody can read in the log yet: where they lie, and whether a child can begin with them.
+    /// Frames that arrived but cannot be read in the log yet: their positions, and whether a child can begin with them.
     unwritten: VecDeque<((u64, u32), bool)>,
-    /// Where the frames since the last key frame lie, bytes: what a child needs to begin with.
+    /// Positions in the log of the frames since the last key frame, bytes: a new child needs them.
     recent: Vec<(u64, u32)>,
-    /// Records that came in this life of the service, and whether the child was told of all there ever were: else its
-    /// features are not the recording's.
+    /// Records that arrived since this service started, and whether the child has received every record of the
+    /// recording. If not, its features do not describe the whole recording.
     came: usize,
     is_whole: bool,
     has_begun: bool,
-    /// The features that it told last.
+    /// The last features from the child.
     last: Option<Vec<RunningRow>>,
-    /// What the recording was ended with, after how many records: told again if it has to be ended again.
+    /// The features at the end of the recording, and the number of records then: used again if the recording has to be
+    /// ended again.
     ended_with: Option<(usize, Vec<LiveFeature>)>,
-    /// The recording is being ended: a child that begins now ends with what it is told first.
+    /// The recording is being ended: a child that starts now stops after its first records.
     is_ending: bool,
-    /// A sender came while the child was being let go: it gets another behind it.
+    /// A sender connected while the child was being stopped: another child starts after it.
     is_wanted: bool,
     task: Option<JoinHandle<()>>,
 }
 
-/// Where a child is in the line.
+/// The child's state in the queue for slots.
 #[derive(Default)]
 enum InLine {
-    /// Not in it: nothing waits for a turn.
+    /// Not in the queue: no record waits.
     #[default]
     Away,
-    /// Some way behind its head.
+    /// Waiting in the queue.
     Waits,
-    /// It has this turn.
+    /// Holding this slot.
     Has(Turn),
 }
 
 impl Follower {
-    /// Of a recording of which nothing has come yet, or some.
+    /// For a new recording (`is_fresh`), or for one that already has frames.
     pub(super) fn new(is_fresh: bool, turns: Arc<Turns>) -> Self {
         let child = Child { is_whole: is_fresh, ..Child::default() };
         Self(Arc::new(Parts {
@@ -147,14 +149,14 @@ impl Follower {
         }))
     }
 
-    /// Begins to follow, unless somebody does already. What keeps it from following is asked anew at each connection.
+    /// Starts tracking, unless it runs already. Whether tracking is possible is checked again at each connection.
     pub(super) fn begin(&self, feeds: &Feeds, feed: &Feed) {
         let mut child = self.child();
         if child.is_begun() {
             return;
         }
         if matches!(*self.0.following.borrow(), Following::Refused(_)) {
-            child.recent.clear(); // what was refused is among it
+            child.recent.clear(); // the refused frame is among them
         }
         child.is_ending = false;
         self.0.following.send_replace(Following::NotYet);
@@ -170,7 +172,8 @@ impl Follower {
         }));
     }
 
-    /// Shall there be another child? If not, the next sender begins anew, be it at this moment.
+    /// Returns true if another child is to start. Otherwise the next sender starts one, even if it connects at this
+    /// moment.
     fn goes_on(&self, followed: Result<(), Following>) -> bool {
         let mut child = self.child();
         let is_wanted = std::mem::take(&mut child.is_wanted) && followed.is_ok();
@@ -183,12 +186,12 @@ impl Follower {
         is_wanted
     }
 
-    /// A frame came that has, or will have, this place in the log.
+    /// A frame has been appended at this position in the log, perhaps not written yet.
     pub(super) fn came(&self, offset: u64, bytes: usize, is_key: bool) {
-        self.child().unwritten.push_back(((offset, bytes as u32), is_key)); // checked: at most a record's
+        self.child().unwritten.push_back(((offset, bytes as u32), is_key)); // fits: at most the length of a record
     }
 
-    /// So many bytes of the log can be read: the frames in them wait for the child's turn.
+    /// This many bytes of the log can be read: the frames in them now wait for a slot.
     pub(super) fn wrote(&self, bytes: u64) {
         let mut child = self.child();
         while let Some((place, is_key)) =
@@ -199,18 +202,18 @@ impl Follower {
         self.0.take_turns(child);
     }
 
-    /// Is there a child, or will there be one soon, that waits for frames to be written?
+    /// True if frames wait to be written for a child that runs or starts soon.
     pub(super) fn waits_for_log(&self) -> bool {
         let child = self.child();
         !child.unwritten.is_empty() && (child.is_running() || child.telling.goes_on())
     }
 
-    /// May another record come?
+    /// True if another record may arrive.
     pub(super) fn has_room(&self) -> bool {
         self.child().behind() < MOST_BEHIND
     }
 
-    /// Waits until several records may come.
+    /// Waits until several records may arrive.
     pub(super) async fn room(&self) {
         loop {
             let changed = self.0.room.notified();
@@ -221,7 +224,7 @@ impl Follower {
         }
     }
 
-    /// No more records come: hears what the child is behind, and the features at its end.
+    /// Ends the input: waits until the child has tracked its backlog, and returns the final features.
     pub(super) async fn end(&self) -> Option<Vec<LiveFeature>> {
         let task = {
             let mut child = self.child();
@@ -232,8 +235,8 @@ impl Follower {
         if let Some(mut task) = task
             && timeout(LAST_WORDS, &mut task).await.is_err()
         {
-            tracing::warn!("a child that follows a feed did not come to its end");
-            task.abort(); // its stop is pulled as it goes
+            tracing::warn!("live tracking did not finish in time; child stopped");
+            task.abort(); // dropping the task stops the child
             let _ = task.await;
         }
         let mut child = self.child();
@@ -244,7 +247,7 @@ impl Follower {
         child.ended_with.as_ref().filter(|ended| ended.0 == came).map(|(_, features)| features.clone())
     }
 
-    /// Resolves once no frame is of use any more, with the reason.
+    /// Waits until no further frame can be used; returns the reason.
     pub(super) async fn refused(&self) -> String {
         let mut following = self.0.following.subscribe();
         loop {
@@ -252,12 +255,12 @@ impl Follower {
                 return why.clone();
             }
             if following.changed().await.is_err() {
-                std::future::pending().await // its sender lives as long as this
+                std::future::pending().await // not reached: the sender lives as long as this
             }
         }
     }
 
-    /// A watcher's end. Without one that wants pictures none are made.
+    /// A watcher of this recording. Pictures are made only while a watcher wants them.
     pub(super) fn watch(&self, feed: &Arc<Feed>, wants_pictures: bool) -> Watch {
         Watch {
             row: feed.row.clone(),
@@ -269,15 +272,15 @@ impl Follower {
         }
     }
 
-    /// Ends the child of a recording that nobody sends, so that its memory is others'; whoever comes again gets another.
+    /// Stops the child of a recording that has no sender, to free its memory; the next sender gets another child.
     pub(super) fn let_go_if(&self, is_idle: impl FnOnce() -> bool) {
-        let child = self.child(); // whoever comes meanwhile waits to begin
+        let child = self.child(); // a sender that connects now waits here
         if is_idle() {
             self.let_go_of(child);
         }
     }
 
-    /// Ends the child once it has heard what it was told.
+    /// Stops the child after it has processed its input.
     pub(super) fn let_go(&self) {
         self.let_go_of(self.child());
     }
@@ -289,7 +292,7 @@ impl Follower {
         self.0.take_turns(child);
     }
 
-    /// Runs children until one comes to its end, or tells why there is none.
+    /// Runs children until one finishes normally, or returns why none can run.
     async fn follow(&self, feeds: &Feeds, row: &store::Feed, time_base: TimeBase) -> Result<(), Following> {
         for _ in 0..MOST_CRASHES {
             match self.run_child(feeds, row, time_base).await {
@@ -298,15 +301,15 @@ impl Follower {
                     return Err(Following::Refused(problem.detail));
                 }
                 Err(Failure::Explained(problem)) => return Err(Following::Not(problem.detail)),
-                Err(Failure::Crashed(why)) => tracing::warn!(feed = %row.id, why, "a child that follows a feed died"),
+                Err(Failure::Crashed(why)) => tracing::warn!(feed = %row.id, why, "live tracking child crashed"),
             }
             counter!("trocar_feed_followers_died_total").increment(1);
         }
-        Err(Following::Not("the process that tracked it died again and again".to_owned()))
+        Err(Following::Not("the process that tracks it crashed several times".to_owned()))
     }
 
     async fn run_child(&self, feeds: &Feeds, row: &store::Feed, time_base: TimeBase) -> Result<(), Failure> {
-        let lost = |error: &dyn std::fmt::Display| Failure::Crashed(format!("met {error}"));
+        let lost = |error: &dyn std::fmt::Display| Failure::Crashed(format!("hit an error: {error}"));
         let track = analysis::track_in(row.box_id, &feeds.0.store).await.map_err(|why| lost(&why))?;
         let LiveOrders { track, ports } = track.map_err(Failure::Explained)?;
         let tools = track.tools.iter().map(|tool| tool.name.clone()).collect();
@@ -328,8 +331,8 @@ impl Follower {
         self.0.following.send_replace(Following::Tools(tools));
         let mut child = tokio::task::spawn_blocking(move || {
             let what = Attempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
-            attempt(what, |news| {
-                if let analysis::News::Followed(followed) = news {
+            attempt(what, |event| {
+                if let analysis::News::Followed(followed) = event {
                     follower.heard(followed);
                 }
             })
@@ -350,23 +353,23 @@ impl Follower {
         ended.map_err(|panic| Failure::Crashed(panic.to_string()))?.map(drop)
     }
 
-    /// A child that is told through this pipe begins.
+    /// Connects a new child to this pipe.
     fn begin_child(&self, places: PipeWriter) {
         let mut child = self.child();
         child.begin(places);
         self.0.take_turns(child);
     }
 
-    /// The child is done with a record, and this is what it showed.
+    /// Handles the child's reply to a record.
     fn heard(&self, mut followed: Followed) {
         let mut child = self.child();
-        if let Some(came) = child.telling.done() {
-            // Only when somebody has something to do: each awakening takes a processor from a child.
+        if let Some(arrived) = child.telling.done() {
+            // Notify only if the sender can continue: each wake-up takes a processor from a child.
             if child.behind() <= ROOM_BEHIND {
                 self.0.room.notify_waiters();
             }
             if !followed.frames.is_empty() {
-                histogram!("trocar_feed_followed_seconds").record(came.elapsed().as_secs_f64());
+                histogram!("trocar_feed_followed_seconds").record(arrived.elapsed().as_secs_f64());
             }
         }
         followed.running.take_if(|_| !child.is_whole);
@@ -374,7 +377,7 @@ impl Follower {
             child.last = Some(rows.clone());
         }
         self.0.take_turns(child);
-        let _ = self.0.news.send(Arc::new(followed)); // an error means only that nobody watches
+        let _ = self.0.news.send(Arc::new(followed)); // an error only means that there are no watchers
     }
 
     fn child(&self) -> MutexGuard<'_, Child> {
@@ -383,11 +386,11 @@ impl Follower {
 }
 
 impl Parts {
-    /// Gives back a turn that is over, and stands in line with what waits.
+    /// Releases a slot that is no longer needed, and queues for one if records wait.
     fn take_turns(self: &Arc<Self>, mut child: MutexGuard<'_, Child>) {
         let over = child.gives_back();
         let stands = child.stands();
-        drop(child); // whoever is next may be this child
+        drop(child); // the next waiter may be this child
         if let Some(turn) = over {
             self.turns.over(turn);
         }
@@ -402,7 +405,7 @@ impl Parts {
 }
 
 impl Stands for Parts {
-    /// Tells the child of what waits.
+    /// Sends the waiting records to the child.
     fn begin(&self, turn: Turn) -> bool {
         let is_watched = self.viewers.load(Ordering::Acquire) > 0;
         let mut child = self.child();
@@ -413,7 +416,7 @@ impl Stands for Parts {
 }
 
 impl Child {
-    /// The turn that it has, if it is over.
+    /// Releases its slot if it no longer needs it, and returns the slot.
     fn gives_back(&mut self) -> Option<Turn> {
         let InLine::Has(turn) = self.place else { return None };
         self.is_nearly_done().then(|| {
@@ -422,7 +425,7 @@ impl Child {
         })
     }
 
-    /// Shall it be put in line?
+    /// Marks the child as queued if it needs a slot; returns true if the caller has to enqueue it.
     fn stands(&mut self) -> bool {
         let stands = matches!(self.place, InLine::Away) && self.telling.untold() > 0;
         if stands {
@@ -435,20 +438,21 @@ impl Child {
         self.task.as_ref().is_some_and(|task| !task.is_finished())
     }
 
-    /// Records that came and that the child is not done with, as far as there is one.
+    /// Number of records that arrived and are not tracked yet; 0 without a child.
     fn behind(&self) -> usize {
         let unwritten = if self.telling.goes_on() { self.unwritten.len() } else { 0 };
         self.telling.told() + self.telling.untold() + unwritten
     }
 
-    /// May the next child be told? One that is behind is at its last frame then, so that no processor waits for the news.
+    /// True if the next child may start. A child with a backlog is then at its last frame, so that no processor idles
+    /// until the reply.
     fn is_nearly_done(&self) -> bool {
         self.telling.told() <= usize::from(self.telling.untold() > 0)
     }
 
-    /// A frame lies at this place in the log.
+    /// Adds a frame at this position in the log.
     fn take_place(&mut self, place: (u64, u32), is_key: bool) {
-        // The first child is told of all that came before it had begun.
+        // The first child receives all frames that arrived before it started.
         if (is_key && self.has_begun) || self.recent.len() == MOST_RECENT {
             self.recent.clear();
         }
@@ -459,13 +463,13 @@ impl Child {
         self.telling.wait_for_turn(place);
     }
 
-    /// Need no other be begun for a sender? One that is being let go is followed by another.
+    /// Requests a child for a sender. Returns true if one runs; if that one is being stopped, another will follow it.
     fn is_begun(&mut self) -> bool {
         self.is_wanted = self.is_running() && self.has_begun && !self.telling.goes_on();
         self.is_running()
     }
 
-    /// Begins with what came since the last key frame.
+    /// Starts a child with the frames since the last key frame.
     fn begin(&mut self, places: PipeWriter) {
         self.telling.begin(places);
         (self.has_begun, self.is_wanted) = (true, false);
@@ -482,7 +486,7 @@ impl Child {
     }
 }
 
-/// Ends a child whose task is dropped.
+/// Stops a child when its task is dropped.
 pub(super) struct PulledWhenGone(pub(super) Stop);
 
 impl Drop for PulledWhenGone {

@@ -1,4 +1,5 @@
-//! Looking after recordings that nobody sends: what was abandoned is ended with what came, what was erased is cleared up.
+//! Maintenance of recordings without a sender: ends abandoned ones with the frames that arrived, and removes the logs
+//! of erased ones.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -11,14 +12,14 @@ use crate::ids::FeedId;
 use crate::store::{self, StoreError};
 use crate::time::millis;
 
-/// How long a child waits for a sender that has gone.
+/// Time after which the child of a recording without a sender is stopped.
 const IDLE: Duration = Duration::from_secs(300);
-/// How often abandoned recordings are looked for.
+/// Interval between two checks for abandoned recordings.
 const LOOK_EVERY: Duration = Duration::from_secs(20);
 
 impl Feeds {
-    /// Ends what was abandoned and clears up, again and again until the service ends: side by side, since what was erased goes
-    /// soon, and putting a recording together takes long.
+    /// Ends abandoned recordings and removes erased ones until the service shuts down. Both run side by side: erased
+    /// data must go soon, and assembling a recording takes long.
     pub async fn keep(&self) {
         tokio::join!(self.keep_ending(), self.keep_removing());
     }
@@ -27,7 +28,7 @@ impl Feeds {
         let mut unheard = HashMap::new();
         while !self.0.shutdown.is_begun() {
             if let Err(error) = self.look_after_all(&mut unheard).await {
-                tracing::warn!(%error, "looking after feeds");
+                tracing::warn!(%error, "check for abandoned recordings failed; repeated in 20 s");
             }
             self.rest().await;
         }
@@ -36,7 +37,7 @@ impl Feeds {
     async fn keep_removing(&self) {
         while !self.0.shutdown.is_begun() {
             if let Err(error) = self.remove_erased().await {
-                tracing::warn!(%error, "removing the logs of what was erased");
+                tracing::warn!(%error, "removal of erased recordings failed; repeated in 20 s");
             }
             self.rest().await;
         }
@@ -49,8 +50,8 @@ impl Feeds {
         }
     }
 
-    /// Ends what was abandoned. `unheard` remembers since when a recording that no connection has named in this life of the
-    /// service has been waiting. Times are those that have passed: a clock that is set forward ends nothing.
+    /// Ends abandoned recordings. `unheard` holds, for each recording that no connection has named since this service
+    /// started, when its wait began. Times are monotonic, so setting the clock forward ends nothing.
     async fn look_after_all(&self, unheard: &mut HashMap<FeedId, i64>) -> Result<(), LiveError> {
         let unfinished = self.0.store.feeds().unfinished().await?;
         unheard.retain(|id, _| unfinished.iter().any(|row| row.id == *id));
@@ -58,9 +59,9 @@ impl Feeds {
             if self.0.shutdown.is_begun() {
                 break;
             }
-            // The others are not kept from their end by one that cannot be read.
+            // An unreadable recording must not prevent the others from being ended.
             if let Err(error) = self.look_after(&row, unheard).await {
-                tracing::warn!(%error, feed = %row.id, "ending an abandoned recording");
+                tracing::warn!(%error, feed = %row.id, "abandoned recording not ended; repeated in 20 s");
             }
         }
         Ok(())
@@ -69,11 +70,11 @@ impl Feeds {
     async fn look_after(&self, row: &store::Feed, unheard: &mut HashMap<FeedId, i64>) -> Result<(), LiveError> {
         let (id, passed_ms) = (row.id, self.0.clock.passed_ms());
         let abandoned_ms = passed_ms - millis(self.0.settings.abandoned());
-        let since_ms = if row.is_push { passed_ms + 1 } else { abandoned_ms }; // nobody can come again and push the rest
+        let since_ms = if row.is_push { passed_ms + 1 } else { abandoned_ms }; // a push cannot be resumed
         let known = self.0.open.all.lock().await.get(&id).cloned();
         let feed = match known {
             Some(feed) => {
-                unheard.remove(&id); // its wait begins anew when it is forgotten
+                unheard.remove(&id); // its wait starts again if it is closed
                 feed
             }
             None if *unheard.entry(id).or_insert(passed_ms) >= since_ms => return Ok(()),
@@ -86,15 +87,15 @@ impl Feeds {
         if feed.is_abandoned(since_ms) { self.end_abandoned(&feed, since_ms).await } else { Ok(()) }
     }
 
-    /// Opens the log of a recording that was not heard of since some time before then.
+    /// Opens the log of a recording without a connection since some time before `since_ms`.
     async fn enter_unheard(&self, id: FeedId, since_ms: i64) -> Result<Option<Arc<Feed>>, LiveError> {
-        let _door = self.0.open.door(id).await;
+        let _lock = self.0.open.door(id).await;
         if let Some(feed) = self.0.open.all.lock().await.get(&id) {
-            return Ok(Some(feed.clone())); // a connection came meanwhile
+            return Ok(Some(feed.clone())); // opened by a connection meanwhile
         }
         let row = match self.0.store.feeds().get(&Scope::service(), id).await {
             Ok(row) if row.ended_at_ms.is_none() => row,
-            Ok(_) | Err(StoreError::NotFound { .. }) => return Ok(None), // or came and went
+            Ok(_) | Err(StoreError::NotFound { .. }) => return Ok(None), // or it ended meanwhile
             Err(error) => return Err(error.into()),
         };
         let feed = self.enter(row).await?;
@@ -106,7 +107,7 @@ impl Feeds {
     async fn remove_erased(&self) -> Result<(), LiveError> {
         for id in self.0.vault.feed_logs().await? {
             if let Err(error) = self.remove_if_erased(id).await {
-                tracing::warn!(%error, feed = %id, "removing the log of what was erased");
+                tracing::warn!(%error, feed = %id, "log of an erased recording not removed; repeated in 20 s");
             }
         }
         Ok(())
@@ -114,15 +115,15 @@ impl Feeds {
 
     async fn remove_if_erased(&self, id: FeedId) -> Result<(), LiveError> {
         if self.is_needed(id).await? {
-            return Ok(()); // without waiting at its door, behind which its log may be read through
+            return Ok(()); // before taking its lock, which may be held while its log is read
         }
-        let _door = self.0.open.door(id).await;
+        let _lock = self.0.open.door(id).await;
         if self.is_needed(id).await? {
-            return Ok(()); // its row has come since it was listed
+            return Ok(()); // its row was created after the listing
         }
         if let Some(erased) = self.0.open.all.lock().await.remove(&id) {
             erased.is_gone.store(true, Ordering::Release);
-            erased.epoch.send_replace(u32::MAX); // whoever still sends it is told
+            erased.epoch.send_replace(u32::MAX); // closes the connection that still sends it
         }
         Ok(self.0.vault.delete_feed(id).await?)
     }

@@ -1,19 +1,19 @@
-//! Feeds: recordings that arrive frame by frame, durable as they come, and sessions like any other at their end.
+//! Feeds: recordings that arrive frame by frame, are durable as they arrive, and become normal sessions at their end.
 //!
 //! ```text
-//! connection ──hello──▶ Feeds::connect ──▶ Connection: an epoch, what is durable already
-//!     ──record──▶ take ──▶ log (vault)          ──▶ sync ──▶ ack
-//!                              └──▶ Follower: a child that tracks ──▶ Watch
+//! connection ──hello──▶ FeedService::connect ──▶ Connection: an epoch, and what is durable already
+//!     ──record──▶ take_record ──▶ log (vault)   ──▶ sync ──▶ ack
+//!                                   └──▶ TrackingSupervisor: a child that tracks ──▶ FeedWatcher
 //!     ──end─────▶ end ──▶ child: log → recording ──▶ blob, session, job ──▶ ended
 //! ```
-//! A recording has one connection that may send: the last that said hello. It bears the highest *epoch*, which the
-//! database gives out; what bears another is refused, wherever it was held up. What is acknowledged is in the log and
-//! synced; the log is read through when it is opened again.
+//! One connection may send a recording: the last one that sent a hello. It has the highest *epoch*, which the database
+//! issues; records with another epoch are refused, no matter where they were delayed. Acknowledged records are in the
+//! log and synced. The log is read through whenever it is opened again.
 //!
-//! A recording that nobody ends is ended by [`Feeds::keep`] with what came.
+//! A recording that its sender does not end is ended by [`FeedService::maintain`] with the frames that arrived.
 //!
-//! A stream that is pushed in one request ([`Feeds::push`]) is such a connection too, whose hello and records are made here.
-//! Nobody can go on with it, so that it is ended as soon as nobody sends it.
+//! A stream that is pushed in one request ([`FeedService::push`]) uses such a connection too; its hello and records are
+//! made here. It cannot be resumed, so it is ended as soon as its sender is gone.
 
 mod connection;
 mod following;
@@ -58,72 +58,72 @@ use crate::vault::{FeedLog, Vault, VaultError};
 /// Longest name of a sender's program, characters.
 const SENDER: usize = 120;
 
-/// Where feeds arrive. Clones are the same place.
+/// The service that receives feeds. Clones share the same state.
 #[derive(Clone)]
 pub struct Feeds(Arc<Parts>);
 
-/// What [`Feeds`] works with.
+/// The parts of [`FeedService`].
 pub struct Parts {
-    /// Rows.
+    /// Database.
     pub store: Store,
-    /// Files.
+    /// Stored files.
     pub vault: Vault,
-    /// Told of sessions that are whole.
+    /// Notified of complete sessions.
     pub queue: Queue,
-    /// Told of sessions that begin and end.
+    /// Notified of sessions that start and end.
     pub events: Events,
-    /// What time it is.
+    /// The clock.
     pub clock: SharedClock,
-    /// The end of the service.
+    /// Shutdown of the service.
     pub shutdown: Shutdown,
     /// Limits of feeds.
     pub settings: LiveSettings,
-    /// Limits of the child that puts a recording together.
+    /// Limits of the children.
     pub analysis: AnalysisSettings,
-    /// That child.
+    /// The program of the children.
     pub program: Program,
-    /// Recordings that are known to this service and not ended.
+    /// Recordings that are open in this service.
     pub open: OpenFeeds,
-    /// In which order their frames are looked at.
+    /// Slots for tracking their frames.
     pub turns: Arc<Turns>,
 }
 
-/// Recordings that are known to a service and not ended.
+/// The recordings that are open in a service and not ended.
 #[derive(Default)]
 pub struct OpenFeeds {
     all: Mutex<HashMap<FeedId, Arc<Feed>>>,
-    /// Whoever enters or removes a recording holds its door meanwhile, so that reading one's log through holds up no other.
-    /// Doors are taken before `all`.
+    /// A lock per recording, held while the recording is opened or removed, so that reading one log does not delay the
+    /// others. These locks are taken before `all`.
     doors: std::sync::Mutex<HashMap<FeedId, Weak<Mutex<()>>>>,
 }
 
 impl OpenFeeds {
-    /// Waits until nobody else enters or removes this recording.
+    /// Locks the opening and removal of this recording.
     async fn door(&self, id: FeedId) -> OwnedMutexGuard<()> {
-        let door = {
-            let mut doors = self.doors.lock().unwrap_or_else(PoisonError::into_inner);
-            doors.retain(|_, door| door.strong_count() > 0);
-            let door = doors.get(&id).and_then(Weak::upgrade).unwrap_or_default();
-            doors.insert(id, Arc::downgrade(&door));
-            door
+        let lock = {
+            let mut locks = self.doors.lock().unwrap_or_else(PoisonError::into_inner);
+            locks.retain(|_, lock| lock.strong_count() > 0);
+            let lock = locks.get(&id).and_then(Weak::upgrade).unwrap_or_default();
+            locks.insert(id, Arc::downgrade(&lock));
+            lock
         };
-        door.lock_owned().await
+        lock.lock_owned().await
     }
 }
 
-/// A recording that arrives.
+/// A recording that is arriving.
 struct Feed {
     row: store::Feed,
     time_base: TimeBase,
-    /// The epoch that may send.
+    /// The epoch that may send now.
     epoch: watch::Sender<u32>,
     connections: AtomicU32,
-    /// When anything was last heard of it, by [`Clock::passed_ms`](crate::time::Clock::passed_ms).
+    /// Last contact with its sender, by [`Clock::passed_ms`](crate::time::Clock::passed_ms).
     heard_ms: AtomicI64,
     state: Mutex<State>,
-    /// Attempts to put it together that failed by no fault of its own.
+    /// Failed attempts to assemble it that were not its own fault.
     failures: AtomicU32,
-    /// Is it being put together at this moment?
+    /// True while it is being assembled.
     is_finishing: AtomicBool,
     is_gone: AtomicBool,
     follower: Follower,
@@ -141,20 +141,20 @@ struct State {
     numbers: Numbers,
     /// Bytes of the log that are known to be durable.
     synced: u64,
-    /// The session, once the recording is whole.
+    /// The session, once the recording is complete.
     ended: Option<SessionId>,
 }
 
-/// What a hello leads to.
+/// The result of a hello.
 pub enum Connected {
-    /// Frames may come.
+    /// Frames may be sent.
     Open(Connection),
-    /// The recording has ended before: there is nothing to send.
+    /// The recording has already ended: there is nothing to send.
     Ended(SessionId),
 }
 
 impl Feeds {
-    /// Makes the place.
+    /// Creates the service.
     pub fn new(parts: Parts) -> Self {
         Self(Arc::new(parts))
     }
@@ -164,10 +164,10 @@ impl Feeds {
         &self.0.settings
     }
 
-    /// Begins a recording in a box, or goes on with it. An earlier connection of the same recording may not send any more.
+    /// Starts a recording in a box, or continues it. An earlier connection of the same recording may not send any more.
     ///
     /// # Errors
-    /// A reason that the sender is told.
+    /// The reason to close the connection.
     pub async fn connect(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<Connected, Farewell> {
         let new = self.recognise(scope, in_box, hello).await?;
         self.open(scope, new).await
@@ -179,27 +179,27 @@ impl Feeds {
         self.open(scope, new).await
     }
 
-    /// Refuses a box that sends a recording at this moment.
+    /// Fails if the box is sending a recording now.
     ///
     /// # Errors
-    /// A reason that the sender is told.
+    /// The reason to refuse.
     pub async fn check_free(&self, in_box: BoxId) -> Result<(), Farewell> {
         check_free(&*self.0.open.all.lock().await, in_box, None)
     }
 
     async fn open(&self, scope: &Scope, new: NewFeed) -> Result<Connected, Farewell> {
         let (id, in_box) = (new.id, new.in_box);
-        // Held from the epoch to the entry, so that of two hellos the one with the higher epoch is entered last.
-        let _door = self.0.open.door(id).await;
+        // Held from issuing the epoch to opening, so that of two hellos the one with the higher epoch is opened last.
+        let _lock = self.0.open.door(id).await;
         let mut open = self.0.open.all.lock().await;
         check_free(&open, in_box, Some(id))?;
         if open.get(&id).is_some_and(|feed| feed.is_finishing.load(Ordering::Acquire)) {
-            return Err(Farewell::new(Code::Busy, "the recording is being put together: come again"));
+            return Err(Farewell::new(Code::Busy, "the recording is being assembled: connect again"));
         }
         let of_box = |row: &store::Feed| row.box_id == in_box && row.id != id;
         let unfinished = self.0.store.feeds().unfinished().await.map_err(refused)?;
         if unfinished.into_iter().filter(of_box).count() >= self.0.settings.max_unfinished {
-            let why = "the box has too many unfinished recordings: end them, or wait until they end by themselves";
+            let why = "the box has too many unfinished recordings: end them, or wait until they end automatically";
             return Err(Farewell::new(Code::Busy, why));
         }
         let row = self.0.store.feeds().open(scope, new).await.map_err(refused)?;
@@ -208,12 +208,12 @@ impl Feeds {
         }
         let epoch = row.epoch;
         let begin = |feed| Ok(Connected::Open(Connection::begin(self.clone(), feed, epoch)));
-        // Counted while nobody else can enter, so that the box is busy for whoever comes next.
+        // Counted while the lock is held, so that the next connection finds the box busy.
         if let Some(feed) = open.get(&id) {
             return begin(feed.clone());
         }
         let feed = if epoch == 1 {
-            // There is no log to be read yet, and nobody else shall find the box free.
+            // There is no log to read yet, and no other recording must find the box free.
             let (session, trainee) = (row.session_id, row.trainee_id);
             let feed = self.enter_new(row).await?;
             self.tell(session, trainee, SessionStatus::Receiving);
@@ -222,14 +222,14 @@ impl Feeds {
             drop(open);
             let feed = self.enter(row).await?;
             open = self.0.open.all.lock().await;
-            check_free(&open, in_box, Some(id))?; // another may have come meanwhile
+            check_free(&open, in_box, Some(id))?; // another recording may have started meanwhile
             feed
         };
         open.insert(id, feed.clone());
         begin(feed)
     }
 
-    /// Watches the recording of a session that arrives; `None` while nobody sends it.
+    /// Watches the recording of a session that is arriving; `None` while it has no sender.
     pub async fn watch(&self, session: SessionId, wants_pictures: bool) -> Option<Watch> {
         let open = self.0.open.all.lock().await;
         let arrives = |feed: &&Arc<Feed>| feed.row.session_id == session && feed.is_sent();
@@ -255,19 +255,19 @@ impl Feeds {
         }))
     }
 
-    /// The same for one that begins: where it has no place, its row and session go, as if it had never been heard of.
+    /// The same for a new recording: if it cannot be opened, its row and session are deleted again.
     async fn enter_new(&self, row: store::Feed) -> Result<Arc<Feed>, Farewell> {
         let id = row.id;
         let entered = self.enter(row).await;
         if entered.is_err()
             && let Err(error) = self.0.store.feeds().forget(id, true).await
         {
-            tracing::warn!(%error, feed = %id, "forgetting a recording that could not begin");
+            tracing::warn!(%error, feed = %id, "row of a recording that could not start was not deleted");
         }
         entered
     }
 
-    /// Forgets that a recording is open: whoever names it next reads its log through.
+    /// Closes an open recording: the next connection reads its log through.
     async fn close(&self, feed: &Arc<Feed>) {
         let mut open = self.0.open.all.lock().await;
         if open.get(&feed.row.id).is_some_and(|entered| Arc::ptr_eq(entered, feed)) {
@@ -275,11 +275,11 @@ impl Feeds {
         }
     }
 
-    /// Finds what a hello names.
+    /// Checks a hello and looks up the box, trainee and task in it.
     async fn recognise(&self, scope: &Scope, in_box: &Key, hello: Hello) -> Result<NewFeed, Farewell> {
         let wrong = |why: String| Err(Farewell::new(Code::NotUnderstood, why));
         if hello.protocol != PROTOCOL {
-            return wrong(format!("protocol {}; this server speaks {PROTOCOL}", hello.protocol));
+            return wrong(format!("protocol {}; this server uses protocol {PROTOCOL}", hello.protocol));
         }
         let (width, height) = (hello.width, hello.height);
         let most = Limits::default();
@@ -289,12 +289,13 @@ impl Feeds {
         let Some(began_at_ms) = from_rfc3339(&hello.began_at) else {
             return wrong("began_at: expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned());
         };
-        let whom = &scope.of_whom_it_sends();
+        let owner_scope = &scope.of_whom_it_sends();
         let store = &self.0.store;
         let unknown = |what: &'static str| move |error| unknown(what, error);
         let in_box = store.boxes().get(scope, in_box).await.map_err(unknown("box"))?.id;
-        let trainee = store.trainees().get(whom, &Key::from(&hello.trainee)).await.map_err(unknown("trainee"))?.id;
-        let task = store.tasks().get(whom, &Key::from(&hello.task)).await.map_err(unknown("task"))?.id;
+        let trainee =
+            store.trainees().get(owner_scope, &Key::from(&hello.trainee)).await.map_err(unknown("trainee"))?.id;
+        let task = store.tasks().get(owner_scope, &Key::from(&hello.task)).await.map_err(unknown("task"))?.id;
         Ok(NewFeed {
             id: hello.recording,
             trainee,
@@ -323,14 +324,14 @@ impl Feed {
         !self.is_sent() && self.heard_ms.load(Ordering::Acquire) < long_ago_ms
     }
 
-    /// Ticks of the longest recording: no frame has a later time.
+    /// Length of the longest recording, ticks: no frame has a later time.
     fn most_ticks(&self) -> i64 {
         let (num, den) = self.time_base.fraction();
         (LONGEST_S * f64::from(den) / f64::from(num)) as i64
     }
 }
 
-/// Why something could not be done with a feed, by no fault of its sender.
+/// Why an operation on a feed failed without a fault of its sender.
 #[derive(Debug, thiserror::Error)]
 enum LiveError {
     #[error(transparent)]
@@ -374,13 +375,13 @@ fn unknown(what: &'static str, error: StoreError) -> Farewell {
 
 fn failed(error: VaultError) -> Farewell {
     let why = match &error {
-        VaultError::DiskFull => "the server's disk is full: it works again once there is space".to_owned(),
+        VaultError::DiskFull => "the server's disk is full: free space, then it works again".to_owned(),
         other => other.to_string(),
     };
     Farewell::new(Code::Failed, why)
 }
 
-/// Refuses a box that sends another recording than this one.
+/// Fails if the box is sending another recording than `mine`.
 fn check_free(open: &HashMap<FeedId, Arc<Feed>>, in_box: BoxId, mine: Option<FeedId>) -> Result<(), Farewell> {
     let is_other = |feed: &&Arc<Feed>| Some(feed.row.id) != mine && feed.is_sent() && feed.row.box_id == in_box;
     let Some(other) = open.values().find(is_other) else { return Ok(()) };
@@ -388,7 +389,7 @@ fn check_free(open: &HashMap<FeedId, Arc<Feed>>, in_box: BoxId, mine: Option<Fee
     Err(Farewell::new(Code::Busy, why))
 }
 
-/// Is this a number that a recording can end with?
+/// True if a recording can end with this number of frames.
 fn is_end(frames: u64) -> bool {
     frames <= MOST_FRAMES
 }

@@ -1,13 +1,13 @@
 //! A recording that is pushed in one request: a live stream of MPEG-TS or Matroska, as FFmpeg and OBS send it.
 //!
 //! ```text
-//! body ─pipe─▶ child: demux ─▶ what it holds: a hello ─▶ Connection, as of any sender
-//!                              its frames: records    ─▶ log, tracking, end
+//! body ─pipe─▶ child: demux ─▶ stream header: a hello ─▶ Connection, as of any sender
+//!                              frames: records         ─▶ log, tracking, end
 //! ```
-//! Nothing waits but a few frames: while the log is slow or the tracking behind, no frame is taken, so the child does not
-//! read, its pipe is full, and the sender is held up by its own socket.
+//! Only a few frames wait in memory. While the log is slow or tracking is behind, no frame is taken; the child then
+//! stops reading, its pipe fills up, and the sender's socket blocks.
 //!
-//! Whatever ends a push, what came up to then becomes the session; nobody can go on with it.
+//! However a push ends, the frames that arrived become the session. A push cannot be resumed.
 
 use std::fs::File;
 use std::future::ready;
@@ -44,48 +44,48 @@ use crate::time::to_rfc3339;
 
 /// Frames that may wait for the log.
 const MOST_WAITING: usize = 2;
-/// How much longer than a recording may last its child may live: it is started first, and ends last.
+/// Extra life of the child beyond the longest recording: it starts before the recording and ends after it.
 const BEGINNING_AND_END: Duration = Duration::from_secs(300);
-/// How much longer than its sender may be silent a child may be: it hears of its sender's silence.
+/// Extra silence of the child beyond the sender's: it can only report after its sender.
 const AFTER_THE_SENDER: Duration = Duration::from_secs(20);
 
 /// Why a body could not be read to its end.
 pub type BoxError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Who pushes what; trainee and task by id or code.
+/// The parameters of a push; trainee and task by id or code.
 #[derive(Clone, Debug)]
 pub struct Push {
-    /// Who pushes.
+    /// The caller.
     pub scope: Scope,
-    /// Where.
+    /// The box.
     pub in_box: Key,
-    /// Who trains.
+    /// The trainee.
     pub trainee: String,
-    /// What they do.
+    /// The task.
     pub task: String,
-    /// The sender's program, for people.
+    /// The sender's program, for display.
     pub sender: String,
 }
 
-/// A push that did not come to its end.
+/// A push that did not end normally.
 #[derive(Debug)]
 pub struct Broken {
-    /// Why.
+    /// The reason.
     pub why: PushError,
-    /// What came up to then, if it can be shown.
+    /// The session made from the frames that arrived, if any could be decoded.
     pub session: Option<SessionId>,
 }
 
-/// Why a push did not come to its end.
+/// Why a push did not end normally.
 #[derive(Debug, thiserror::Error)]
 pub enum PushError {
-    /// The body broke off, or came too slowly.
+    /// The body broke off, or arrived too slowly.
     #[error("the connection was cut ({0})")]
     Cut(BoxError),
     /// The stream cannot be used, or not any further.
     #[error("{}", .0.detail)]
     Stream(Problem),
-    /// As it is told any sender.
+    /// A reason that closes any sender's connection.
     #[error("{}", .0.why)]
     Told(Farewell),
 }
@@ -97,11 +97,11 @@ impl From<Farewell> for PushError {
 }
 
 impl Feeds {
-    /// Takes a stream that is pushed, until it ends or `signed_out` resolves. Call it on a task of its own: senders close
-    /// right after their last byte.
+    /// Receives a pushed stream until it ends or `signed_out` resolves. Call it in a separate task: senders close the
+    /// connection right after their last byte.
     ///
     /// # Errors
-    /// What did not end well is a session all the same, if anything of it can be shown.
+    /// The push did not end normally. The frames that arrived are a session all the same, if any can be decoded.
     pub async fn push<B>(&self, push: Push, body: B, signed_out: impl Future<Output = ()>) -> Result<SessionId, Broken>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
@@ -110,24 +110,24 @@ impl Feeds {
         let broken = taken.take_all(body, signed_out).await.err();
         match (broken, taken.end().await) {
             (None, Ok(session)) => Ok(session),
-            (None, Err(farewell)) => Err(Broken { why: farewell.into(), session: None }),
+            (None, Err(reason)) => Err(Broken { why: reason.into(), session: None }),
             (Some(why), ended) => Err(Broken { why, session: ended.ok() }),
         }
     }
 }
 
-/// What has come of a push.
+/// The state of a push.
 struct Taken<'a> {
     feeds: &'a Feeds,
     push: Push,
     began_at_ms: i64,
-    /// Once it is known what the stream holds.
+    /// Present once the stream header is known.
     connection: Option<Connection>,
     /// The number of the next frame.
     next: u64,
-    /// Frames that no feed can have.
+    /// Number of frames that were replaced by gaps.
     gaps: u64,
-    /// The body broke off: the last frame is cut, so that each waits here for the next.
+    /// The body broke off. The last frame is then incomplete, so each frame is held back until the next one arrives.
     is_cut: bool,
     held_back: Option<CapturedFrame>,
     sync_at: Option<Instant>,
@@ -139,7 +139,7 @@ impl<'a> Taken<'a> {
         Self { feeds, push, began_at_ms, connection, next: 0, gaps: 0, is_cut: false, held_back: None, sync_at: None }
     }
 
-    /// Takes frames until there are no more, or none may come.
+    /// Takes frames until the stream ends or must not continue.
     async fn take_all<B>(&mut self, body: B, signed_out: impl Future<Output = ()>) -> Result<(), PushError>
     where
         B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
@@ -154,7 +154,7 @@ impl<'a> Taken<'a> {
             let sync_at = self.sync_at.filter(|_| syncing.is_terminated());
             tokio::select! {
                 biased;
-                farewell = self.over() => return Err(farewell.into()),
+                reason = self.over() => return Err(reason.into()),
                 () = &mut signed_out => return Err(Farewell::signed_out().into()),
                 end = &mut pouring, if poured.is_none() => {
                     self.is_cut = end.is_err();
@@ -168,13 +168,13 @@ impl<'a> Taken<'a> {
                     }
                 }
                 () = self.room(), if !has_room => {}
-                news = demuxer.news.recv(), if has_room => match news {
+                event = demuxer.news.recv(), if has_room => match event {
                     Some(News::Stream(info)) => self.begin(info).await?,
                     Some(News::Coded(frame)) => self.take_frame(frame).await?,
                     Some(_) => {}
                     None => break,
                 },
-                () = ready(()), if self.holds_back() => self.write().await?, // no more is at hand
+                () = ready(()), if self.holds_back() => self.write().await?, // no further frame is ready
             }
         }
         match (poured, demuxer.ended.await) {
@@ -183,13 +183,13 @@ impl<'a> Taken<'a> {
             (_, Ok(Err(failure))) => Err(failed(failure)),
             (Some(Ok(())), Ok(Ok(_))) => Ok(()),
             (None, Ok(Ok(_))) => {
-                let detail = "the stream came to an end, but the request goes on: push one stream in one request";
+                let detail = "the stream ended, but the request continues: push one stream per request";
                 Err(PushError::Stream(Problem::new("not-a-stream", "The stream has ended", detail)))
             }
         }
     }
 
-    /// Resolves once nothing more may come.
+    /// Waits until nothing more may be taken.
     async fn over(&self) -> Farewell {
         match &self.connection {
             Some(connection) => connection.over().await,
@@ -217,11 +217,11 @@ impl<'a> Taken<'a> {
         }
     }
 
-    /// Says hello: it is known what the stream holds.
+    /// Connects with a hello, once the stream header is known.
     async fn begin(&mut self, info: SourceInfo) -> Result<(), Farewell> {
         let SourceInfo { codec, size: (width, height), time_base, coded_from, .. } = info;
         if let Some(from) = coded_from {
-            tracing::warn!(from, "a pushed stream is decoded and coded anew as JPEGs: H.264 saves that");
+            tracing::warn!(from, "pushed stream is re-encoded as JPEG; send H.264 to avoid the load");
         }
         let Push { scope, in_box, trainee, task, sender } = self.push.clone();
         let began_at = to_rfc3339(self.began_at_ms);
@@ -229,7 +229,7 @@ impl<'a> Taken<'a> {
         let hello = Hello { protocol, recording, trainee, task, codec, width, height, time_base, began_at, sender };
         self.connection = match self.feeds.connect_push(&scope, &in_box, hello).await? {
             Connected::Open(connection) => Some(connection),
-            Connected::Ended(_) => None, // nobody else has this id
+            Connected::Ended(_) => None, // not reached: the id is new
         };
         Ok(())
     }
@@ -242,8 +242,9 @@ impl<'a> Taken<'a> {
         let (Some(frame), Some(connection)) = (frame, &mut self.connection) else { return Ok(()) };
         connection.heard();
         if frame.due_s > LONGEST_S || self.next == MOST_FRAMES {
-            let why =
-                format!("a recording lasts {LONGEST_S} s and has {MOST_FRAMES} frames at most: push the rest anew");
+            let why = format!(
+                "a recording has at most {LONGEST_S} s and {MOST_FRAMES} frames: push the rest as another recording"
+            );
             return Err(Farewell::new(Code::TooMuch, why));
         }
         let body = frame.body(self.next, connection.time_base());
@@ -256,22 +257,23 @@ impl<'a> Taken<'a> {
         Ok(())
     }
 
-    /// Makes a session of what came. What cannot be ended now, because the service ends, is ended at its next start.
+    /// Makes a session of the frames that arrived. If that is impossible because the service shuts down, it is done at
+    /// its next start.
     async fn end(self) -> Result<SessionId, Farewell> {
         let Some(mut connection) = self.connection else {
-            return Err(Farewell::new(Code::DoesNotBelong, "no frame came"));
+            return Err(Farewell::new(Code::DoesNotBelong, "no frame arrived"));
         };
         if self.gaps > 0 {
-            tracing::warn!(gaps = self.gaps, "frames of a pushed stream are damaged, too long or out of time");
+            tracing::warn!(gaps = self.gaps, "frames of a pushed stream left out: damaged, too large or out of order");
         }
         match connection.end(self.next).await? {
             FromServer::Ended { session, .. } => Ok(session),
-            _ => Err(Farewell::new(Code::Failed, "frames are missing that were taken")),
+            _ => Err(Farewell::new(Code::Failed, "frames that had arrived are missing")),
         }
     }
 }
 
-/// A child that takes a stream apart; dropping it ends it.
+/// A child that splits a stream into frames; dropping it stops the child.
 struct Demuxer {
     news: mpsc::Receiver<News>,
     ended: JoinHandle<Result<Heard, Failure>>,
@@ -279,7 +281,7 @@ struct Demuxer {
 }
 
 impl Feeds {
-    /// Starts a child, and gives the end of its pipe.
+    /// Starts a child; returns it with the write end of its pipe.
     fn start_demuxer(&self) -> std::io::Result<(Demuxer, Sender)> {
         let (theirs, ours) = pipe()?;
         let ours = Sender::from_owned_fd(OwnedFd::from(ours))?;
@@ -298,14 +300,15 @@ impl Feeds {
         let ended = tokio::task::spawn_blocking(move || {
             let request = Request { threads: 1, work: Work::Demux };
             let what = Attempt { program: &program, request, inputs, budget: &budget, stop: &stopping };
-            // Nobody takes it any more: the stop is pulled.
-            attempt(what, |news| drop(sender.blocking_send(news))).0
+            // A failed send means that the receiver is dropped and the child is being stopped.
+            attempt(what, |event| drop(sender.blocking_send(event))).0
         });
         Ok((Demuxer { news, ended, _stop: stop }, ours))
     }
 }
 
-/// Pours a body into a child's pipe, which is closed at its end. Only the time counts in which it is we who wait.
+/// Copies a body into a child's pipe and closes it at the end. Only the time spent waiting for the body counts as
+/// silence.
 async fn pour<B>(mut body: B, mut pipe: Sender, silent: Duration) -> Result<(), PushError>
 where
     B: Stream<Item = Result<Bytes, BoxError>> + Unpin,
@@ -314,10 +317,10 @@ where
         let bytes = match timeout(silent, body.next()).await {
             Ok(Some(bytes)) => bytes.map_err(PushError::Cut)?,
             Ok(None) => return Ok(()),
-            Err(_) => return Err(Farewell::new(Code::Silent, "nothing was heard for too long").into()),
+            Err(_) => return Err(Farewell::new(Code::Silent, "the sender was silent for too long").into()),
         };
         if pipe.write_all(&bytes).await.is_err() {
-            std::future::pending::<()>().await; // the child has ended, and says why
+            std::future::pending::<()>().await; // the child has ended; its result gives the reason
         }
     }
 }
@@ -332,5 +335,5 @@ fn failed(failure: Failure) -> PushError {
 
 fn died(why: &dyn std::fmt::Display) -> Farewell {
     counter!("trocar_feed_demuxers_died_total").increment(1);
-    Farewell::new(Code::Failed, format!("the process that took the stream apart {why}"))
+    Farewell::new(Code::Failed, format!("the process that reads the stream {why}"))
 }

@@ -1,4 +1,4 @@
-//! The end of a feed: its log becomes a recording, the recording a session like any other.
+//! The end of a feed: its log becomes a recording, and the recording becomes a normal session.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,34 +12,35 @@ use crate::ids::SessionId;
 use crate::sandbox::{Budget, Stop};
 use crate::vault::{Kept, VaultError};
 
-/// Attempts to put a recording together before it is left for somebody to look at.
+/// Attempts to assemble a recording before it needs an administrator.
 const MOST_FAILURES: u32 = 3;
-/// What a recording may be longer than its log: tables of frames.
+/// How much longer than its log a recording may be: tables of frames.
 const TABLES_BYTES: u64 = 64 << 20;
 
-/// Who ends a recording.
+/// Why a recording is to be ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
-    /// Its sender, of this epoch, says that it has so many frames.
+    /// Its sender, with this epoch, reports that it has this many frames.
     Told { epoch: u32, frames: u64 },
-    /// Nobody sends it any more, and nothing was heard of it since then, by the time that has passed.
+    /// It has no sender, and there was no contact since then (monotonic time).
     Abandoned { since_ms: i64 },
 }
 
-/// What became of a recording that was to be ended.
+/// The result of ending a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Finished {
-    /// It is whole, and this session.
+    /// It is complete and is this session.
     Whole(SessionId),
-    /// These frames have not come.
+    /// These frames are missing.
     Missing(Vec<[u64; 2]>),
-    /// Somebody sends it after all.
+    /// A sender has connected again.
     GoesOn,
 }
 
 impl Feeds {
-    /// Makes a recording of all that came, and a session of it. Again gives the same session. From the look at what has
-    /// come to the end of the log nobody can add to it.
+    /// Assembles a recording from all frames that arrived and makes a session of it. A repeated call returns the same
+    /// session. The state stays locked from the check for missing frames to the end of the log, so no frame can be
+    /// added meanwhile.
     pub(super) async fn finish(&self, feed: &Arc<Feed>, ending: Ending) -> Result<Finished, Farewell> {
         let mut state = feed.state.lock().await;
         if let Some(session) = state.ended {
@@ -49,7 +50,8 @@ impl Feeds {
             return Err(Farewell::new(Code::Unknown, "the session was erased"));
         }
         if feed.failures.load(Ordering::Acquire) >= MOST_FAILURES {
-            let why = "the recording could not be put together, again and again: ask whoever runs the service";
+            let why =
+                "the recording could not be assembled after several attempts: ask the administrator of the service";
             return Err(Farewell::new(Code::DoesNotBelong, why));
         }
         let not_yet = match ending {
@@ -64,7 +66,7 @@ impl Feeds {
             return Err(failed(error));
         }
         feed.follower.wrote(state.log.written());
-        // Asked before anything ends: no attempt is counted, and it works again once there is space.
+        // Check the disk space before anything ends: no attempt is counted, and it works again once there is space.
         self.0.vault.has_room(state.log.bytes()).await.map_err(failed)?;
         feed.is_finishing.store(true, Ordering::Release);
         let live = feed.follower.end().await;
@@ -83,19 +85,21 @@ impl Feeds {
         let kept = match self.assemble(feed).await {
             Ok(kept) => kept,
             Err(Failure::Explained(problem)) if problem.slug == Problem::NO_FRAMES => {
-                tracing::warn!(feed = %feed.row.id, why = problem.detail, "nothing is kept of a feed");
+                tracing::warn!(feed = %feed.row.id, why = problem.detail, "recording discarded: no decodable frame");
                 self.forget(feed, ending).await?;
                 return Err(Farewell::new(Code::DoesNotBelong, problem.detail));
             }
-            Err(Failure::Stopped) => return Err(Farewell::new(Code::Ending, "the service ends; come again")),
+            Err(Failure::Stopped) => {
+                return Err(Farewell::new(Code::Ending, "the service is shutting down; connect again"));
+            }
             Err(Failure::Explained(Problem { detail: why, .. }) | Failure::Crashed(why)) => {
                 let failures = feed.failures.fetch_add(1, Ordering::AcqRel) + 1;
-                tracing::error!(feed = %feed.row.id, failures, why, "a recording could not be put together");
-                return Err(Farewell::new(Code::Failed, format!("the recording could not be put together: {why}")));
+                tracing::error!(feed = %feed.row.id, failures, why, "recording could not be assembled");
+                return Err(Farewell::new(Code::Failed, format!("the recording could not be assembled: {why}")));
             }
         };
         let session = self.0.store.feeds().end(feed.row.id, kept.blob(), live).await.map_err(LiveError::from)?;
-        drop(kept); // only now does a row protect the file
+        drop(kept); // from now on its row protects the file
         state.ended = Some(session);
         self.close(feed).await;
         self.0.vault.delete_feed(feed.row.id).await.map_err(LiveError::from)?;
@@ -104,22 +108,22 @@ impl Feeds {
         Ok(session)
     }
 
-    /// Ends a recording that nobody sends any more with what came.
+    /// Ends an abandoned recording with the frames that arrived.
     pub(super) async fn end_abandoned(&self, feed: &Arc<Feed>, since_ms: i64) -> Result<(), LiveError> {
         match self.finish(feed, Ending::Abandoned { since_ms }).await {
             Ok(Finished::Whole(_)) => {
-                tracing::info!(feed = %feed.row.id, "nobody ended a recording: it ends with what came");
+                tracing::info!(feed = %feed.row.id, "abandoned recording ended with the frames that arrived");
                 Ok(())
             }
             Ok(Finished::Missing(_) | Finished::GoesOn) => Ok(()),
-            Err(farewell) if farewell.code == Code::DoesNotBelong => Ok(()), // forgotten or given up, and said so
-            Err(farewell) => Err(farewell.into()),
+            Err(reason) if reason.code == Code::DoesNotBelong => Ok(()), // discarded or given up, already logged
+            Err(reason) => Err(reason.into()),
         }
     }
 
-    /// Forgets a recording of which nothing can be shown. A sender that was only away may begin it anew.
+    /// Discards a recording without a decodable frame. A sender that was only disconnected may start it again.
     async fn forget(&self, feed: &Arc<Feed>, ending: Ending) -> Result<(), Farewell> {
-        let _door = self.0.open.door(feed.row.id).await;
+        let _lock = self.0.open.door(feed.row.id).await;
         feed.is_gone.store(true, Ordering::Release);
         let may_come_again = matches!(ending, Ending::Abandoned { .. });
         self.0.store.feeds().forget(feed.row.id, may_come_again).await.map_err(LiveError::from)?;
@@ -127,9 +131,9 @@ impl Feeds {
         self.0.vault.delete_feed(feed.row.id).await.map_err(|error| LiveError::from(error).into())
     }
 
-    /// The recording, put together by a child.
+    /// Assembles the recording in a child.
     async fn assemble(&self, feed: &Feed) -> Result<Kept, Failure> {
-        let lost = |error: VaultError| Failure::Crashed(format!("met {error}"));
+        let lost = |error: VaultError| Failure::Crashed(format!("hit an error: {error}"));
         let (log, bytes) = self.0.vault.read_feed(feed.row.id).await.map_err(lost)?;
         let made = self.0.vault.make_file().await.map_err(lost)?;
         let output = made.file().map_err(lost)?;
@@ -150,21 +154,21 @@ impl Feeds {
         };
         let heard = ended.map_err(|panic| Failure::Crashed(panic.to_string()))??;
         match heard.assembled {
-            Some([frames, left_out]) => tracing::info!(feed = %feed.row.id, frames, left_out, "a recording is whole"),
-            None => return Err(Failure::Crashed("said nothing of the recording".to_owned())),
+            Some([frames, left_out]) => tracing::info!(feed = %feed.row.id, frames, left_out, "recording assembled"),
+            None => return Err(Failure::Crashed("sent no result for the recording".to_owned())),
         }
         made.keep().await.map_err(lost)
     }
 }
 
-/// `None` where a recording of so many frames is there whole.
+/// Returns `None` if a recording of this many frames is complete.
 fn all_has_come(feed: &Feed, state: &State, epoch: u32, frames: u64) -> Result<Option<Finished>, Farewell> {
     if *feed.epoch.borrow() != epoch {
         return Err(Farewell::new(Code::Superseded, "another connection sends this recording now"));
     }
     let end = state.numbers.end();
     if frames < end || !is_end(frames) {
-        let why = format!("the recording is said to have {frames} frames, but frame {} came", end.saturating_sub(1));
+        let why = format!("the end message announces {frames} frames, but frame {} arrived", end.saturating_sub(1));
         return Err(Farewell::new(Code::DoesNotBelong, why));
     }
     let missing = state.numbers.missing_below(frames);

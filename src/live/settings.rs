@@ -8,18 +8,19 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LiveSettings {
-    /// Connections that may feed at a time, of all boxes. Usually 32.
+    /// Connections that may send at the same time, over all boxes. Usually 32.
     pub max_feeds: usize,
     /// Longest recording, bytes. Usually 32 GiB: four hours at 19 Mbit/s.
     pub max_bytes: u64,
     /// Recordings of one box that may be unfinished at a time. Usually 16: an agent begins a new one only when it must.
     pub max_unfinished: usize,
-    /// Milliseconds from a frame's arrival until it is made durable and acknowledged. Usually 100: less means more syncs.
+    /// Milliseconds from a frame's arrival until it is made durable and acknowledged. Usually 100: less means more
+    /// syncs.
     pub ack_ms: u64,
-    /// Seconds without a word after which a connection is given up. Usually 20.
+    /// Seconds of silence after which a connection is closed. Usually 20.
     pub silent_s: u64,
-    /// Seconds without a connection after which a recording that nobody ended is ended with what came. Usually 3600: an
-    /// agent that lost its server for half an hour still finds its recording open.
+    /// Seconds without a connection after which an unended recording is ended with the frames that arrived. Usually
+    /// 3600: an agent that lost its server for half an hour still finds its recording open.
     pub abandoned_s: u64,
 }
 
@@ -30,7 +31,7 @@ impl Default for LiveSettings {
 }
 
 impl LiveSettings {
-    /// From a frame's arrival to its acknowledgement.
+    /// Time from a frame's arrival to its acknowledgement.
     pub fn ack(&self) -> Duration {
         Duration::from_millis(self.ack_ms.max(1))
     }

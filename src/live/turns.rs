@@ -1,31 +1,32 @@
-//! Turns at the processors: frames of all boxes are looked at one after the other, in the order in which they came.
+//! Slots for the processors: children of all boxes track their frames one after the other, first come, first served.
 //!
-//! Where the kernel divides time between all children that have a frame, all of them are done late, and one with a key frame
-//! last by far. So only as many as the processors need are told of frames at a time, and the others stand in line.
-//! A child may be stuck, or rehearse a recording's beginning: after [`LONGEST`] nobody waits for it any more.
+//! If the kernel divides the time among all children that have a frame, all of them finish late, and the one with a key
+//! frame is by far the last. So only as many children as there are processors receive frames at a time; the others wait
+//! in a queue. A child may be stuck, or rehearse the start of a recording: after [`MAX_SLOT_TIME`] its slot is given to
+//! the next one.
 //!
-//! There is no task between one turn and the next: whoever hears that a child is done tells the next one. Each awakening on the
-//! way would leave a processor idle, or take it from a child.
+//! No task runs between two slots: the thread that reads the reply of a child starts the next one. Each extra wake-up
+//! would leave a processor idle, or take it from a child.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long others wait for a child: three times what a key frame of 8 Mbit/s takes.
+/// Longest time that a child holds a slot: three times the time for a key frame at 8 Mbit/s.
 pub(super) const LONGEST: Duration = Duration::from_millis(100);
 
-/// Who stands in line.
+/// Waits in the queue for a slot.
 pub(super) trait Stands: Send + Sync {
-    /// Its turn has come. Begins what it stood for, and tells whether there was anything; then the turn lasts until it
-    /// [is over](Turns::over).
+    /// Called when the slot is granted. Starts the work and returns true if there was any; the slot is then held until
+    /// [`CpuSlots::release`].
     fn begin(&self, turn: Turn) -> bool;
 }
 
-/// A turn that was given.
+/// Identifies a granted slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Turn(u64);
 
-/// The line in which children stand.
+/// The slots and the queue of children that wait for one.
 pub struct Turns {
     at_a_time: usize,
     line: Mutex<Line>,
@@ -33,37 +34,38 @@ pub struct Turns {
 
 #[derive(Default)]
 struct Line {
-    /// Turns that are not over, and when each began.
+    /// Slots in use, and when each was granted.
     given: Vec<(Turn, Instant)>,
-    /// How many there have been.
+    /// Number of slots granted so far.
     count: u64,
     waiting: VecDeque<Arc<dyn Stands>>,
 }
 
 impl Turns {
-    /// So many at a time.
+    /// With this number of slots.
     pub(super) fn new(at_a_time: usize) -> Self {
         Self { at_a_time, line: Mutex::default() }
     }
 
-    /// Stands behind all others; where nobody waits its turn begins at once.
-    pub(super) fn stand(&self, who: Arc<dyn Stands>) {
-        self.line().waiting.push_back(who);
+    /// Adds a waiter at the end of the queue; it starts at once if a slot is free.
+    pub(super) fn stand(&self, waiter: Arc<dyn Stands>) {
+        self.line().waiting.push_back(waiter);
         self.go_on();
     }
 
-    /// A turn is over, if it has not lasted too long before; the next begins.
+    /// Releases a slot, unless its time had already run out, and starts the next waiter.
     pub(super) fn over(&self, turn: Turn) {
         self.line().forget(turn);
         self.go_on();
     }
 
-    /// Begins the turns that may. To be called now and then: nobody tells that a turn has lasted too long.
+    /// Starts as many waiters as there are free slots. Call it from time to time: no event announces that a slot has
+    /// timed out.
     pub(super) fn go_on(&self) {
         loop {
-            let next = self.line().next(self.at_a_time); // not in the loop's head: the line would be locked in its body
-            let Some((who, turn)) = next else { return };
-            if !who.begin(turn) {
+            let next = self.line().next(self.at_a_time); // in the loop's head, the lock would last through its body
+            let Some((waiter, turn)) = next else { return };
+            if !waiter.begin(turn) {
                 self.line().forget(turn);
             }
         }
@@ -81,11 +83,11 @@ impl Line {
         if self.given.len() >= at_a_time {
             return None;
         }
-        let who = self.waiting.pop_front()?;
+        let waiter = self.waiting.pop_front()?;
         self.count += 1;
         let turn = Turn(self.count);
         self.given.push((turn, now));
-        Some((who, turn))
+        Some((waiter, turn))
     }
 
     fn forget(&mut self, turn: Turn) {
@@ -94,7 +96,7 @@ impl Line {
 }
 
 impl Default for Turns {
-    /// As many as there are processors: with more, those with key frames are overtaken by all others and come last.
+    /// One slot per processor: with more, children with key frames are overtaken by all others and finish last.
     fn default() -> Self {
         Self::new(std::thread::available_parallelism().map_or(1, usize::from))
     }

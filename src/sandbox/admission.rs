@@ -1,4 +1,4 @@
-//! The child's first steps: take request and descriptors, then confine itself, then look at either.
+//! The child's first steps: receive the request and descriptors, confine itself, then read them.
 
 use std::fs::File;
 use std::io::{self, IoSliceMut, Read};
@@ -14,18 +14,18 @@ use super::confinement::{self, Confinement, ConfinementError, Enforced, system};
 /// Most descriptors handed to one child (the kernel passes at most 253 with a message).
 pub const MOST_INPUTS: usize = 250;
 
-/// What a confined child has to work with.
+/// The request and inputs of a confined child.
 pub struct Admission {
-    /// The request's bytes, as the parent gave them.
+    /// The request's bytes from the parent.
     pub request: Vec<u8>,
     /// Its inputs, open for reading, in the parent's order.
     pub inputs: Vec<File>,
-    /// How much of Landlock holds.
+    /// How much of Landlock is enforced.
     pub enforced: Enforced,
 }
 
-/// Confines this process and returns what it is to do. Call it first in a process that has no other thread: what is
-/// open beyond the standard streams is closed.
+/// Confines this process and returns its request. Call it first in a process that has no other thread: all descriptors
+/// beyond the standard streams are closed.
 pub fn admit() -> Result<Admission, ConfinementError> {
     confinement::tie_to_parent()?;
     close_inherited()?;
@@ -33,19 +33,20 @@ pub fn admit() -> Result<Admission, ConfinementError> {
     let (preamble, inputs) = receive(&socket).map_err(system("receiving the preamble"))?;
     let enforced = preamble.confinement.enter()?;
     let mut request = vec![0; preamble.request_bytes as usize];
-    // As a file, for the filter lets `read` through but no call made for sockets.
+    // Read as a file: the filter allows `read` but no socket calls.
     File::from(OwnedFd::from(socket)).read_exact(&mut request).map_err(system("reading the request"))?;
     Ok(Admission { request, inputs, enforced })
 }
 
-/// Closes what a parent's library may have left inheritable; Rust itself leaves nothing.
+/// Closes descriptors that a library of the parent left inheritable; Rust leaves none.
 fn close_inherited() -> Result<(), ConfinementError> {
-    // SAFETY: called before this process opened anything; nobody owns a descriptor above the standard streams.
+    // SAFETY: called before this process opened anything, so no object owns a descriptor above the standard streams.
     let failed = unsafe { libc::close_range(3, libc::c_uint::MAX, 0) } != 0;
     if failed { Err(system("closing inherited files")(io::Error::last_os_error())) } else { Ok(()) }
 }
 
-/// What the parent says first; fixed length, so that it is read whole with the descriptors that ride on it.
+/// The first message of the parent. Its fixed length lets it be read completely, with the descriptors that travel with
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Preamble {
     pub(super) confinement: Confinement,

@@ -1,45 +1,45 @@
-//! How much one child may use.
+//! Limits of one child.
 
 use std::time::Duration;
 
 /// What to do on a kernel without Landlock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum LandlockPolicy {
-    /// Go on behind seccomp alone; the parent says so once, loudly.
+    /// Continue with seccomp alone; the parent logs one warning.
     #[default]
     IfAvailable,
-    /// Refuse to look at any recording.
+    /// Refuse every recording.
     Required,
 }
 
-/// Limits of one child. Beyond one it is killed, and [`super::Outcome`] names which.
+/// Limits of one child. If it exceeds one, it is killed, and [`super::ChildOutcome`] names the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
-    /// Memory it may map beyond what the program itself takes, bytes. The default lets 4096×2304 H.264 through with two
-    /// decoder threads, refuses 16384×8704, and keeps the whole process under 512 MiB.
+    /// Memory that it may map beyond the program's own, bytes. The default allows 4096×2304 H.264 with two decoder
+    /// threads, refuses 16384×8704, and keeps the whole process under 512 MiB.
     pub memory_bytes: u64,
-    /// Processor time of all its threads together.
+    /// CPU time of all its threads together.
     pub cpu: Duration,
-    /// How long it computes at a time. Whoever wakes and takes shorter slices goes before it, on Linux 6.12 and newer: the service
-    /// always, whose threads take what the system gives, a few milliseconds; a child for whom somebody waits before one
-    /// for whom nobody does.
+    /// Length of its CPU time slices. On Linux 6.12 and newer, a thread that wakes up runs before threads with longer
+    /// slices. The service's threads have the system's slices, a few milliseconds, and always run first; a child that
+    /// works for a waiting user runs before one that does not.
     pub slice: Duration,
-    /// Time on the wall from start to end.
+    /// Wall-clock time from start to end.
     pub wall: Duration,
-    /// Time on the wall without a single record: a child that still works says so more often.
+    /// Wall-clock time without a record: a working child reports more often.
     pub silence: Duration,
     /// Longest record, bytes.
     pub record_bytes: usize,
     /// All records together, bytes.
     pub output_bytes: u64,
-    /// Length that its output file may grow to, bytes; 0 where it has none.
+    /// Largest length of its output file, bytes; 0 without an output file.
     pub file_bytes: u64,
     /// What to do without Landlock.
     pub landlock: LandlockPolicy,
 }
 
 impl Budget {
-    /// A [`Budget::slice`] for a child for whom somebody waits: what a frame takes.
+    /// The [`Budget::slice`] of a child that works for a waiting user: about the time for one frame.
     pub const SHORT_SLICE: Duration = Duration::from_millis(20);
 }
 

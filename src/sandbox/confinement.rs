@@ -1,4 +1,4 @@
-//! What a child gives up, for good and for all its threads to come.
+//! What a child gives up for good, also for its later threads.
 
 use std::io;
 
@@ -14,46 +14,46 @@ use super::slice;
 use super::syscalls;
 use crate::heap;
 
-/// Newest Landlock interface whose rights were read and understood; older kernels enforce the part they know.
+/// Newest Landlock version whose rights were reviewed; older kernels enforce the part that they know.
 const LANDLOCK: ABI = ABI::V6;
 
-/// What a child is told to give up.
+/// The limits that a child imposes on itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Confinement {
-    /// Process that must outlive it.
+    /// The process that must outlive the child.
     pub(super) parent: u32,
-    /// Memory beyond what the program takes, bytes.
+    /// Memory beyond the program's own, bytes.
     pub(super) memory_bytes: u64,
-    /// Processor time, s.
+    /// CPU time, s.
     pub(super) cpu_s: u64,
-    /// Slices of processor time that it takes, ns.
+    /// Length of its CPU time slices, ns.
     pub(super) slice_ns: u64,
-    /// Length that a file may grow to, bytes; 0 where it has none to write.
+    /// Largest length of its output file, bytes; 0 without an output file.
     pub(super) file_bytes: u64,
     /// What to do without Landlock.
     pub(super) landlock: LandlockPolicy,
 }
 
-/// How much of Landlock the kernel enforces. The system call filter and the limits are always whole.
+/// How much of Landlock the kernel enforces. The system call filter and the limits are always enforced completely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Enforced {
-    /// All that was asked for.
+    /// Everything requested.
     Fully,
-    /// The part an older kernel knows.
+    /// The part that an older kernel knows.
     Partly,
-    /// Nothing: the kernel has no Landlock, or has it switched off.
+    /// Nothing: the kernel has no Landlock, or it is disabled.
     NoLandlock,
 }
 
-/// Why a process could not confine itself; it must then not look at its input.
+/// Why a process could not confine itself; it must then not read its input.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfinementError {
     /// A system call failed.
     #[error("while {doing}: {source}")]
     System {
-        /// What was being done.
+        /// The operation.
         doing: &'static str,
-        /// The system's word.
+        /// The system's error.
         source: io::Error,
     },
     /// The parent is gone already.

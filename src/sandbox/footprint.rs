@@ -1,4 +1,4 @@
-//! How much memory a process takes, as the kernel tells.
+//! Memory use of a process, as reported by the kernel.
 
 use std::fs;
 use std::io;

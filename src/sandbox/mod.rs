@@ -1,9 +1,9 @@
 //! One-shot child processes that may compute and do nothing else.
 //!
-//! FFmpeg decodes what strangers send, so it runs where its faults stay: in a child with an empty environment, no file
-//! but its open inputs, no network, bounded memory, time and output. The child re-executes this program, takes a
-//! request and descriptors over a socket, confines itself ([`admission`]) and only then looks at either; the parent
-//! ([`run`]) pumps, watches the clock and counts, and names how it ended ([`Outcome`]).
+//! FFmpeg decodes untrusted files, so it runs where its faults do no harm: in a child with an empty environment, no
+//! files but its open inputs, no network, and limits on memory, time and output. The child re-executes this program,
+//! receives a request and descriptors over a socket, confines itself ([`admission`]) and only then reads them. The
+//! parent ([`run`]) moves the data, enforces the limits, and classifies how the child ended ([`ChildOutcome`]).
 //!
 //! ```text
 //! parent                                child
@@ -14,9 +14,9 @@
 //!   │ pidfd, stop switch, two clocks          │ exit
 //! ```
 //!
-//! Layers of confinement, each enough to refuse the known attacks alone: no file can be opened (seccomp answers `EACCES`),
-//! no file could be reached (Landlock), nothing can be created or executed, any other system call kills.
-//! What the child says is hostile input again: this module bounds its size, the caller checks its sense.
+//! Each layer of confinement is enough to stop the known attacks: no file can be opened (seccomp answers `EACCES`), no
+//! file could be reached (Landlock), nothing can be created or executed, and any other system call kills the child. The
+//! child's output is untrusted input again: this module limits its size, the caller validates its content.
 
 mod admission;
 mod budget;

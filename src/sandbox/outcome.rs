@@ -1,4 +1,4 @@
-//! How a child ended, and what it cost.
+//! How a child ended, and what it used.
 
 use std::fmt;
 use std::io;
@@ -8,59 +8,59 @@ use std::time::Duration;
 
 use super::record::RecordError;
 
-/// Which limit of time was reached.
+/// The time limit that was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// The whole time on the wall.
+    /// Wall-clock time.
     Wall(Duration),
-    /// Time without a record.
+    /// Wall-clock time without a record.
     Silence(Duration),
-    /// Processor time.
+    /// CPU time.
     Processor(Duration),
 }
 
 /// How a child ended.
 #[derive(Debug)]
 pub enum Outcome {
-    /// It exited with status 0 after whole records.
+    /// It exited with status 0 after complete records.
     Finished,
     /// It exited with another status.
     Exited(i32),
-    /// A signal that the parent did not send: a crash, or the system call filter.
+    /// It was killed by a signal that the parent did not send: a crash, or the system call filter.
     Killed(i32),
-    /// Its memory limit refused an allocation; how that is known.
+    /// Its memory limit refused an allocation; the text says how this is known.
     OutOfMemory(&'static str),
-    /// A limit of time was reached.
+    /// A time limit was reached.
     TimedOut(Limit),
-    /// It wrote what no honest child writes.
+    /// Its output violated the protocol.
     Violated(RecordError),
-    /// Ended on request.
+    /// It was stopped on request.
     Stopped,
     /// It could not be started or watched.
     NotRun(io::Error),
 }
 
-/// What a child used.
+/// Resources that a child used.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cost {
-    /// Time on the wall.
+    /// Wall-clock time.
     pub wall: Duration,
-    /// Processor time, all threads, kernel included.
+    /// CPU time of all threads, kernel included.
     pub cpu: Duration,
-    /// Most memory resident at a time, bytes, as last seen while it ran.
+    /// Largest resident memory, bytes, at the last sample while it ran.
     pub peak_rss_bytes: u64,
-    /// Bytes of records.
+    /// Length of its records, bytes.
     pub output_bytes: u64,
 }
 
-/// The end of a child.
+/// The result of running a child.
 #[derive(Debug)]
 pub struct Ended {
-    /// How.
+    /// How it ended.
     pub outcome: Outcome,
-    /// The last it wrote to its standard error, made printable; for logs, never for people's browsers.
+    /// The end of its standard error, made printable; for logs, never for browsers.
     pub stderr_tail: String,
-    /// What it used.
+    /// Resources used.
     pub cost: Cost,
 }
 
@@ -68,15 +68,15 @@ impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Outcome::Finished => write!(f, "ended normally"),
-            Outcome::Exited(status) => write!(f, "ended with status {status}"),
+            Outcome::Exited(status) => write!(f, "exited with status {status}"),
             Outcome::Killed(signal) => write!(f, "was killed by signal {signal} ({})", signal_name(*signal)),
             Outcome::OutOfMemory(known_by) => write!(f, "needed more memory than it may use ({known_by})"),
             Outcome::TimedOut(Limit::Wall(limit)) => write!(f, "took longer than {} s", limit.as_secs()),
             Outcome::TimedOut(Limit::Silence(limit)) => write!(f, "made no progress for {} s", limit.as_secs()),
             Outcome::TimedOut(Limit::Processor(limit)) => {
-                write!(f, "used more than {} s of processor time", limit.as_secs())
+                write!(f, "used more than {} s of CPU time", limit.as_secs())
             }
-            Outcome::Violated(what) => write!(f, "broke the protocol: {what}"),
+            Outcome::Violated(what) => write!(f, "sent invalid output: {what}"),
             Outcome::Stopped => write!(f, "was stopped"),
             Outcome::NotRun(error) => write!(f, "could not be run: {error}"),
         }
@@ -89,7 +89,7 @@ fn signal_name(signal: i32) -> &'static str {
         libc::SIGBUS => "bus error",
         libc::SIGFPE => "arithmetic fault",
         libc::SIGILL => "illegal instruction",
-        libc::SIGKILL => "killed from outside, perhaps by the kernel for want of memory",
+        libc::SIGKILL => "killed from outside, perhaps by the kernel because memory was low",
         libc::SIGSEGV => "invalid memory access",
         libc::SIGSYS => "forbidden system call",
         libc::SIGTERM => "termination",
@@ -97,7 +97,7 @@ fn signal_name(signal: i32) -> &'static str {
     }
 }
 
-/// Reads a wait status, knowing what stood on standard error and the limit of processor time.
+/// Interprets a wait status with the help of standard error and the limit of CPU time.
 pub(super) fn of_status(status: ExitStatus, stderr_tail: &str, cpu: Duration) -> Outcome {
     match (status.code(), status.signal()) {
         (Some(0), _) => Outcome::Finished,

@@ -1,4 +1,4 @@
-//! The parent's side: start a child, pump its streams, watch the clocks, name its end.
+//! The parent's side: starts a child, moves its data, enforces the time limits, classifies its end.
 
 use std::fs::File;
 use std::io::{self, IoSlice, Read};
@@ -22,20 +22,20 @@ use super::outcome::{self, Cost, Ended, Limit, Outcome};
 use super::record::{RecordError, Splitter};
 use super::stop::Stop;
 
-/// Bytes of records that are read at a time.
+/// Bytes read from the child at a time.
 const READ_BYTES: usize = 1 << 16;
 
-/// Between two looks at a child's memory, once it is older than [`YOUNG`]: a look takes several system calls, and what is looked
-/// for only grows.
+/// Interval between samples of a child's memory once it is older than [`YOUNG_AGE`]: a sample takes several system
+/// calls, and the peak only grows.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// A child that lives no longer than this is looked at with each record, for none may come later.
+/// A younger child is sampled with each record, because it may send no later one.
 const YOUNG: Duration = Duration::from_secs(1);
 
-/// Bytes of standard error that are kept, from its end.
+/// Bytes kept of the end of standard error.
 const STDERR_TAIL: usize = 4096;
 
-/// What is started.
+/// The program that a child runs.
 #[derive(Clone, Debug)]
 pub struct Program {
     path: PathBuf,
@@ -43,12 +43,12 @@ pub struct Program {
 }
 
 impl Program {
-    /// This very program, even if its file has been replaced since it was started.
+    /// This program, even if its file has been replaced since it was started.
     pub fn this(arguments: &[&str]) -> Self {
         Self::at("/proc/self/exe", arguments)
     }
 
-    /// Another one.
+    /// Another program.
     pub fn at(path: impl Into<PathBuf>, arguments: &[&str]) -> Self {
         Self { path: path.into(), arguments: arguments.iter().map(|&a| a.to_owned()).collect() }
     }
@@ -56,17 +56,18 @@ impl Program {
 
 /// What one child is to do.
 pub struct Order<'a> {
-    /// What to start.
+    /// The program to start.
     pub program: &'a Program,
-    /// Bytes it gets once it is confined.
+    /// The request; the child receives it after confinement.
     pub request: Vec<u8>,
     /// Its inputs; open them for reading only.
     pub inputs: Vec<File>,
 }
 
-/// Runs one child to its end; every record goes to `on_record`, whose error ends the child as one that broke the protocol.
+/// Runs one child to its end. Every record goes to `on_record`; if that returns an error, the child is killed for
+/// violating the protocol.
 ///
-/// Blocks for the child's whole life, and must: the kernel kills the child when the *thread* that started it ends.
+/// Blocks until the child has ended. It has to: the kernel kills the child when the *thread* that started it ends.
 pub fn run(
     order: Order<'_>,
     budget: &Budget,
@@ -83,7 +84,7 @@ pub fn run(
     }
 }
 
-/// A child that has been started and not yet waited for.
+/// A child that was started and not yet reaped.
 struct Running {
     budget: Budget,
     pid: Pid,
@@ -102,7 +103,7 @@ struct Running {
     last_record: Instant,
 }
 
-/// What woke the parent.
+/// Which descriptors are ready.
 #[derive(Clone, Copy, Default)]
 struct Ready {
     request: bool,
@@ -162,7 +163,7 @@ impl Running {
         Ended { outcome, stderr_tail, cost }
     }
 
-    /// A crash tears a record: then the crash is the reason to tell, not the tear.
+    /// A crash also truncates a record; then the crash is the reason to report.
     fn outcome(&self, status: ExitStatus, stderr_tail: &str) -> Outcome {
         match (outcome::of_status(status, stderr_tail, self.budget.cpu), self.splitter.finish()) {
             (Outcome::Finished, Err(torn)) => Outcome::Violated(torn),
@@ -170,7 +171,7 @@ impl Running {
         }
     }
 
-    /// Until its streams are closed and it has exited; an error is a reason to kill it.
+    /// Moves data until the streams are closed and the child has exited. An error is a reason to kill it.
     fn pump(&mut self, stop: &Stop, mut on_record: impl FnMut(&[u8]) -> Result<(), String>) -> Result<(), Outcome> {
         loop {
             let ready = self.wait(stop)?;
@@ -201,7 +202,7 @@ impl Running {
             self.request.as_ref().map(|r| (r.socket.as_fd(), PollFlags::OUT)),
             self.stdout.as_ref().map(|s| (s.as_fd(), PollFlags::IN)),
             self.stderr.as_ref().map(|s| (s.as_fd(), PollFlags::IN)),
-            // An exit is ready for ever: look at it only when the streams have told all.
+            // The exit stays ready for ever: wait for it only after the streams are closed.
             (!streams_open).then(|| (self.pidfd.as_fd(), PollFlags::IN)),
             Some((stop.as_fd(), PollFlags::IN)),
         ];
@@ -209,7 +210,7 @@ impl Running {
         Ok(Ready { request, stdout, stderr, exit, stop })
     }
 
-    /// How long until the next limit of time, or which one has been reached.
+    /// Time until the next time limit, or the limit that has been reached.
     fn next_limit(&self) -> Result<Duration, Outcome> {
         let wall = self.budget.wall.checked_sub(self.started.elapsed());
         let silence = self.budget.silence.checked_sub(self.last_record.elapsed());
@@ -220,8 +221,9 @@ impl Running {
         }
     }
 
-    /// The bill at the end names the *parent's* peak if that is higher (it is carried over `exec`), so the child's own is
-    /// read while it lives; at its last word it has not ended yet.
+    /// Samples the child's own memory peak. The kernel's resource usage at the end names the *parent's* peak if that is
+    /// higher (it is carried over `exec`), so the child is sampled while it lives; at its last record it has not exited
+    /// yet.
     fn look_at_memory(&mut self) {
         let is_young = self.started.elapsed() < YOUNG;
         if !is_young && self.looked.is_some_and(|looked| looked.elapsed() < LOOK_EVERY) {
@@ -233,7 +235,7 @@ impl Running {
     }
 
     fn send_request(&mut self) {
-        let done = self.request.as_mut().is_none_or(|r| r.send().unwrap_or(true)); // a broken socket: it has ended
+        let done = self.request.as_mut().is_none_or(|r| r.send().unwrap_or(true)); // broken socket: it has ended
         if done {
             self.request = None;
         }
@@ -268,14 +270,14 @@ impl Running {
     }
 
     fn kill(&self) {
-        // It may have ended on its own meanwhile.
+        // The child may have exited meanwhile.
         let _ = pidfd_send_signal(&self.pidfd, Signal::KILL);
     }
 
-    /// Waits for the end, once, and reads the bill.
+    /// Waits for the exit, once, and reads the resource usage.
     fn reap(&mut self) -> io::Result<(ExitStatus, Cost)> {
         let mut status = 0;
-        // SAFETY: `rusage` is plain numbers, for which zeros are a value.
+        // SAFETY: `rusage` consists of plain numbers, for which zero is a valid value.
         let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
         loop {
             // SAFETY: both pointers are to live, writable variables of the right types; the process is our child.
@@ -295,7 +297,7 @@ impl Running {
 }
 
 impl Drop for Running {
-    /// A panic in the caller's record handler must not leave a child behind.
+    /// Kills the child if a panic in the caller's record handler left it running.
     fn drop(&mut self) {
         if !self.reaped {
             self.kill();
@@ -304,7 +306,7 @@ impl Drop for Running {
     }
 }
 
-/// The request on its way to the child; the descriptors ride on its first bytes.
+/// The request on its way to the child; the descriptors travel with its first bytes.
 struct Outgoing {
     socket: UnixStream,
     bytes: Vec<u8>,
@@ -315,7 +317,7 @@ struct Outgoing {
 impl Outgoing {
     fn new(socket: UnixStream, request: Vec<u8>, inputs: Vec<File>, budget: &Budget) -> Self {
         let confinement = Confinement {
-            slice_ns: budget.slice.as_nanos() as u64, // checked: a fraction of a second
+            slice_ns: budget.slice.as_nanos() as u64, // fits: a fraction of a second
             parent: std::process::id(),
             memory_bytes: budget.memory_bytes,
             cpu_s: budget.cpu.as_secs().max(1),
@@ -327,7 +329,7 @@ impl Outgoing {
         Self { socket, bytes, sent: 0, inputs }
     }
 
-    /// Sends what the socket takes; true when all is sent.
+    /// Sends as much as the socket takes; returns true when everything is sent.
     fn send(&mut self) -> io::Result<bool> {
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(MOST_INPUTS))];
         let mut control = SendAncillaryBuffer::new(&mut space);
@@ -348,7 +350,7 @@ impl Outgoing {
     }
 }
 
-/// Polls what is watched; the answers stand in the same places.
+/// Polls the descriptors; the answers are at the same indices.
 fn ready_of<const N: usize>(
     watched: [Option<(BorrowedFd<'_>, PollFlags)>; N],
     timeout: &Timespec,
@@ -368,7 +370,7 @@ fn duration(time: libc::timeval) -> Duration {
     Duration::new(time.tv_sec.unsigned_abs(), time.tv_usec as u32 * 1000)
 }
 
-/// Text without control characters, so that a log shows what was written and obeys none of it.
+/// Text without control characters, so that log viewers do not interpret it.
 fn printable(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     text.trim().chars().map(|c| if c.is_control() { ' ' } else { c }).collect()

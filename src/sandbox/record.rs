@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 const HEAD: usize = 4;
 
-/// Why a stream of records cannot be followed any further.
+/// Why no further record can be read from a stream.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
     /// A record longer than the budget.
@@ -12,19 +12,19 @@ pub enum RecordError {
     TooLong {
         /// Announced length.
         bytes: usize,
-        /// Most that is accepted.
+        /// The limit.
         limit: usize,
     },
     /// More output than the budget.
     #[error("more than {limit} bytes of output")]
     TooMuch {
-        /// Most that is accepted.
+        /// The limit.
         limit: u64,
     },
     /// The stream ended inside a record.
     #[error("the output ends in the middle of a record")]
     Torn,
-    /// The record's content contradicts the protocol.
+    /// The record's content violates the protocol.
     #[error("{0}")]
     Nonsense(String),
 }
@@ -38,7 +38,7 @@ pub fn write_record(out: &mut impl Write, record: &[u8]) -> io::Result<()> {
     out.flush()
 }
 
-/// Cuts bytes as they arrive into records, and refuses lengths before it makes room for them.
+/// Splits bytes into records as they arrive, and refuses a length before it allocates memory for it.
 pub(super) struct Splitter {
     pending: Vec<u8>,
     record_bytes: usize,
@@ -51,7 +51,7 @@ impl Splitter {
         Self { pending: Vec::new(), record_bytes, output_bytes, seen: 0 }
     }
 
-    /// Takes bytes and hands every record they complete to `each`; returns how many there were.
+    /// Takes bytes and passes every record that they complete to `each`; returns the number of records.
     pub(super) fn push(
         &mut self,
         bytes: &[u8],
@@ -72,7 +72,7 @@ impl Splitter {
         Ok(records)
     }
 
-    /// The stream has ended: was it between two records?
+    /// Fails if the stream ended inside a record.
     pub(super) fn finish(&self) -> Result<(), RecordError> {
         if self.pending.is_empty() { Ok(()) } else { Err(RecordError::Torn) }
     }

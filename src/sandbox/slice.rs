@@ -1,15 +1,16 @@
-//! How long a child computes at a time.
+//! Length of a child's CPU time slices.
 //!
-//! A thread that wakes goes before one that computes only if its slices are shorter (Linux 6.12 and newer, `sched(7)`); else it
-//! waits for the end of that one's slice. A frame on its way to a position wakes half a dozen threads of the service one
-//! after the other: while decoders have every processor, each of them would wait behind one.
+//! A thread that wakes up runs before a computing thread only if its slices are shorter (Linux 6.12 and newer,
+//! `sched(7)`); otherwise it waits until the other's slice ends. A frame on its way to a position wakes half a dozen
+//! threads of the service one after the other. While decoders use every processor, each of these threads would wait for
+//! one slice.
 
 use std::mem::size_of;
 
 use libc::{SYS_sched_getattr, SYS_sched_setattr, c_long, sched_attr, syscall};
 
-/// Takes slices of this length, ns, in this thread and all it begins. An older kernel knows of none, and a container may forbid
-/// it: then things take longer, and nothing else is different.
+/// Sets the slice length, ns, of this thread and of all threads that it starts later. An older kernel does not know
+/// slices, and a container may forbid the call: then work takes longer, but nothing else changes.
 pub(super) fn take(ns: u64) {
     if let Some(mut now) = read() {
         now.sched_runtime = ns;
@@ -18,7 +19,7 @@ pub(super) fn take(ns: u64) {
     }
 }
 
-/// How this thread shares the processors.
+/// Scheduling attributes of this thread.
 fn read() -> Option<sched_attr> {
     let mut now = sched_attr {
         size: 0,
@@ -30,7 +31,7 @@ fn read() -> Option<sched_attr> {
         sched_deadline: 0,
         sched_period: 0,
     };
-    // SAFETY: the kernel fills a structure of the size that it is told.
+    // SAFETY: the kernel fills a structure of the size that is passed to it.
     let failed = unsafe { syscall(SYS_sched_getattr, 0, &raw mut now, size_of::<sched_attr>(), 0) } != 0;
     (!failed).then_some(now)
 }
@@ -43,7 +44,7 @@ mod tests {
     fn a_thread_takes_the_slices_it_was_told_and_hands_them_on() {
         let own = || read().unwrap().sched_runtime;
         if own() == 0 {
-            return eprintln!("SKIPPED: this kernel knows no slices (Linux 6.12 does)");
+            return eprintln!("SKIPPED: this kernel has no slices (Linux 6.12 has)");
         }
         let (first, inherited) = std::thread::spawn(move || {
             take(20_000_000);
@@ -52,6 +53,6 @@ mod tests {
         .join()
         .unwrap();
         assert_eq!([first, inherited], [20_000_000; 2]);
-        assert!(own() < 20_000_000, "no other thread does");
+        assert!(own() < 20_000_000, "the other threads are unchanged");
     }
 }

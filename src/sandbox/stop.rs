@@ -1,4 +1,4 @@
-//! A switch that ends running children from another thread.
+//! A switch that kills running children from another thread.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -6,19 +6,19 @@ use std::sync::Arc;
 
 use rustix::event::{EventfdFlags, eventfd};
 
-/// Once pulled, every child that was started with it is killed; clones are the same switch.
+/// Kills every child that was started with it; clones are the same switch.
 #[derive(Clone, Debug)]
 pub struct Stop(Arc<OwnedFd>);
 
 impl Stop {
-    /// A switch at rest.
+    /// Creates a switch.
     pub fn new() -> io::Result<Self> {
         Ok(Self(Arc::new(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?)))
     }
 
-    /// Ends what runs with it, and what will be started with it.
+    /// Kills the children that run with it, and those that will be started with it.
     pub fn pull(&self) {
-        // A counter that cannot be raised any more is one that has been raised.
+        // The write fails only if the counter is at its maximum, and then the switch has been pulled.
         let _ = rustix::io::write(&self.0, &1u64.to_ne_bytes());
     }
 }

@@ -1,9 +1,9 @@
-//! Which system calls a confined child may make.
+//! The system calls that a confined child may make.
 //!
-//! Three filters, of which the kernel takes the strictest answer: the *allow-list* kills for anything that is not on it;
-//! the *refusals* turn calls that libraries make out of habit (looking for a file, the terminal's size) into an error
-//! they know how to take; the *detour* answers `ENOSYS` to `clone3`, whose flags a filter cannot see, so that the C
-//! library falls back to `clone`, where only threads pass.
+//! There are three filters, and the kernel applies the strictest answer. The *allow-list* kills the child for any call
+//! that is not on it. The *refusals* turn calls that libraries make by habit (looking for a file, the terminal's size)
+//! into an error that they can handle. The *detour* answers `ENOSYS` to `clone3`, whose flags a filter cannot see, so
+//! that the C library falls back to `clone`, which is allowed for threads only.
 
 use libc::c_long;
 use seccompiler::{
@@ -11,7 +11,7 @@ use seccompiler::{
     SeccompCondition, SeccompFilter, SeccompRule,
 };
 
-/// Memory, threads, time, and reading and writing what is open.
+/// Memory, threads, time, and reading and writing open files.
 const ALLOWED: &[c_long] = &[
     libc::SYS_brk,
     libc::SYS_clock_getres,
@@ -46,7 +46,7 @@ const ALLOWED: &[c_long] = &[
     libc::SYS_writev,
 ];
 
-/// Answered with `EACCES`: a library that asks out of habit goes on without.
+/// Answered with `EACCES`: libraries that call them by habit continue without them.
 const REFUSED: &[c_long] = &[
     libc::SYS_faccessat,
     libc::SYS_faccessat2,
@@ -72,7 +72,7 @@ const REFUSED: &[c_long] = &[
     libc::SYS_stat,
 ];
 
-/// The programs to load, in this order: each leaves through what loading the next one takes.
+/// The filters in loading order: each one allows the calls that loading the next one needs.
 pub(super) fn filters(own_pid: u32) -> Result<[BpfProgram; 3], BackendError> {
     Ok([
         program(refusals(), SeccompAction::Allow, SeccompAction::Errno(libc::EACCES as u32))?,
@@ -103,13 +103,13 @@ fn allow_list(own_pid: u32) -> Result<Rules, BackendError> {
     Ok(rules)
 }
 
-/// A thread of this process: shares memory, handlers and thread group.
+/// A thread of this process: shares memory, signal handlers and thread group.
 fn only_threads() -> Result<SeccompRule, BackendError> {
     let thread = (libc::CLONE_VM | libc::CLONE_SIGHAND | libc::CLONE_THREAD) as u64;
     SeccompRule::new(vec![SeccompCondition::new(0, Qword, SeccompCmpOp::MaskedEq(thread), thread)?])
 }
 
-/// Memory that is data stays data.
+/// Data memory cannot become executable.
 fn never_executable() -> Result<SeccompRule, BackendError> {
     SeccompRule::new(vec![SeccompCondition::new(2, Dword, SeccompCmpOp::MaskedEq(libc::PROT_EXEC as u64), 0)?])
 }

@@ -1,7 +1,8 @@
-//! A feed's log into a recording: frames in their order, times as they were told, nothing decoded.
+//! Assembles a recording from a feed's log: frames in order, with the times in the log, without decoding.
 //!
-//! What could not be decoded or shown is left out: frames of H.264 before the first key frame, and after a hole until the next;
-//! frames whose time is not after the one before; pictures of another size than the recording's.
+//! Frames that cannot be decoded or shown are left out: H.264 frames before the first key frame, and after a hole up to
+//! the next key frame; frames whose time is not after the previous one; pictures whose size differs from the
+//! recording's.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -15,7 +16,7 @@ use crate::domain::feed::record::{Body, HEAD, read_all};
 use crate::domain::problem::Problem;
 use crate::media::{CodedFrame, Muxer, Stream, can_begin_with, frame_size};
 
-/// Frames between two words to the parent.
+/// Frames between two signs of life.
 const WORD_EVERY: usize = 250;
 
 /// A frame in the log.
@@ -24,7 +25,7 @@ struct Place {
     number: u64,
     time: i64,
     is_key: bool,
-    /// Where its bytes begin, and how many there are.
+    /// Offset and length of its bytes in the log.
     offset: u64,
     bytes: usize,
 }
@@ -34,12 +35,12 @@ pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Repo
         return Err(Halt::Explained(explain::no_input()));
     };
     let all = frames_of(&log, reporter)?;
-    let came = all.len() as u64;
+    let arrived = all.len() as u64;
     let mut bytes = Vec::new();
     let fitting = of_size(&log, all, &work, &mut bytes)?;
     let mut frames = playable(fitting, work.codec);
     let Some(first) = first_to_begin_with(&log, &frames, work.codec, &mut bytes)? else {
-        return Err(Halt::Explained(nothing_playable(came)));
+        return Err(Halt::Explained(nothing_playable(arrived)));
     };
     frames.drain(..first);
     let stream = Stream { codec: work.codec, size: work.size, time_base: work.time_base, first: &bytes };
@@ -52,13 +53,13 @@ pub(super) fn run(work: AssembleWork, mut inputs: Vec<File>, reporter: &mut Repo
         muxer.write(CodedFrame { pts: frame.time, dts, duration, is_key: frame.is_key, bytes: &bytes })?;
     }
     muxer.finish()?;
-    let kept = frames.len() as u64;
-    Ok(reporter.say(&Answer::Assembled { frames: kept, left_out: came - kept })?)
+    let written = frames.len() as u64;
+    Ok(reporter.say(&Answer::Assembled { frames: written, left_out: arrived - written })?)
 }
 
 /// All frames of the log in the order of their numbers, each once.
 fn frames_of(log: &File, reporter: &mut Reporter) -> Result<Vec<Place>, Halt> {
-    /// Bytes between two words to the parent: seconds of the slowest disk.
+    /// Bytes between two signs of life: seconds on the slowest disk.
     const WORD_BYTES: u64 = 64 << 20;
     let (mut frames, mut word_at) = (Vec::new(), 0);
     let mut log = log;
@@ -74,7 +75,7 @@ fn frames_of(log: &File, reporter: &mut Reporter) -> Result<Vec<Place>, Halt> {
         }
         Result::<(), Unread>::Ok(())
     })?;
-    frames.sort_by_key(|frame: &Place| frame.number); // stable: of two with one number, the first that came
+    frames.sort_by_key(|frame: &Place| frame.number); // stable: of two with the same number, the first to arrive
     frames.dedup_by_key(|frame| frame.number);
     Ok(frames)
 }
@@ -100,10 +101,10 @@ impl From<Unread> for Halt {
     }
 }
 
-/// The frames without the pictures of another size. Frames of H.264 behind such a key frame lack theirs, and are left out as
-/// those behind a hole are.
+/// Removes pictures of another size. H.264 frames that follow such a key frame lack their reference, and are left out
+/// like frames after a hole.
 fn of_size(log: &File, all: Vec<Place>, work: &AssembleWork, bytes: &mut Vec<u8>) -> Result<Vec<Place>, Halt> {
-    /// Where a JPEG's frame header lies at the latest: behind tables and what cameras say of themselves.
+    /// Latest position of a JPEG's frame header: after tables and the camera's metadata.
     const HEADER: usize = 1 << 16;
     let mut fitting = Vec::with_capacity(all.len());
     for frame in all {
@@ -122,11 +123,11 @@ fn of_size(log: &File, all: Vec<Place>, work: &AssembleWork, bytes: &mut Vec<u8>
 /// The frames that can be decoded and shown.
 fn playable(all: Vec<Place>, codec: FrameCodec) -> Vec<Place> {
     let mut times = BTreeSet::new();
-    let mut wanted: Option<u64> = None; // the number that goes on with what was decoded
+    let mut wanted: Option<u64> = None; // the number that continues what was decoded
     let mut decodable: Vec<Place> = Vec::with_capacity(all.len());
     for frame in all {
-        let goes_on = codec == FrameCodec::Jpeg || frame.is_key || wanted == Some(frame.number);
-        if goes_on && times.insert(frame.time) {
+        let continues = codec == FrameCodec::Jpeg || frame.is_key || wanted == Some(frame.number);
+        if continues && times.insert(frame.time) {
             wanted = Some(frame.number + 1);
             decodable.push(frame);
         } else {
@@ -134,7 +135,7 @@ fn playable(all: Vec<Place>, codec: FrameCodec) -> Vec<Place> {
         }
     }
     if codec == FrameCodec::Jpeg {
-        // Coded in the order in which they are shown: a time before the last one is a clock that jumped.
+        // JPEGs are in the order of display, so a time before the last one is a clock that jumped.
         let mut last = i64::MIN;
         decodable.retain(|frame| {
             let is_later = frame.time > last;
@@ -145,7 +146,7 @@ fn playable(all: Vec<Place>, codec: FrameCodec) -> Vec<Place> {
     decodable
 }
 
-/// The first frame that a decoder can begin with; its bytes are read.
+/// Finds the first frame that a decoder can begin with; leaves its bytes in `bytes`.
 fn first_to_begin_with(
     log: &File,
     frames: &[Place],
@@ -161,7 +162,7 @@ fn first_to_begin_with(
     Ok(None)
 }
 
-/// When each frame is decoded, and how long it is shown, ticks: times in order, early enough for each to be shown.
+/// Decoding time and duration of each frame, ticks: decoding times rise, and each is early enough for display.
 fn decoding_times(frames: &[Place]) -> Vec<(i64, i64)> {
     let mut shown: Vec<i64> = frames.iter().map(|frame| frame.time).collect();
     shown.sort_unstable();
@@ -180,13 +181,13 @@ fn read(mut log: &File, frame: &Place, into: &mut Vec<u8>) -> Result<(), Halt> {
 }
 
 fn unreadable(error: std::io::Error) -> Halt {
-    let detail = format!("the frames that arrived cannot be read again: {error}");
+    let detail = format!("the stored frames cannot be read: {error}");
     Halt::Explained(Problem::new("feed-unreadable", "The frames cannot be read", detail))
 }
 
-fn nothing_playable(came: u64) -> Problem {
+fn nothing_playable(arrived: u64) -> Problem {
     let detail = format!(
-        "{came} frames came, but none that can be decoded: pictures must be of the size that was agreed, and H.264 must \
+        "{arrived} frames arrived, but none can be decoded: pictures must have the announced size, and H.264 must \
          begin with a key frame and repeat its parameter sets with every one"
     );
     Problem::new(Problem::NO_FRAMES, "No frame can be decoded", detail)
@@ -206,8 +207,8 @@ mod tests {
 
     #[test]
     fn h264_begins_with_a_key_frame_and_goes_on_with_one_after_a_hole() {
-        let came = |n: u64| place(n, 40 * n as i64, n % 10 == 3);
-        let all: Vec<Place> = (0..40).filter(|n| *n != 16).map(came).collect();
+        let frame = |n: u64| place(n, 40 * n as i64, n % 10 == 3);
+        let all: Vec<Place> = (0..40).filter(|n| *n != 16).map(frame).collect();
         let kept: Vec<u64> = (3..16).chain(23..40).collect();
         assert_eq!(numbers(playable(all.clone(), FrameCodec::H264)), kept);
         assert_eq!(playable(all, FrameCodec::Jpeg).len(), 39, "every JPEG can be decoded");

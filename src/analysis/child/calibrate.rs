@@ -1,4 +1,4 @@
-//! Calibrate from photos or a video of a checkerboard.
+//! Calibrates from photos or a video of a checkerboard.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -35,25 +35,25 @@ fn look_at_photos(
 ) -> Result<Views, Halt> {
     let photos = names.into_iter().zip(inputs.into_iter().map(BufReader::new));
     let of = Some(photos.len() as u64);
-    let (mut done, mut told) = (0, Ok(()));
+    let (mut done, mut sent) = (0, Ok(()));
     let views = of_photos(photos, board, limits, |_| {
         done += 1;
-        if told.is_ok() {
-            told = reporter.say(&Answer::Alive { done, of });
+        if sent.is_ok() {
+            sent = reporter.say(&Answer::Alive { done, of });
         }
     });
-    told?;
+    sent?;
     Ok(views?)
 }
 
 fn look_at_video(inputs: Vec<File>, board: Board, limits: Limits, reporter: &mut Reporter) -> Result<Views, Halt> {
     let video = inputs.into_iter().next().ok_or_else(|| Halt::Explained(explain::no_input()))?;
-    let mut told = Ok(());
+    let mut sent = Ok(());
     let views = of_video("video", video, board, limits, |done, of| {
-        if told.is_ok() && done.is_multiple_of(FRAMES_AT_A_TIME) {
-            told = reporter.say(&Answer::Alive { done, of });
+        if sent.is_ok() && done.is_multiple_of(FRAMES_AT_A_TIME) {
+            sent = reporter.say(&Answer::Alive { done, of });
         }
     });
-    told?;
+    sent?;
     Ok(views?)
 }

@@ -1,4 +1,4 @@
-//! Look for a board on one photo.
+//! Looks for a board in one photo.
 
 use std::fs::File;
 use std::io::BufReader;

@@ -1,4 +1,4 @@
-//! Take a live stream apart while it is pushed: from a pipe that is read once, into coded frames.
+//! Splits a live stream into coded frames while it is pushed; its pipe can be read only once.
 
 use std::fs::File;
 

@@ -1,4 +1,4 @@
-//! Errors of decoding and tracking as problems for people.
+//! Turns errors of decoding and tracking into problems for users.
 
 use crate::analysis::calibration::ViewsError;
 use crate::analysis::protocol::MarkShape;
@@ -8,23 +8,23 @@ use crate::media::{MediaError, MuxError, SourceError};
 use crate::pipeline::camera::{BoardProblem, CalibrationProblem};
 use crate::pipeline::tracker::{Quality, SettingsProblem, ToolQuality};
 
-/// An error that says what to do.
+/// An error that can be shown to users with advice.
 pub(super) trait Explain {
-    /// As a problem.
+    /// The error as a problem.
     fn explain(&self) -> Problem;
 }
 
 impl Explain for MediaError {
     fn explain(&self) -> Problem {
         let (slug, title) = match self {
-            MediaError::Container(_) => ("not-a-video", "The file is not a video that can be read"),
-            MediaError::NoVideo => ("no-video-stream", "The file holds no picture"),
+            MediaError::Container(_) => ("not-a-video", "The file is not a readable video"),
+            MediaError::NoVideo => ("no-video-stream", "The file contains no video stream"),
             MediaError::Codec(_) => ("codec-not-accepted", "The video codec is not accepted"),
             MediaError::OverLimit { .. } => ("recording-too-large", "The recording is larger than accepted"),
-            MediaError::SizeChanged { .. } => (Problem::SIZE_CHANGES, "The picture changes its size"),
+            MediaError::SizeChanged { .. } => (Problem::SIZE_CHANGES, "The picture size changes"),
             MediaError::NoFrames => (Problem::NO_FRAMES, "No frame can be decoded"),
             MediaError::Memory => ("too-much-memory", "The recording needs too much memory"),
-            MediaError::Photo(_) => ("not-a-photo", "The file is not a photo that can be read"),
+            MediaError::Photo(_) => ("not-a-photo", "The file is not a readable photo"),
             MediaError::PixelFormat(_) => ("pixel-format", "The pixel format cannot be used"),
             MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
         };
@@ -37,7 +37,7 @@ impl Explain for SourceError {
         let detail = match self {
             SourceError::Media(error) => return error.explain(),
             SourceError::Open(error) => format!(
-                "it is neither MPEG-TS nor Matroska that can be read ({error}); push with ffmpeg's -f mpegts or -f matroska"
+                "it is not readable as MPEG-TS or Matroska ({error}); push with ffmpeg's -f mpegts or -f matroska"
             ),
             other => other.to_string(),
         };
@@ -47,14 +47,16 @@ impl Explain for SourceError {
 
 impl Explain for MuxError {
     fn explain(&self) -> Problem {
-        Problem::new("cannot-assemble", "The frames cannot be put together", self.to_string())
+        Problem::new("cannot-assemble", "The recording cannot be assembled", self.to_string())
     }
 }
 
 impl Explain for SettingsProblem {
     fn explain(&self) -> Problem {
         let (slug, title) = match self {
-            SettingsProblem::OtherSize { .. } => ("camera-size", "Camera and recording differ in size"),
+            SettingsProblem::OtherSize { .. } => {
+                ("camera-size", "Calibration and recording have different picture sizes")
+            }
             SettingsProblem::NoTool => ("no-tool", "No tool is marked"),
             SettingsProblem::CrowdedColour(..) => ("crowded-colour", "Too many tools share a colour"),
             SettingsProblem::SameSide(..) => ("same-side", "Tools of one colour come from one side"),
@@ -67,9 +69,9 @@ impl Explain for SettingsProblem {
     }
 }
 
-/// Work that came without its file.
+/// The work needs a file and none was sent.
 pub(super) fn no_input() -> Problem {
-    Problem::new("no-input", "The work came without a file", "send the recording again")
+    Problem::new("no-input", "No file was sent", "send the recording again")
 }
 
 impl Explain for BoardProblem {
@@ -111,40 +113,40 @@ impl Explain for CalibrationProblem {
     }
 }
 
-/// No tool on any frame.
+/// No tool was measured on any frame.
 pub(super) fn never_seen(quality: &Quality) -> Problem {
     let tool = |t: &ToolQuality| {
-        let most = t.reasons.iter().max_by_key(|(_, n)| **n).map_or("not seen", |(reason, _)| reason.name());
-        format!("`{}`: {}", t.tool, most.replace('_', " "))
+        let reason = t.reasons.iter().max_by_key(|(_, n)| **n).map_or("not seen", |(reason, _)| reason.name());
+        format!("`{}`: {}", t.tool, reason.replace('_', " "))
     };
     let tools: Vec<String> = quality.tools.iter().map(tool).collect();
     let detail = format!(
-        "on none of {} frames was a tool measured ({}); mark the tape again on a frame of this recording, in this light",
+        "no tool was measured on any of {} frames ({}); mark the tape again on a frame of this recording, in its light",
         quality.frames,
         tools.join(", ")
     );
     Problem::new("no-tool-seen", "No tool was seen", detail)
 }
 
-/// A palette that was stored by another version.
+/// The palette was stored by another version.
 pub(super) fn unreadable_palette() -> Problem {
-    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the tools' tape again")
+    Problem::new("palette-unreadable", "The box's colours cannot be read", "mark the colours of the tools' tape again")
 }
 
-/// A rectangle on a frame that the clip does not have.
+/// A rectangle is on a frame beyond the end of the clip.
 pub(super) fn mark_beyond_the_end(frame: u64, frames: u64) -> Problem {
     let detail = format!("a rectangle is on frame {frame}, but the clip has only {frames} frames, counted from 0");
-    Problem::new("mark-beyond-the-end", "A rectangle is on a frame that is not there", detail)
+    Problem::new("mark-beyond-the-end", "A rectangle is on a frame beyond the end", detail)
 }
 
-/// A rectangle on a frame of which no picture was sent.
+/// A rectangle is on a frame without a picture.
 pub(super) fn mark_without_picture(frame: u64) -> Problem {
     let detail =
         format!("a rectangle is on frame {frame}, but no picture of that frame was sent; send it as frame_{frame}");
     Problem::new("mark-without-picture", "A rectangle is on a frame that was not sent", detail)
 }
 
-/// A rectangle that is empty or leaves the frame.
+/// A rectangle is empty or reaches outside the frame.
 pub(super) fn mark_outside(mark: &MarkShape, width: usize, height: usize) -> Problem {
     let MarkShape { frame, label, x_y_w_h: [x, y, w, h], .. } = mark;
     let detail = format!(
@@ -152,5 +154,5 @@ pub(super) fn mark_outside(mark: &MarkShape, width: usize, height: usize) -> Pro
         u64::from(*x) + u64::from(*w),
         u64::from(*y) + u64::from(*h)
     );
-    Problem::new("mark-outside", "A rectangle leaves the frame", detail)
+    Problem::new("mark-outside", "A rectangle is outside the picture", detail)
 }

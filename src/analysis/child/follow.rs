@@ -1,7 +1,8 @@
-//! Track a recording while it arrives: each record of the log as the parent names it, decoded, tracked, told at once.
+//! Tracks a live recording: reads each record of the log that the parent names, decodes it, tracks its frames and
+//! replies at once.
 //!
-//! Frames are taken in the order of their numbers. One that comes late, sent behind the live ones after an outage, is left to
-//! the job that tracks the whole recording.
+//! Frames are taken in the order of their numbers. A late frame, sent after the live ones because of an outage, is
+//! skipped; the job that tracks the whole recording covers it.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -21,10 +22,10 @@ use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::quality::Ports;
 use crate::pipeline::tracker::{MOST_REHEARSED, Tracker, TrackerSettings};
 
-/// Between two words on features and light, s of the recording.
+/// Interval between replies with features and light, s of the recording.
 const FEATURES_EVERY_S: f64 = 1.0;
 
-/// Frames between two times that the past is forgotten.
+/// Frames between two calls of [`Tracker::forget_past`].
 const FORGET_EVERY: u64 = 1024;
 
 pub(super) fn run(
@@ -58,24 +59,24 @@ pub(super) fn run(
 struct Follower {
     codec: FrameCodec,
     decoder: FeedDecoder,
-    /// Until the first picture shows how it is coded.
+    /// Kept until the first picture shows the colour encoding.
     work: Option<TrackWork>,
     tracker: Option<Tracker>,
     ports: Ports,
-    /// Where each tool's trocar is, as it was last known well.
+    /// Last reliable position of each tool's trocar.
     fulcrums: Vec<Option<Fulcrum>>,
     size: (u32, u32),
-    /// The first pictures, until there are enough to rehearse.
+    /// The first pictures, until there are enough for the rehearsal.
     first: Vec<Picture>,
     is_rehearsed: bool,
-    /// The number that goes on with what was decoded.
+    /// The number that continues what was decoded.
     next: Option<u64>,
     running: Running,
     features_at_s: f64,
     since_forgotten: u64,
     stills: JpegMaker,
     last: Option<Picture>,
-    told: Followed,
+    reply: Followed,
 }
 
 impl Follower {
@@ -97,7 +98,7 @@ impl Follower {
             since_forgotten: 0,
             stills: JpegMaker::new(JpegStyle::SMALL),
             last: None,
-            told: Followed::default(),
+            reply: Followed::default(),
         })
     }
 
@@ -107,10 +108,10 @@ impl Follower {
         if self.next.is_some_and(|next| number < next) {
             return Ok(()); // late
         }
-        let goes_on = self.next == Some(number);
-        if self.codec == FrameCodec::H264 && !goes_on {
+        let continues = self.next == Some(number);
+        if self.codec == FrameCodec::H264 && !continues {
             if !is_key {
-                return Ok(()); // nothing before the next key frame can be decoded
+                return Ok(()); // undecodable until the next key frame
             }
             self.decoder.start_over();
         }
@@ -119,7 +120,7 @@ impl Follower {
         self.look()
     }
 
-    /// Looks at all pictures that are ready.
+    /// Tracks all pictures that the decoder has ready.
     fn look(&mut self) -> Result<(), Halt> {
         while let Some(picture) = self.decoder.next_picture()? {
             if self.is_rehearsed {
@@ -136,7 +137,7 @@ impl Follower {
         Ok(())
     }
 
-    /// The first pictures, looked at twice to learn how edges look, and then as all others.
+    /// Passes the first pictures twice: once to learn how edges look, then to track them like all others.
     fn rehearse(&mut self) -> Result<(), Halt> {
         self.is_rehearsed = true;
         let first = std::mem::take(&mut self.first);
@@ -157,7 +158,7 @@ impl Follower {
         report.tools.iter().filter_map(|tool| tool.filtered.as_ref()).for_each(|sample| self.running.take(sample));
         self.running.pass(frame.time_s);
         let tools = report.tools.iter().map(|tool| FollowedTool::new(frame.index, tool)).collect();
-        self.told.frames.push(FollowedFrame { frame: frame.index, time_s: frame.time_s, tools });
+        self.reply.frames.push(FollowedFrame { frame: frame.index, time_s: frame.time_s, tools });
         self.since_forgotten += 1;
         if self.since_forgotten == FORGET_EVERY {
             self.since_forgotten = 0;
@@ -171,31 +172,31 @@ impl Follower {
     }
 
     fn tell_features(&mut self) {
-        self.told.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
+        self.reply.running = Some(self.running.values().iter().filter_map(RunningRow::new).collect());
         let light = self.tracker.as_ref().and_then(Tracker::light);
         for (known, now) in self.fulcrums.iter_mut().zip(self.tracker.iter().flat_map(Tracker::fulcrums)) {
             *known = now.or(*known);
         }
-        self.told.placement = PlacementShape::new(&self.ports.place(&self.fulcrums));
-        self.told.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
+        self.reply.placement = PlacementShape::new(&self.ports.place(&self.fulcrums));
+        self.reply.light = light.map(|light| [light.luma_ratio, light.chroma_shift[0], light.chroma_shift[1]]);
     }
 
-    /// Keeps a picture to be shown; the one before is done with.
+    /// Keeps a picture for the still; returns the previous one to the decoder.
     fn keep(&mut self, picture: Picture) {
         if let Some(before) = self.last.replace(picture) {
             self.decoder.take_back(before);
         }
     }
 
-    /// The last picture, small. Without it a page is poorer, not wrong.
+    /// The last picture as a small JPEG. If encoding fails, the page only lacks the picture.
     fn still(&mut self) -> Option<(u64, Vec<u8>)> {
         let frame = self.last.as_ref().or(self.first.last())?.frame();
         self.stills.code(&frame).ok().map(|jpeg| (frame.index, jpeg))
     }
 
-    /// What there is to tell since the last time.
+    /// The reply collected since the last one.
     fn tell(&mut self) -> Followed {
-        std::mem::take(&mut self.told)
+        std::mem::take(&mut self.reply)
     }
 
     fn end(&mut self) -> Result<(), Halt> {

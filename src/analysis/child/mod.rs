@@ -1,4 +1,4 @@
-//! What runs inside the confinement: decode, track, report. No file is opened, no clock is asked, nothing is stored.
+//! What runs inside the confinement: decode, track, report. It opens no file, reads no clock and stores nothing.
 
 mod assemble;
 mod calibrate;
@@ -22,25 +22,25 @@ use crate::domain::problem::Problem;
 use crate::media::{Limits, VideoFile};
 use crate::sandbox::{self, ConfinementError, Enforced};
 
-/// Why a child ends without having explained itself to its parent.
+/// Why a child ends without reporting a problem to its parent.
 #[derive(Debug, thiserror::Error)]
 pub enum ChildError {
-    /// It could not confine itself, so it looked at nothing.
+    /// The child could not confine itself, so it did not touch its input.
     #[error("not confined: {0}")]
     Confinement(#[from] ConfinementError),
     /// The request cannot be read: parent and child are not the same program.
     #[error("the request cannot be read: {0}")]
     Request(postcard::Error),
-    /// Nobody listens any more.
-    #[error("the parent does not listen: {0}")]
+    /// The parent has closed the pipe.
+    #[error("the parent has closed the pipe: {0}")]
     Silenced(#[from] std::io::Error),
 }
 
 /// Why a piece of work stopped early.
 enum Halt {
-    /// It cannot be done; the parent is told why.
+    /// The work cannot be done; the parent receives the reason.
     Explained(Problem),
-    /// Nobody listens any more.
+    /// The parent has closed the pipe.
     Silenced(std::io::Error),
 }
 
@@ -56,7 +56,7 @@ impl<E: explain::Explain> From<E> for Halt {
     }
 }
 
-/// The whole life of a child: confine, take the request, work, tell the end.
+/// The child's whole run: confine, receive the request, work, report the end.
 pub fn run() -> Result<(), ChildError> {
     let admission = sandbox::admit()?;
     let mut reporter = Reporter::new();
@@ -71,9 +71,10 @@ pub fn run() -> Result<(), ChildError> {
     Ok(reporter.say(&last)?)
 }
 
-/// Without this, tables would be built by a thread for each core, for each child, and their stacks count as its memory.
+/// Limits rayon to the threads of this child. Otherwise each child would start a thread per core, and their stacks
+/// count as its memory.
 fn share_the_cores(threads: usize) {
-    // Refused only if the pool exists already, and then it has the right size: this runs once.
+    // This fails only if the pool exists already, and then it has the right size: this runs once.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build_global();
 }
 
@@ -103,7 +104,7 @@ fn work(request: Request, inputs: Vec<File>, reporter: &mut Reporter) -> Result<
     }
 }
 
-/// The one recording among the inputs.
+/// Opens the only recording among the inputs.
 fn open(inputs: Vec<File>, limits: Limits) -> Result<VideoFile, Halt> {
     let file = inputs.into_iter().next().ok_or_else(|| Halt::Explained(explain::no_input()))?;
     Ok(VideoFile::open(file, limits)?)

@@ -1,5 +1,5 @@
-//! Collect the colours that an instructor marked, from the clip in which they were marked or from pictures of its frames,
-//! and judge them; or find out which tapes suit a box.
+//! Collects the colours that an instructor marked, from the marked clip or from pictures of its frames, and reports on
+//! them; or finds out which tapes suit a box.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -16,7 +16,7 @@ use crate::pipeline::segmentation::palette::advice::advise;
 /// Frames between two signs of life.
 const FRAMES_AT_A_TIME: u64 = 32;
 
-/// Decodes no further than the last mark.
+/// Collects colours from a clip. Decodes no further than the last mark.
 pub(super) fn from_clip(
     marks: &[MarkShape],
     tools: &[String],
@@ -45,11 +45,11 @@ pub(super) struct Pictures<'a> {
     pub(super) frames: &'a [u64],
     /// JPEG or PNG files.
     pub(super) inputs: Vec<File>,
-    /// What one may hold.
+    /// Limits of one picture.
     pub(super) limits: Limits,
 }
 
-/// The same from pictures.
+/// Collects colours from pictures.
 pub(super) fn from_pictures(
     marks: &[MarkShape],
     tools: &[String],
@@ -61,7 +61,7 @@ pub(super) fn from_pictures(
     tell(&marked, tools, reporter)
 }
 
-/// What the marks make of these pictures, marked or not.
+/// Sends a report on the marks and a mask for each of these pictures, marked or not.
 pub(super) fn mask_on(
     marks: &[MarkShape],
     tools: &[String],
@@ -73,7 +73,7 @@ pub(super) fn mask_on(
     let nothing = || Halt::Explained(explain::no_input());
     reporter.say(&Answer::PaletteReport(marked.report(tools).ok_or_else(nothing)?))?;
     let unmarked = || {
-        let how = "mark at least one tape, and something that is none, then look again";
+        let how = "mark at least one tape and some background, then try again";
         Halt::Explained(Problem::new("no-marks", "Nothing is marked", how))
     };
     for mask in marked.masks(&colours_of(tools)).ok_or_else(unmarked)? {
@@ -100,14 +100,14 @@ fn look_at(
     Ok(())
 }
 
-/// Which tapes suit the box in this picture.
+/// Finds out which tapes suit the box in this picture.
 pub(super) fn advise_on(inputs: Vec<File>, limits: Limits, reporter: &mut Reporter) -> Result<(), Halt> {
     let file = inputs.into_iter().next().ok_or_else(|| Halt::Explained(explain::no_input()))?;
     let picture = photo::first_picture(file, limits)?;
     Ok(reporter.say(&Answer::PaletteAdvice(PaletteAdvice::from(&advise(&picture.frame()))))?)
 }
 
-/// Takes what is marked on this frame.
+/// Adds the marks on this frame.
 fn take(marked: &mut MarkedFrames, marks: &[MarkShape], number: u64, picture: Picture) -> Result<(), Halt> {
     let (width, height) = (picture.frame().width(), picture.frame().height());
     let mut rectangles = Vec::new();

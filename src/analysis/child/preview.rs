@@ -1,17 +1,17 @@
-//! A small JPEG of one frame, for lists and pages.
+//! Makes a small JPEG of one frame, for lists and pages.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
 use crate::pipeline::frame::Frame;
 
-/// Widest preview, pixels.
+/// Largest width of a preview, pixels.
 const WIDEST: usize = 480;
 
 /// JPEG quality, 1–100.
 const QUALITY: u8 = 80;
 
-/// Keeps the most telling frame seen so far: the one nearest to the middle of the recording.
+/// Keeps the better preview so far: the first frame, then the one in the middle of the recording.
 pub(super) struct Preview {
     middle: u64,
     jpeg: Vec<u8>,
@@ -22,17 +22,17 @@ impl Preview {
         Self { middle: frames_expected.unwrap_or(0) / 2, jpeg: Vec::new() }
     }
 
-    /// Looks at a frame; only two of a recording are encoded.
+    /// Considers a frame; only two frames of a recording are encoded.
     pub(super) fn consider(&mut self, frame: &Frame<'_>) {
         if frame.index == 0 || frame.index == self.middle {
-            // Without a preview a session is poorer, not wrong.
+            // If encoding fails, the session only lacks a preview.
             if let Ok(jpeg) = encode(frame) {
                 self.jpeg = jpeg;
             }
         }
     }
 
-    /// The picture; empty if none could be made.
+    /// The JPEG; empty if none could be encoded.
     pub(super) fn into_jpeg(self) -> Vec<u8> {
         self.jpeg
     }

@@ -1,4 +1,4 @@
-//! Decode a recording from end to end: its size, the times of its frames, a small picture.
+//! Decodes a recording from end to end: its size, the times of its frames, a preview.
 
 use super::Halt;
 use super::preview::Preview;

@@ -1,4 +1,4 @@
-//! The child's voice: answers as records on standard output.
+//! Sends the child's replies as records on standard output.
 
 use std::io::{self, BufWriter, Write};
 
@@ -6,11 +6,11 @@ use crate::analysis::protocol::{self, Answer, SeenRow};
 use crate::media::RecordingInfo;
 use crate::sandbox::write_record;
 
-/// Frames told of at a time: often enough to show progress, rarely enough to cost nothing.
+/// Frames per record: few enough to show progress, many enough to cost little.
 const FRAMES_AT_A_TIME: usize = 32;
 
-/// Standard output as a pipe. Rust's own looks for ends of lines in whatever is written and writes what is before and behind
-/// the last one apart, for each of which the parent wakes.
+/// Standard output as a pipe. Rust's own is line-buffered: it splits the output at the last newline and writes both
+/// parts separately, and each write would wake the parent.
 struct Pipe;
 
 impl Write for Pipe {
@@ -23,7 +23,7 @@ impl Write for Pipe {
     }
 }
 
-/// Says answers, and collects frames into a few larger ones.
+/// Sends replies, and collects frames into fewer, larger ones.
 pub(super) struct Reporter {
     out: BufWriter<Pipe>,
     times_s: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Test a box: its board and a rod, in one recording.
+//! Tests a box: the board and a rod, both in one recording.
 
 use super::reporter::Reporter;
 use super::{Halt, track};
@@ -17,12 +17,12 @@ pub(super) fn run(work: SelfTestWork, video: VideoFile, reporter: &mut Reporter)
     let board = Board::new(columns as usize, rows as usize, square_mm)?;
     let ports = Ports::new(work.ports.into_iter().map(Fulcrum::from).collect());
     let asked = Asked { board, reach_mm: work.reach_mm, calibration_rms_px: work.calibration_rms_px, ports };
-    let mut told = Ok(());
+    let mut sent = Ok(());
     let report = of_video(video, track::settings(work.track)?, asked, |done, of| {
-        if told.is_ok() && done.is_multiple_of(FRAMES_AT_A_TIME) {
-            told = reporter.say(&Answer::Alive { done, of });
+        if sent.is_ok() && done.is_multiple_of(FRAMES_AT_A_TIME) {
+            sent = reporter.say(&Answer::Alive { done, of });
         }
     });
-    told?;
+    sent?;
     Ok(reporter.say(&Answer::SelfTest(Box::new(report?)))?)
 }

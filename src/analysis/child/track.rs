@@ -1,5 +1,5 @@
-//! Track one recording: every frame through the [`Tracker`], then the paths with hindsight. Decoding runs ahead on a
-//! thread of its own; all else stays on this one.
+//! Tracks one recording: every frame passes the [`Tracker`], then the paths are smoothed. Decoding runs ahead on a
+//! second thread; everything else stays on this one.
 
 use super::preview::Preview;
 use super::reporter::Reporter;
@@ -11,7 +11,7 @@ use crate::pipeline::frame::Frame;
 use crate::pipeline::tracker::{MOST_REHEARSED, Quality, Tracker, TrackerSettings, Tracking};
 use crate::pipeline::trajectory::Kind;
 
-/// Rows of a path told of at a time.
+/// Rows of a path per record.
 const ROWS_AT_A_TIME: usize = 1024;
 
 pub(super) fn run(work: TrackWork, video: VideoFile, reporter: &mut Reporter) -> Result<(), Halt> {

@@ -1,4 +1,4 @@
-//! What is left of a recording by edits, and which edits fit it.
+//! What edits leave of a recording, and which edits are accepted.
 
 use proptest::prelude::*;
 
@@ -105,7 +105,7 @@ fn a_swap_exchanges_rows_gaps_and_reasons_within_and_nothing_outside() {
     assert_eq!((tools[0].reasons.len(), tools[1].reasons.len()), (1, 0));
     let of = |frame: u64, tool: u32| left.smoothed.iter().find(|row| (row.frame, row.tool) == (frame, tool));
     assert_eq!(of(50, 0).unwrap().tip_mm[1], 0.0);
-    assert_eq!(of(200, 0).unwrap().tip_mm[1], 1.0, "what was cyan is orange now");
+    assert_eq!(of(200, 0).unwrap().tip_mm[1], 1.0, "cyan's rows are orange's now");
     assert!(of(130, 0).is_none() && of(130, 1).is_some());
     assert!(left.smoothed.is_sorted_by_key(|row| (row.frame, row.tool)));
     assert_eq!(

@@ -1,7 +1,7 @@
-//! What is said while a recording is followed that still arrives.
+//! Messages while a live recording is tracked.
 //!
-//! The child has two inputs: the feed's log, to which the parent appends, and a pipe of [`Place`]s in it. So frames wait in
-//! the log, however far behind the child is, and in nobody's memory.
+//! The child has two inputs: the feed's log, which the parent appends to, and a pipe of [`LogPosition`]s in it. Frames
+//! wait in the log and not in memory, no matter how far the child falls behind.
 
 use std::io::{self, Read};
 
@@ -15,43 +15,43 @@ use crate::pipeline::features::running::LIVE;
 use crate::pipeline::reason::Reason;
 use crate::pipeline::tracker::{Absence, ToolReport};
 
-/// What following a recording needs besides its frames.
+/// What tracking a live recording needs besides its frames.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct FollowWork {
-    /// As for a recording that lies whole.
+    /// The same as for a complete recording.
     pub track: TrackWork,
-    /// How frames are coded.
+    /// Codec of the frames.
     pub codec: FrameCodec,
     /// Picture width and height, pixels.
     pub size: (u32, u32),
-    /// The clock of the frames.
+    /// Time base of the frames.
     pub time_base: TimeBase,
-    /// Where trocars were in the box's earlier sessions.
+    /// Trocar positions in the box's earlier sessions.
     pub ports: Vec<FulcrumShape>,
 }
 
-/// What a parent says on the pipe: 16 bytes.
+/// A message on the pipe to the child: 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// A record of the log.
     Record {
-        /// Where it begins, bytes.
+        /// Offset in the log, bytes.
         offset: u64,
-        /// How long it is, head and all.
+        /// Length including the header, bytes.
         bytes: u32,
-        /// Is a picture of it wanted?
+        /// True if the reply should contain a picture.
         wants_picture: bool,
     },
-    /// Nothing has come for a while: say that you live.
+    /// Nothing has arrived for a while: reply as a sign of life.
     Beat,
 }
 
 impl Place {
-    /// Bytes on the pipe.
+    /// Length on the pipe, bytes.
     pub const BYTES: usize = 16;
     const BEAT: u64 = u64::MAX;
 
-    /// As bytes.
+    /// Encodes the message.
     pub fn to_bytes(self) -> [u8; Self::BYTES] {
         let (offset, bytes, flags) = match self {
             Place::Record { offset, bytes, wants_picture } => (offset, bytes, u32::from(wants_picture)),
@@ -64,10 +64,10 @@ impl Place {
         all
     }
 
-    /// The next on a pipe; `None` at its end.
+    /// Reads the next message from a pipe; `None` at its end.
     ///
     /// # Errors
-    /// The pipe's.
+    /// The pipe's errors.
     pub fn read(pipe: &mut impl Read) -> io::Result<Option<Self>> {
         let mut all = [0; Self::BYTES];
         match pipe.read_exact(&mut all) {
@@ -82,23 +82,23 @@ impl Place {
     }
 }
 
-/// What a child says when it is done with a place.
+/// The child's reply to a position.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Followed {
-    /// Frames that were tracked, none or several: a decoder keeps frames back to put them in order.
+    /// Tracked frames, none or several: a decoder holds frames back to put them in order.
     pub frames: Vec<FollowedFrame>,
     /// Features so far, about once a second.
     pub running: Option<Vec<RunningRow>>,
-    /// The scene's light against the first frame's: luma ratio, shifts of blue and red as shares of the code range. Along
+    /// Scene light relative to the first frame: luma ratio, shifts of blue and red as shares of the code range. Sent
     /// with the features.
     pub light: Option<[f64; 3]>,
-    /// Whether camera and trocars stand where they did, once that is known. Along with the features.
+    /// Shifts of camera and trocars, once they are known. Sent with the features.
     pub placement: Option<PlacementShape>,
-    /// A small JPEG, and the frame that it shows.
+    /// A small JPEG, and the number of its frame.
     pub picture: Option<(u64, Vec<u8>)>,
 }
 
-/// A frame that was tracked.
+/// A tracked frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FollowedFrame {
     /// Its number in the feed.
@@ -112,16 +112,16 @@ pub struct FollowedFrame {
 /// A tool on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FollowedTool {
-    /// What was seen of it.
+    /// What the tracker saw of it.
     pub seen: SeenRow,
-    /// Where it is by the causal filter, if anywhere.
+    /// Its position by the causal filter, if there is one.
     pub path: Option<PathRow>,
-    /// It is nowhere because it left the picture.
+    /// True if it has no position because it left the view.
     pub left_view: bool,
 }
 
 impl FollowedTool {
-    /// What a report says of one tool.
+    /// The wire form of one tool's report.
     pub fn new(frame: u64, report: &ToolReport) -> Self {
         Self {
             seen: SeenRow::new(frame, report),
@@ -130,7 +130,7 @@ impl FollowedTool {
         }
     }
 
-    /// Why it was not measured on this frame, as files, API and pages name it.
+    /// Why it was not measured on this frame, by the name used in files, API and pages.
     pub fn reason(&self) -> Option<&'static str> {
         self.seen.reason.map(|reason| Reason::from(reason).name())
     }
@@ -148,14 +148,14 @@ pub struct RunningRow {
 }
 
 impl RunningRow {
-    /// A value as it travels; `None` for one that is not told live.
+    /// The wire form of a value; `None` for a feature that is not shown live.
     pub fn new(value: &FeatureValue) -> Option<Self> {
         let feature = LIVE.iter().position(|live| *live == value.feature)?;
         Some(Self { tool: value.tool? as u32, feature: feature as u32, value: value.value.ok() })
     }
 }
 
-/// Running features by name; `tools` are the tools' names.
+/// Running features by name; `tools` are the tool names.
 pub fn live_features(rows: &[RunningRow], tools: &[String]) -> Vec<LiveFeature> {
     let named = |row: &RunningRow| {
         let (feature, tool) = (LIVE.get(row.feature as usize)?, tools.get(row.tool as usize)?);

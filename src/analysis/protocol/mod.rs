@@ -1,5 +1,5 @@
-//! What parent and child say to each other. Each message is one record of [`crate::sandbox`], coded by `postcard`: small,
-//! exact to the last bit of a number, and decoded without trust.
+//! The messages between parent and child. Each message is one record of [`crate::sandbox`], encoded by `postcard`:
+//! small, exact to the last bit of a number, and decoded without trust.
 //!
 //! ```text
 //! probe      Confined  Recording  Frames*  Preview                              Done
@@ -15,7 +15,8 @@
 //! demux      Confined  Stream  Coded*                                           Done
 //! any        …                                                    Problem
 //! ```
-//! The pipeline's types know no serialisation; their images here are in [`shapes`] and [`rows`].
+//! The pipeline's types have no serialisation. Their wire forms are in [`shapes`] and [`rows`] and have names that end
+//! in `Shape` or `Row`.
 
 mod follow;
 mod placement;
@@ -40,7 +41,7 @@ use crate::domain::self_test::SelfTestReport;
 use crate::media::{CapturedFrame, SourceInfo};
 use crate::pipeline::trajectory::Kind;
 
-/// What a child is asked to do. Its inputs are descriptors, in the order that the work states.
+/// The request to a child. Its inputs are descriptors, in the order that the work states.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Request {
     /// Decoder threads.
@@ -52,38 +53,38 @@ pub struct Request {
 /// Kinds of work.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Work {
-    /// Decode one recording: size, frames, a small picture.
+    /// Decode one recording: size, frames, a preview.
     Probe,
     /// Track one recording.
     Track(TrackWork),
-    /// Collect colours and judge them: from one clip, or from one picture per frame.
+    /// Collect colours and report on them: from one clip, or from one picture per frame.
     Palette(PaletteWork),
-    /// Find out which tapes suit a box: from a photo of it without tools, or a video's first frame.
+    /// Find out which tapes suit a box: from a photo of the box without tools, or from a video's first frame.
     Advise,
-    /// Mark what the colours of marked pictures take for tape on each of them, and judge them; nothing is learned.
+    /// Make a mask of the tape colours on each marked picture, and a report on the colours; nothing is stored.
     Mask(PaletteWork),
-    /// Look for a board on one photo.
+    /// Look for a board in one photo.
     Check(BoardShape),
     /// Calibrate from one video, or from photos.
     Calibrate(CalibrateWork),
-    /// Test a box: the board and a rod in one recording.
+    /// Test a box: the board and a rod, both in one recording.
     SelfTest(SelfTestWork),
-    /// Track a recording while it arrives: its log, and a pipe of places in it.
+    /// Track a live recording. Inputs: its log, and a pipe of positions in it.
     Follow(FollowWork),
-    /// Put a feed's frames together: its log in, a recording out, which is the last of the inputs and open for writing.
+    /// Assemble a recording from a feed's log. Inputs: the log, and last the output file, open for writing.
     Assemble(AssembleWork),
-    /// Take a live stream apart into coded frames: a pipe of its bytes, as they are pushed.
+    /// Split a live stream into coded frames. Input: a pipe with its bytes as they are pushed.
     Demux,
 }
 
-/// What putting frames together needs besides the log.
+/// What assembling needs besides the log.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct AssembleWork {
-    /// How frames are coded.
+    /// Codec of the frames.
     pub codec: FrameCodec,
     /// Picture width and height, pixels.
     pub size: (u32, u32),
-    /// The clock of the frames.
+    /// Time base of the frames.
     pub time_base: TimeBase,
 }
 
@@ -96,22 +97,22 @@ pub struct TrackWork {
     pub tools: Vec<ToolShape>,
     /// The box's colours.
     pub palette: PaletteShape,
-    /// Camera's place.
+    /// Position of the camera.
     pub view: Option<ViewShape>,
 }
 
 /// What a self-test needs besides the recording.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct SelfTestWork {
-    /// What the recording is tracked with.
+    /// Camera, tools and colours.
     pub track: TrackWork,
-    /// The board that lies in the box.
+    /// The board in the box.
     pub board: BoardShape,
-    /// How far beyond the tape the tool's point lies, mm.
+    /// Distance from the end of the tape to the tool's tip, mm.
     pub reach_mm: f64,
     /// RMS reprojection error of the camera's calibration, pixels, where it is known.
     pub calibration_rms_px: Option<f64>,
-    /// Where trocars were in earlier sessions.
+    /// Trocar positions in earlier sessions.
     pub ports: Vec<FulcrumShape>,
 }
 
@@ -120,9 +121,9 @@ pub struct SelfTestWork {
 pub struct PaletteWork {
     /// Marked rectangles.
     pub marks: Vec<MarkShape>,
-    /// The colour that each tool wears: twice, where two wear the same.
+    /// The tape colour of each tool: a colour occurs twice if two tools wear it.
     pub tools: Vec<String>,
-    /// Frame shown by each input; `None`: the one input is a clip.
+    /// The frame that each input shows; `None` if the only input is a clip.
     pub frames: Option<Vec<u64>>,
 }
 
@@ -131,21 +132,21 @@ pub struct PaletteWork {
 pub struct CalibrateWork {
     /// The board.
     pub board: BoardShape,
-    /// Name of each photo, for the report; `None`: the one input is a video.
+    /// Name of each photo, for the report; `None` if the only input is a video.
     pub photos: Option<Vec<String>>,
-    /// The moment that the calibration is to bear, RFC 3339: a child has no clock.
+    /// Time stamp for the calibration, RFC 3339: a child has no clock.
     pub calibrated_at: String,
 }
 
-/// What a child answers.
+/// A reply from a child.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Answer {
-    /// It is confined; the first word of every child.
+    /// The child is confined; the first reply of every child.
     Confined {
-        /// Does Landlock hold, at least in part?
+        /// True if Landlock is enforced, at least in part.
         landlock: bool,
     },
-    /// What the container says.
+    /// What the container announces.
     Recording {
         /// Width as displayed, pixels.
         width: u32,
@@ -154,65 +155,65 @@ pub enum Answer {
         /// Frames to expect, if known.
         frames_expected: Option<u64>,
     },
-    /// Frames that have been decoded, in order.
+    /// Decoded frames, in order.
     Frames {
         /// Their times, s.
         times_s: Vec<f64>,
-        /// What was seen on them; a row per frame and tool.
+        /// What the tracker saw in them; a row per frame and tool.
         seen: Vec<SeenRow>,
     },
-    /// What one more record of a feed showed.
+    /// The result of one record of a feed.
     Followed(Followed),
-    /// Still at work; for work without frames.
+    /// A sign of life and of progress, for work without frames.
     Alive {
-        /// Pictures looked at.
+        /// Pictures done.
         done: u64,
-        /// Of how many, if known.
+        /// Pictures in all, if known.
         of: Option<u64>,
     },
-    /// A piece of a path, in order.
+    /// Part of a path, in order.
     Path {
-        /// Of which.
+        /// Which path.
         kind: KindShape,
         /// Its rows.
         rows: Vec<PathRow>,
     },
-    /// How tracking went.
+    /// The tracker's summary.
     Quality(QualityShape),
     /// A small JPEG of one frame.
     Preview(Vec<u8>),
-    /// Collected colours.
+    /// The colour samples.
     Palette(PaletteShape),
-    /// What they are worth.
+    /// The report on the colours.
     PaletteReport(PaletteReport),
     /// Which tapes suit a box.
     PaletteAdvice(PaletteAdvice),
-    /// What of the next picture is taken for tape.
+    /// The pixels classified as tape in the next picture.
     Mask(FrameMask),
-    /// What a photo of a board is good for.
+    /// How a photo of a board can be used.
     PhotoCheck(PhotoCheck),
     /// A calibration.
     Calibration(CalibrationShape),
-    /// What a self-test found.
+    /// The report of a self-test.
     SelfTest(Box<SelfTestReport>),
-    /// A recording was put together.
+    /// A recording was assembled.
     Assembled {
-        /// Frames in it.
+        /// Number of frames in it.
         frames: u64,
-        /// Frames that came but cannot be decoded or shown.
+        /// Number of frames that were left out because they cannot be decoded or shown.
         left_out: u64,
     },
-    /// What a pushed stream holds.
+    /// What a pushed stream contains.
     Stream(SourceInfo),
     /// The next frame of a pushed stream, in the order of decoding; without bytes where it is damaged or too long.
     Coded(CapturedFrame),
-    /// Why the work cannot be done; the last word.
+    /// Why the work cannot be done; the last reply.
     Problem(Problem),
-    /// The work is done; the last word.
+    /// The work is done; the last reply.
     Done,
 }
 
-/// [`Kind`] on the wire.
+/// Wire form of [`Kind`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum KindShape {
     /// Unfiltered.
@@ -233,12 +234,12 @@ impl From<Kind> for KindShape {
     }
 }
 
-/// A message as bytes. Fails only for lack of memory.
+/// Encodes a message. Fails only for lack of memory.
 pub fn encode(message: &impl Serialize) -> Result<Vec<u8>, postcard::Error> {
     postcard::to_stdvec(message)
 }
 
-/// Bytes as a message; nothing may be left over.
+/// Decodes a message; no byte may be left over.
 pub fn decode<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, postcard::Error> {
     match postcard::take_from_bytes(bytes)? {
         (message, []) => Ok(message),

@@ -1,14 +1,14 @@
-//! Trocars, and whether they are where they were, as they travel.
+//! Wire form of trocars and of their shift since earlier sessions.
 
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::pose::fulcrum::Fulcrum;
 use crate::pipeline::quality::{Placement, Shift};
 
-/// [`Fulcrum`].
+/// Wire form of [`Fulcrum`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FulcrumShape {
-    /// Where, mm.
+    /// Position, mm.
     pub at_mm: [f64; 3],
     /// Covariance, mm²: xx, xy, xz, yy, yz, zz.
     pub covariance_mm2: [f64; 6],
@@ -33,17 +33,17 @@ impl From<FulcrumShape> for Fulcrum {
     }
 }
 
-/// [`Placement`]: each shift and its standard deviation, mm.
+/// Wire form of [`Placement`]: each shift and its standard deviation, mm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlacementShape {
-    /// How far the camera has moved, if it has.
+    /// How far the camera has moved, if it has moved.
     pub camera: Option<[f64; 2]>,
-    /// How far each tool's trocar has, if it alone has.
+    /// How far each tool's trocar has moved by itself, if it has.
     pub ports: Vec<Option<[f64; 2]>>,
 }
 
 impl PlacementShape {
-    /// As it travels; `None` as long as no trocar is known.
+    /// The wire form; `None` while no trocar is known.
     pub fn new(placement: &Placement) -> Option<Self> {
         let numbers = |shift: Shift| [shift.mm, shift.sigma_mm];
         let ports = (0..placement.tools.len()).map(|tool| placement.port(tool).map(numbers)).collect();

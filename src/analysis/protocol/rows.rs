@@ -1,4 +1,4 @@
-//! Rows of a path and of what the tracker saw, as they travel and as they are stored.
+//! Wire and stored form of path rows and of what the tracker saw.
 
 use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use crate::pipeline::reason::Reason;
 use crate::pipeline::tracker::ToolReport;
 use crate::pipeline::trajectory::{Sample, SampleState};
 
-/// [`Sample`], plain.
+/// Wire form of [`Sample`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathRow {
     /// Decoded frames before this one.
@@ -28,7 +28,7 @@ pub struct PathRow {
     pub sigma_xy_mm: Option<f64>,
     /// Standard deviation of depth, mm.
     pub sigma_z_mm: Option<f64>,
-    /// Measured, not bridged.
+    /// Measured (true) or bridged (false).
     pub observed: bool,
 }
 
@@ -76,7 +76,8 @@ impl From<PathRow> for Sample {
     }
 }
 
-/// What was seen of one tool on one frame. Pixels as `f32`: a 4096th column to 1/2000 pixel is enough to draw.
+/// What the tracker saw of one tool on one frame. Pixels are `f32`: in column 4096 the rounding is 1/2000 pixel, which
+/// is fine enough to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeenRow {
     /// Decoded frames before this one.
@@ -92,7 +93,7 @@ pub struct SeenRow {
 }
 
 impl SeenRow {
-    /// What a report says of one tool.
+    /// The row of one tool's report.
     pub fn new(frame: u64, report: &ToolReport) -> Self {
         let observed = report.outcome.as_ref().ok();
         let tip = observed.map(|o| o.tip_px.0).or_else(|| report.filtered.and_then(|s| s.tip_px));

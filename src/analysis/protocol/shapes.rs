@@ -1,4 +1,4 @@
-//! Cameras, tools, colours and reports, as they travel.
+//! Wire forms of cameras, tools, colours and reports.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ use crate::pipeline::tracker::{
     Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, Quality, Side, ToolQuality, ToolSpec, View,
 };
 
-/// [`Camera`]: `width height` and `fx fy cx cy k1 k2 p1 p2 k3`.
+/// Wire form of [`Camera`]: `width height` and `fx fy cx cy k1 k2 p1 p2 k3`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraShape {
     size: [u32; 2],
@@ -35,14 +35,14 @@ impl From<CameraShape> for Camera {
     }
 }
 
-/// [`ToolSpec`].
+/// Wire form of [`ToolSpec`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ToolShape {
     /// The tool's name.
     pub name: String,
     /// Colour of its tape.
     pub colour: String,
-    /// Where its hand is, where that is told.
+    /// Side of the hand that holds it, where it is known.
     pub side: Option<SideShape>,
     /// Outer diameter over the tape, mm.
     pub diameter_mm: f64,
@@ -56,7 +56,7 @@ impl From<ToolShape> for ToolSpec {
     }
 }
 
-/// [`Side`].
+/// Wire form of [`Side`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SideShape {
     /// Left in the picture.
@@ -83,7 +83,7 @@ impl From<SideShape> for Side {
     }
 }
 
-/// [`View`].
+/// Wire form of [`View`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ViewShape {
     /// From above.
@@ -119,7 +119,7 @@ pub struct MarkShape {
     pub label: String,
     /// First column, first row, columns, rows.
     pub x_y_w_h: [u32; 4],
-    /// Rectangles of a frame and label with the same number are one mark.
+    /// Rectangles of one frame and label with the same number belong to one mark.
     pub stroke: Option<u32>,
 }
 
@@ -131,7 +131,7 @@ impl MarkShape {
     }
 }
 
-/// [`ColourSamples`]; also the form in which a box's palette is stored.
+/// Wire form of [`ColourSamples`]; box palettes are stored in it too.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PaletteShape {
     /// Codes span 0–255.
@@ -164,17 +164,17 @@ impl From<&ColourSamples> for PaletteShape {
 }
 
 impl PaletteShape {
-    /// A palette as it is stored.
+    /// Decodes a stored palette.
     ///
     /// # Errors
-    /// Bytes that no version of this program has stored.
+    /// The bytes were stored by no version of this program.
     pub fn stored(bytes: &[u8]) -> Result<Self, postcard::Error> {
-        let without_rectangles = || decode(&[bytes, &[0]].concat()); // an empty list is one zero
+        let without_rectangles = || decode(&[bytes, &[0]].concat()); // postcard encodes an empty list as one zero byte
         decode(bytes).or_else(|_| without_rectangles())
     }
 
-    /// The samples, for the pipeline; `None` if a sample names no label, the rectangles do not add up, or the standard is
-    /// unknown.
+    /// The samples for the pipeline; `None` if a sample has an unknown label, the rectangles do not add up, or the
+    /// matrix is unknown.
     pub fn colour_samples(&self) -> Option<ColourSamples> {
         let matrix = match self.matrix {
             601 => Matrix::Bt601,
@@ -190,7 +190,7 @@ impl PaletteShape {
         Some(ColourSamples { encoding: ColourEncoding { range, matrix }, labels: self.labels.clone(), samples })
     }
 
-    /// The rectangle of each sample; one a label where they were not kept.
+    /// The rectangle of each sample; one rectangle per label where rectangles were not stored.
     fn rectangle_of_samples(&self) -> Option<Vec<u32>> {
         if self.rectangles.is_empty() {
             return Some(self.samples.iter().map(|(label, _)| *label).collect());
@@ -200,7 +200,7 @@ impl PaletteShape {
         (all == self.samples.len() as u64).then(|| (0..).zip(&self.rectangles).flat_map(of_each).collect())
     }
 
-    /// How many samples each label has, in the labels' order.
+    /// Number of samples per label, in the order of the labels.
     pub fn counts(&self) -> Vec<(String, u64)> {
         let count = |label: usize| self.samples.iter().filter(|s| s.0 as usize == label).count() as u64;
         self.labels.iter().enumerate().map(|(i, name)| (name.clone(), count(i))).collect()
@@ -218,41 +218,41 @@ pub struct BoardShape {
     pub square_mm: f64,
 }
 
-/// [`Quality`].
+/// Wire form of [`Quality`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct QualityShape {
-    /// Frames seen.
+    /// Number of frames.
     pub frames: u64,
-    /// How many of them were recorded interlaced.
+    /// Number of frames that were recorded interlaced.
     pub frames_interlaced: u64,
     /// Per tool.
     pub tools: Vec<ToolQualityShape>,
-    /// The scene's light: time, s, ratio of luma, shift of blue and red.
+    /// Scene light: time in s, ratio of luma, shift of blue and of red.
     pub light: Vec<[f64; 4]>,
 }
 
-/// [`ToolQuality`].
+/// Wire form of [`ToolQuality`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ToolQualityShape {
-    /// Frames on which it was measured, bridged, missing.
+    /// Numbers of frames on which it was measured, bridged, missing.
     pub observed_predicted_missing: [u64; 3],
-    /// How often each reason kept a measurement away.
+    /// How often each reason prevented a measurement.
     pub reasons: Vec<(ReasonShape, u64)>,
     /// RMS distance of border points from the fitted outline, pixels.
     pub border_residual_px: Option<f64>,
-    /// What passes in a measured depth, mm.
+    /// Frame-to-frame error of a measured depth, mm: the median standard deviation of its part that does not last.
     pub passing_depth_mm: Option<f64>,
-    /// The diameter that its tape seems to have and its standard deviation, mm, and whether the session tells.
+    /// The tape's effective diameter and its standard deviation, mm; true if estimated from this session.
     pub effective_diameter: Option<([f64; 2], bool)>,
-    /// First and last frame of each gap, and why it was lost; `None`: it had left the view.
+    /// First and last frame of each gap, and why the tool was lost; `None` if it had left the view.
     pub gaps: Vec<(u64, u64, Option<ReasonShape>)>,
-    /// How far its colour is from the other tools' and from what is no tool.
+    /// Distance of its colour from the other tools' and from the background.
     pub colour: [Option<MarginShape>; 2],
-    /// Where its trocar is, if that is known well.
+    /// Position of its trocar, if known well.
     pub fulcrum: Option<FulcrumShape>,
 }
 
-/// [`Margin`].
+/// Wire form of [`Margin`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarginShape {
     /// Margin and spread, steps.
@@ -275,7 +275,7 @@ impl From<&MarginShape> for Margin {
 }
 
 impl QualityShape {
-    /// Of a recording that had so many interlaced frames.
+    /// The wire form, for a recording with this many interlaced frames.
     pub fn new(quality: &Quality, frames_interlaced: u64) -> Self {
         let tool = |t: &ToolQuality| ToolQualityShape {
             observed_predicted_missing: [t.observed, t.predicted, t.missing],
@@ -306,7 +306,7 @@ fn gap_shape(gap: &Gap) -> (u64, u64, Option<ReasonShape>) {
 }
 
 impl QualityShape {
-    /// The quality, for the pipeline, of tools of these names.
+    /// The quality for the pipeline, for tools with these names.
     pub fn quality(&self, tools: &[String]) -> Quality {
         let tool = |(name, shape): (&String, &ToolQualityShape)| {
             let [observed, predicted, missing] = shape.observed_predicted_missing;
@@ -342,7 +342,7 @@ impl QualityShape {
     }
 }
 
-/// A calibration, as camera.json holds it.
+/// A calibration as the content of camera.json.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationShape {
     /// The file's content.

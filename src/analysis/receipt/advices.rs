@@ -1,10 +1,11 @@
-//! Could an honest child have advised this?
+//! Validates advice on tapes: could an honest child have sent it?
 
 use super::{TEXTS, sensible};
 use crate::domain::palette::{PairGrade, PaletteAdvice, TapeGrade};
 use crate::pipeline::segmentation::palette::advice::{TAPES, Tape};
 
-/// Every tape that was asked about, each once and as it is sold, every pair of them once, and warnings of tapes alone.
+/// True if every known tape occurs once with its catalogue data, every pair of tapes occurs once, and the warnings and
+/// numbers are within bounds.
 pub(super) fn is_possible(advice: &PaletteAdvice) -> bool {
     let PaletteAdvice { tapes, pairs, warnings } = advice;
     let is_share = |of: &TapeGrade| (0.0..=1.0).contains(&of.in_box);

@@ -1,4 +1,4 @@
-//! Could an honest child have seen this on a photo, or made this mask?
+//! Validates photo checks and masks: could an honest child have sent them?
 
 use super::{TEXTS, sensible};
 use crate::analysis::protocol::BoardShape;
@@ -7,8 +7,8 @@ use crate::domain::photo_check::{PhotoCheck, PhotoHint};
 use crate::media::Limits;
 use crate::pipeline::camera::Coverage;
 
-/// As many corners as the board has where it was found, and at most as many as a search brings where not; all within reach
-/// of the picture.
+/// True if a found board has all its corners, a board that was not found has no more than a search returns, and all
+/// corners are within plausible pixel coordinates.
 pub(super) fn is_possible_check(check: &PhotoCheck, board: BoardShape, limits: Limits) -> bool {
     let PhotoCheck { width, height, found, corners, reason, hints, cut_off, near, coverage } = check;
     let counted = coverage.corners.iter().map(|&count| u64::from(count)).sum::<u64>();
@@ -30,7 +30,7 @@ pub(super) fn is_possible_check(check: &PhotoCheck, board: BoardShape, limits: L
         && counted <= if *found { whole } else { 0 }
 }
 
-/// Cells that fill a picture of this frame, of no more colours than there are.
+/// True if the cells fill a picture of this frame and name no more colours than there are.
 pub(super) fn is_possible_mask(mask: &FrameMask, frame: u64, colours: usize, limits: Limits) -> bool {
     let FrameMask { width, height, cell_px, columns, rows, runs, .. } = mask;
     let fills = |cells: u32, size: u32| *cell_px > 0 && cells == size.div_ceil(*cell_px);

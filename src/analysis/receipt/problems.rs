@@ -1,14 +1,14 @@
-//! Why a child says that its work cannot be done, in words that may be shown.
+//! Makes the texts of a child's problem safe to show.
 
 use super::TEXTS;
 use crate::domain::problem::Problem;
 
-/// A problem whose texts may be shown: of limited length, without control characters.
+/// Returns the problem with texts of limited length and without control characters.
 pub(super) fn presentable(problem: Problem) -> Result<Problem, String> {
     let Problem { slug, title, detail } = problem;
     let is_slug = !slug.is_empty() && slug.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-');
     if !is_slug || slug.len() > TEXTS[0] {
-        return Err("a problem without a name".into());
+        return Err("a problem without a valid slug".into());
     }
     let clean = |text: String, most: usize| -> String {
         text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(most).collect()

@@ -1,14 +1,14 @@
-//! Could an honest child have found this of a box?
+//! Validates a self-test report: could an honest child have sent it?
 
 use super::{TEXTS, sensible};
 use crate::analysis::protocol::BoardShape;
 use crate::domain::self_test::{HoldReport, Light, SelfTestReport, TestedPart};
 
-/// Most placements or rests of a self-test: an hour of one-second rests.
+/// Most placements or holds in a self-test: an hour of one-second holds.
 const ROWS: usize = 4096;
 
-/// The board that was ordered, each part once and the light no better than the worst of them, rests of the tools that were
-/// named on corners that there are.
+/// True if the report is about the requested board, has each part once, has an overall light equal to its worst part,
+/// and its holds name requested tools and existing corners.
 pub(super) fn is_possible(report: &SelfTestReport, board: BoardShape, tools: &[String]) -> bool {
     let is_board =
         (report.board.columns, report.board.rows, report.square_mm) == (board.columns, board.rows, board.square_mm);
@@ -23,7 +23,7 @@ pub(super) fn is_possible(report: &SelfTestReport, board: BoardShape, tools: &[S
         && report.texts().all(is_text)
 }
 
-/// In their order; only the place may be unknown.
+/// True if the parts are in their fixed order; only `Place` may be missing.
 fn has_each_part_once(report: &SelfTestReport) -> bool {
     let said: Vec<TestedPart> = report.parts.iter().map(|part| part.part).collect();
     let without_place: Vec<TestedPart> = said.iter().copied().filter(|part| *part != TestedPart::Place).collect();
@@ -37,7 +37,7 @@ fn worst(report: &SelfTestReport) -> Light {
     FROM_WORST.into_iter().find(is_some).unwrap_or(Light::Green)
 }
 
-/// A rest that counts is on a corner of a placement; one that does not is on none, and says why.
+/// A counted hold is on a corner of a placement; one that is not counted has no corner and gives a reason.
 fn is_on(hold: &HoldReport, board: BoardShape, placements: usize) -> bool {
     let within = |place: Option<u64>, most: u64| place.is_some_and(|place| (1..=most).contains(&place));
     let place = [hold.placement, hold.column, hold.row];

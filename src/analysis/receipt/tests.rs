@@ -1,4 +1,4 @@
-//! Honest answers are kept as said; what no honest child says is refused.
+//! Valid replies are stored unchanged; replies that no honest child sends are refused.
 
 use proptest::prelude::*;
 
@@ -64,7 +64,7 @@ fn row(frame: u64, time_s: f64) -> PathRow {
     }
 }
 
-/// Says all of these after the confinement and one frame at 0 s and one at 0.04 s.
+/// Validates these replies after the confinement and two frames, at 0 s and 0.04 s.
 fn hear(answers: Vec<Answer>) -> Result<Heard, String> {
     let mut receipt = tracking();
     let opening = [
@@ -306,7 +306,7 @@ fn a_self_test_is_heard_once_and_only_as_it_was_ordered_and_can_be() {
     assert_eq!(hears(&[&honest]).unwrap(), Some(honest.clone()));
     let mut placeless = honest.clone();
     placeless.parts.remove(2);
-    assert!(hears(&[&placeless]).is_ok(), "a trocar that nobody knows is not spoken of");
+    assert!(hears(&[&placeless]).is_ok(), "an unknown trocar is left out");
     assert!(hears(&[&honest, &honest]).is_err());
     let forgeries: [fn(&mut SelfTestReport); 16] = [
         |r| r.light = Light::Green,
@@ -331,7 +331,7 @@ fn a_self_test_is_heard_once_and_only_as_it_was_ordered_and_can_be() {
         forge(&mut forged);
         assert!(hears(&[&forged]).is_err(), "forgery {number}");
     }
-    assert!(hear(vec![Answer::SelfTest(Box::new(honest))]).is_err(), "nobody asked for it");
+    assert!(hear(vec![Answer::SelfTest(Box::new(honest))]).is_err(), "not requested");
 }
 
 #[test]

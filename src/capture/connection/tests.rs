@@ -6,12 +6,12 @@ use crate::capture::spool::testing::{add, spool};
 
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// What the agent says next that is no ping; `None` if it says nothing for a while.
+/// The agent's next message except pings; `None` if it sends nothing for a while.
 async fn next(socket: &mut WebSocketStream<TcpStream>) -> Option<Message> {
     loop {
         match timeout(PATIENCE, socket.next()).await {
             Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) => {}
-            Ok(said) => return said.map(Result::unwrap),
+            Ok(message) => return message.map(Result::unwrap),
             Err(_) => return None,
         }
     }
@@ -70,7 +70,7 @@ fn every_close_code_is_followed_as_the_document_says() {
         let row = document.lines().find(|line| line.starts_with(&begins)).unwrap();
         let comes_again = row.trim_end_matches(" |").rsplit('|').next().unwrap().trim().starts_with("yes");
         let parting = parting_by_code(code.number(), "why");
-        // Whoever hears that a recording is whole without its session asks once more.
+        // The agent connects once more if the close code does not name the session.
         let expected = comes_again || code == Code::Done;
         assert_eq!(matches!(parting, Parting::Again { .. }), expected, "{code:?}: {parting:?}");
     }

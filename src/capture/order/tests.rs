@@ -1,4 +1,4 @@
-//! Live before the rest, each once, and nothing left behind.
+//! Live frames first, each frame once, none left out.
 
 use proptest::prelude::*;
 use tempfile::TempDir;
@@ -21,7 +21,7 @@ fn numbers(ranges: &[[u64; 2]]) -> Numbers {
     numbers
 }
 
-/// All that goes out now.
+/// The numbers of all frames that are sent now.
 fn all(order: &mut Order, recording: &Recording, is_live: bool) -> Vec<u64> {
     let sent = std::iter::from_fn(|| order.next(recording, is_live));
     sent.map(|next| if let Next::Record(entry) = next { entry.number } else { panic!("{next:?}") }).collect()
@@ -76,14 +76,14 @@ fn the_rest_waits_while_much_is_under_way_and_live_does_not() {
 fn a_recording_of_which_the_server_has_all_or_the_spool_not_the_last_is_done() {
     let (_folder, mut spool, id) = with(30);
     spool.end();
-    spool.acknowledge(id, numbers(&[[0, 34]])).unwrap(); // by an agent that forgot its last frames in a power cut
+    spool.acknowledge(id, numbers(&[[0, 34]])).unwrap(); // the agent lost its last frames in a power cut
     let mut order = Order::new();
     assert_eq!(all(&mut order, spool.get(id).unwrap(), false), Vec::<u64>::new());
     assert!(order.is_done(spool.get(id).unwrap()));
     spool.acknowledge(id, numbers(&[[0, 3], [34, 34]])).unwrap();
     let mut order = Order::new();
     assert_eq!(all(&mut order, spool.get(id).unwrap(), false), (4..30).collect::<Vec<_>>());
-    assert!(order.is_done(spool.get(id).unwrap()), "it is asked for the rest");
+    assert!(order.is_done(spool.get(id).unwrap()), "the server asks for the rest");
 }
 
 #[test]

@@ -1,16 +1,16 @@
-//! What was captured and is not known to be on the server: on the disk, in the records of the protocol.
+//! The spool: captured frames that the server may not have, on the disk, as records of the protocol.
 //!
 //! ```text
 //! SPOOL/lock                       one agent at a time
-//! SPOOL/camera.json                what is switched off at the camera, while it is: see `controls`
-//! SPOOL/<recording>/hello.json     what is said of it first
-//! SPOOL/<recording>/box            in which box it was recorded
-//! SPOOL/<recording>/00000007.records   some MB of frames and gaps, with their checksums
-//! SPOOL/<recording>/closing        the server was told how many frames there are
+//! SPOOL/camera.json                the camera controls that are switched off now: see `controls`
+//! SPOOL/<recording>/hello.json     the first message about it
+//! SPOOL/<recording>/box            the box of the recording
+//! SPOOL/<recording>/00000007.records   some MB of frames and gaps, with checksums
+//! SPOOL/<recording>/closing        the number of frames was sent to the server
 //! ```
-//! A record is in the spool before it is sent, and on the disk half a second later at most. What the server acknowledged
-//! goes, in whole segments. When the spool is full, or the disk, the oldest segment's frames go and a gap stays in their
-//! place. Opening a spool reads it through and cuts off whatever is no whole record at the end of a file.
+//! A record is in the spool before it is sent, and on the disk at most half a second later. Acknowledged records are
+//! removed in whole segments. If the spool or the disk is full, the frames of the oldest segment are replaced by a gap.
+//! Opening a spool reads it through and cuts off an incomplete record at the end of a file.
 
 mod recording;
 mod segment;
@@ -33,34 +33,34 @@ use crate::domain::feed::record::Record;
 use crate::domain::feed::words::Hello;
 use crate::ids::FeedId;
 
-/// A segment's usual length, bytes: little enough to go at once, and 4000 of them are 16 GiB.
+/// Usual length of a segment, bytes: small enough to be removed in one piece, and 4000 of them are 16 GiB.
 const SEGMENT_BYTES: u64 = 4 << 20;
-/// A small spool has at least so many segments.
+/// Segments of a small spool at the least.
 const LEAST_SEGMENTS: u64 = 8;
 
-/// How the names of folders end that are being removed.
+/// Suffix of folders that are being removed.
 const GONE: &str = "gone";
 
-/// The recordings that are not known to be whole on the server, by age.
+/// The recordings that may be incomplete on the server, by age.
 #[derive(Debug)]
 pub struct Spool {
     folder: PathBuf,
     most_bytes: u64,
     recordings: BTreeMap<FeedId, Recording>,
-    /// The one that is being recorded.
+    /// The recording that is being made.
     live: Option<FeedId>,
     lock: File,
 }
 
 impl Drop for Spool {
-    /// By itself the lock would outlive this where a child of the process has just been started and holds a copy.
+    /// Unlocks explicitly: a child process that has just been started may hold a copy of the lock's descriptor.
     fn drop(&mut self) {
-        let _ = self.lock.unlock(); // else it ends with the process
+        let _ = self.lock.unlock(); // on failure it ends with the process
     }
 }
 
 impl Spool {
-    /// Opens a spool, made if it is missing, that may grow to so many bytes.
+    /// Opens a spool that may grow to this many bytes, and creates it if it is missing.
     ///
     /// # Errors
     /// Another agent has it open, or the file system fails.
@@ -83,13 +83,15 @@ impl Spool {
             let Some(id) = path.file_name().and_then(|name| name.to_str()?.parse::<FeedId>().ok()) else { continue };
             match Recording::open(path.clone()) {
                 Ok(recording) => drop(recordings.insert(id, recording)),
-                Err(error) => tracing::warn!(folder = %path.display(), %error, "no recording: it is left as it is"),
+                Err(error) => {
+                    tracing::warn!(folder = %path.display(), %error, "not a readable recording; folder left as it is")
+                }
             }
         }
         Ok(Self { folder: folder.to_owned(), most_bytes, recordings, live: None, lock })
     }
 
-    /// Begins the recording to which records are appended from now on.
+    /// Begins the recording that later records are appended to.
     pub fn begin(&mut self, hello: Hello, in_box: &str) -> io::Result<FeedId> {
         let id = hello.recording;
         self.recordings.insert(id, Recording::create(self.path(id), hello, in_box)?);
@@ -97,22 +99,23 @@ impl Spool {
         Ok(id)
     }
 
-    /// No more records come. What had no room at last is told as a gap, if there is room for that now; else the server asks.
+    /// Ends the live recording. Frames that did not fit are recorded as a gap, if there is space for that now;
+    /// otherwise the server asks for them.
     pub fn end(&mut self) {
         let segment_bytes = self.segment_bytes();
         if let Some(recording) = self.live.take().and_then(|id| self.recordings.get_mut(&id))
             && let Err(error) = recording.write_unwritten(segment_bytes)
         {
-            tracing::warn!(%error, "the last frames had no room, and not even the gap in their place has");
+            tracing::warn!(%error, "no space for the last frames; the server will report them missing");
         }
     }
 
-    /// The recording to which records are appended.
+    /// The recording that records are appended to.
     pub fn live(&self) -> Option<FeedId> {
         self.live
     }
 
-    /// All recordings, the oldest first.
+    /// All recordings, oldest first.
     pub fn ids(&self) -> Vec<FeedId> {
         self.recordings.keys().copied().collect()
     }
@@ -122,19 +125,19 @@ impl Spool {
         self.recordings.get(&id)
     }
 
-    /// Where a recording lies.
+    /// Folder of a recording.
     pub fn path(&self, id: FeedId) -> PathBuf {
         self.folder.join(id.to_string())
     }
 
-    /// Bytes of all records.
+    /// Length of all records, bytes.
     pub fn bytes(&self) -> u64 {
         let segments = self.recordings.values().flat_map(|recording| &recording.segments);
         segments.map(|segment| segment.bytes).sum()
     }
 
-    /// Appends a record to the live recording. Where there is no room, the oldest frames go; where there is none even so,
-    /// this one is a gap.
+    /// Appends a record to the live recording. If there is no space, the oldest frames are dropped; if that is not
+    /// enough, this record becomes a gap.
     pub fn append(&mut self, record: &Record<'_>) -> io::Result<()> {
         let Some(id) = self.live else { return Ok(()) };
         let segment_bytes = self.segment_bytes();
@@ -161,7 +164,7 @@ impl Spool {
         SEGMENT_BYTES.min(self.most_bytes / LEAST_SEGMENTS)
     }
 
-    /// Gives up the oldest frames; those of the live recording last, whatever the clock said when it began.
+    /// Drops the oldest frames; those of the live recording last, even if the clock was wrong when it began.
     fn drop_oldest(&mut self) -> io::Result<bool> {
         for is_live in [false, true] {
             for (id, recording) in &mut self.recordings {
@@ -173,7 +176,7 @@ impl Spool {
         Ok(false)
     }
 
-    /// Files that must be synced for all records to be on the disk; without holding up who appends meanwhile.
+    /// The files to sync so that all records are on the disk. New records are not delayed.
     pub fn take_unsynced(&mut self) -> Vec<Arc<File>> {
         self.recordings.values_mut().flat_map(Recording::take_unsynced).collect()
     }
@@ -183,7 +186,7 @@ impl Spool {
         self.recordings.get_mut(&id)?.read(entry)
     }
 
-    /// The server has these: whole segments of them go.
+    /// The server has these numbers: removes segments that it has completely.
     pub fn acknowledge(&mut self, id: FeedId, durable: Numbers) -> io::Result<()> {
         let Some(recording) = self.recordings.get_mut(&id) else { return Ok(()) };
         recording.end = recording.end.max(durable.end());
@@ -191,27 +194,27 @@ impl Spool {
         recording.let_go()
     }
 
-    /// Notes that the server is told next how many frames there are.
+    /// Notes that the number of frames is being sent to the server.
     pub fn close(&mut self, id: FeedId) -> io::Result<()> {
         self.recordings.get_mut(&id).map_or(Ok(()), Recording::close)
     }
 
-    /// Makes another recording of what is left of one that the server ended too early.
+    /// Makes the remaining frames of a recording that the server ended too early another recording.
     pub fn renew(&mut self, id: FeedId, new: FeedId) -> io::Result<()> {
         let path = self.path(new);
         let Some(recording) = self.recordings.get_mut(&id) else { return Ok(()) };
         let hello = Hello { recording: new, ..recording.hello.clone() };
-        recording.renew(path, hello)?; // else it stays what it was, and frames go on into it
+        recording.renew(path, hello)?; // on failure it stays unchanged, and frames are still appended to it
         let renewed = self.recordings.remove(&id);
         self.recordings.extend(renewed.map(|recording| (new, recording)));
         self.live = self.live.map(|live| if live == id { new } else { live });
         Ok(())
     }
 
-    /// Forgets a recording.
+    /// Removes a recording.
     pub fn remove(&mut self, id: FeedId) -> io::Result<()> {
         self.recordings.remove(&id);
-        let gone = self.path(id).with_extension(GONE); // in one step: half a recording is none
+        let gone = self.path(id).with_extension(GONE); // one step: no half-removed recording remains
         fs::rename(self.path(id), &gone)?;
         fs::remove_dir_all(gone)
     }

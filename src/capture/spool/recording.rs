@@ -13,19 +13,19 @@ use crate::domain::feed::words::Hello;
 
 const HELLO: &str = "hello.json";
 const BOX: &str = "box";
-/// Is there once the server was told how many frames there are: only then is a recording that has ended whole.
+/// Exists once the number of frames was sent to the server: only then can an ended recording be complete.
 const CLOSING: &str = "closing";
 
 /// A recording in the spool.
 #[derive(Debug)]
 pub struct Recording {
-    /// What is said of it first.
+    /// The first message about it.
     pub hello: Hello,
-    /// The box in which it was recorded, as the agent was told it; agents of earlier versions did not write it down.
+    /// The box given to the agent at recording time; `None` for recordings of earlier versions.
     pub in_box: Option<String>,
-    /// What the server has.
+    /// The numbers that the server has.
     pub durable: Numbers,
-    /// One more than its largest number so far.
+    /// One more than the largest number so far.
     pub end: u64,
     pub(super) folder: PathBuf,
     pub(super) segments: VecDeque<Segment>,
@@ -33,13 +33,13 @@ pub struct Recording {
     /// The last segment's file, while records are appended to it.
     active: Option<Arc<File>>,
     unsynced: Vec<Arc<File>>,
-    /// Numbers for which there was no room at all: told as a gap as soon as there is some.
+    /// Numbers for which there was no disk space: written as a gap as soon as there is some.
     unwritten: Option<[u64; 2]>,
     is_closing: bool,
 }
 
 impl Recording {
-    /// A new one: its folder and hello are on the disk.
+    /// Creates a recording; its folder and hello are then on the disk.
     pub(super) fn create(folder: PathBuf, hello: Hello, in_box: &str) -> io::Result<Self> {
         fs::create_dir(&folder)?;
         let mut file = File::create(folder.join(BOX))?;
@@ -50,7 +50,7 @@ impl Recording {
         Ok(Self::new(folder, hello, Some(in_box.to_owned())))
     }
 
-    /// One of an earlier run; its last segment may have been cut.
+    /// Opens a recording of an earlier run; its last segment may be cut off.
     pub(super) fn open(folder: PathBuf) -> io::Result<Self> {
         let hello = serde_json::from_slice(&fs::read(folder.join(HELLO))?)?;
         let in_box = match fs::read_to_string(folder.join(BOX)) {
@@ -88,36 +88,36 @@ impl Recording {
         }
     }
 
-    /// The first record that speaks of this number or a later one.
+    /// The first record that covers this number or a later one.
     pub fn at_or_after(&self, number: u64) -> Option<Entry> {
         let segment = self.segments.get(self.segments.partition_point(|segment| segment.end() <= number))?;
         segment.entries.get(segment.entries.partition_point(|entry| entry.last < number)).copied()
     }
 
-    /// The newest frame that can be decoded without the ones before.
+    /// Number of the newest frame that can be decoded without earlier ones.
     pub fn newest_key(&self) -> Option<u64> {
         let mut entries = self.segments.iter().rev().flat_map(|segment| segment.entries.iter().rev());
         entries.find(|entry| entry.is_key).map(|entry| entry.number)
     }
 
-    /// Frames that the server has not acknowledged, and their bytes.
+    /// Number and bytes of the frames that the server has not acknowledged.
     pub fn waiting(&self) -> (u64, u64) {
         let entries = self.segments.iter().flat_map(|segment| &segment.entries);
         let waiting = entries.filter(|entry| entry.is_frame() && !entry.is_in(&self.durable));
         waiting.fold((0, 0), |(frames, bytes), entry| (frames + 1, bytes + entry.bytes as u64))
     }
 
-    /// Has the server everything that lies here?
+    /// True if the server has every record of the spool.
     pub fn is_acknowledged(&self) -> bool {
         self.segments.iter().flat_map(|segment| &segment.entries).all(|entry| entry.is_in(&self.durable))
     }
 
-    /// Was the server told how many frames there are?
+    /// True if the number of frames was sent to the server.
     pub fn is_closing(&self) -> bool {
         self.is_closing
     }
 
-    /// Notes that the server is told next how many frames there are.
+    /// Notes that the number of frames is being sent to the server.
     pub(super) fn close(&mut self) -> io::Result<()> {
         if !self.is_closing {
             self.active = None;
@@ -128,7 +128,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Becomes another recording, with another id in another folder, of which the server knows nothing.
+    /// Turns it into another recording, with a new id and folder that the server does not know.
     pub(super) fn renew(&mut self, folder: PathBuf, hello: Hello) -> io::Result<()> {
         write_hello(&self.folder, &hello)?;
         fs::rename(&self.folder, &folder)?;
@@ -143,7 +143,7 @@ impl Recording {
         self.write(record, segment_bytes)
     }
 
-    /// Tells of the numbers for which there was no room.
+    /// Writes the gap for the numbers that found no disk space.
     pub(super) fn write_unwritten(&mut self, segment_bytes: u64) -> io::Result<()> {
         if let Some([number, last]) = self.unwritten {
             let body = Body::Gap { last, reason: GapReason::SpoolFull };
@@ -153,7 +153,7 @@ impl Recording {
         Ok(())
     }
 
-    /// There was no room for this record: its numbers are a gap.
+    /// There is no disk space for this record: its numbers become a gap.
     pub(super) fn give_up(&mut self, record: &Record<'_>) {
         let first = self.unwritten.map_or(record.number, |[first, _]| first);
         self.unwritten = Some([first, record.last()]);
@@ -168,7 +168,7 @@ impl Recording {
             Some(file) => file.clone(),
             None => {
                 let serial = self.next_serial;
-                self.next_serial += 1; // first: the file may be there although making it failed
+                self.next_serial += 1; // before creating: the file may exist although creating it failed
                 let (segment, file) = Segment::create(&self.folder, serial)?;
                 self.segments.push_back(segment);
                 self.active.insert(file).clone()
@@ -178,7 +178,7 @@ impl Recording {
             && let Err(error) = segment.append(&file, record)
         {
             if segment.entries.is_empty() {
-                // One without a record has no place among the numbers.
+                // A segment without a record has no place in the order of numbers.
                 segment.remove()?;
                 self.segments.pop_back();
                 self.active = None;
@@ -192,12 +192,12 @@ impl Recording {
         Ok(())
     }
 
-    /// Files that hold records which are perhaps not on the disk yet.
+    /// Files with records that may not be on the disk yet.
     pub(super) fn take_unsynced(&mut self) -> Vec<Arc<File>> {
         std::mem::take(&mut self.unsynced)
     }
 
-    /// The bytes of a record; one that cannot be read any more is forgotten, and is a hole from then on.
+    /// The bytes of a record. An unreadable record is dropped and is a hole from then on.
     pub(super) fn read(&mut self, wanted: Entry) -> Option<Vec<u8>> {
         let at = self.segments.partition_point(|segment| segment.end() <= wanted.number);
         let segment = self.segments.get_mut(at)?;
@@ -205,7 +205,7 @@ impl Recording {
             Ok(bytes) if Record::read(&bytes).is_ok() => Some(bytes),
             damaged => {
                 let why = damaged.err().map_or("its checksum does not match".to_owned(), |error| error.to_string());
-                tracing::error!(number = wanted.number, why, "a frame in the spool cannot be read, and is lost");
+                tracing::error!(number = wanted.number, why, "frame in the spool is unreadable and lost");
                 segment.entries.retain(|entry| *entry != wanted);
                 if self.segments.back().is_some_and(|segment| segment.entries.is_empty()) {
                     self.active = None;
@@ -216,7 +216,7 @@ impl Recording {
         }
     }
 
-    /// Lets go of whole segments that the server has.
+    /// Removes segments that the server has completely.
     pub(super) fn let_go(&mut self) -> io::Result<()> {
         let active = usize::from(self.active.is_some());
         for at in (0..self.segments.len().saturating_sub(active)).rev() {
@@ -228,7 +228,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Gives up the frames of its oldest segment that has some; `false` if there is none.
+    /// Drops the frames of the oldest segment that has frames; `false` if there is none.
     pub(super) fn drop_oldest(&mut self) -> io::Result<bool> {
         let Some(at) = self.segments.iter().position(Segment::has_frames) else { return Ok(false) };
         if at + 1 == self.segments.len() {
@@ -244,7 +244,7 @@ impl Recording {
     }
 }
 
-/// Writes the hello in one step: it is there whole or not at all.
+/// Writes the hello in one step: the file is complete or absent.
 fn write_hello(folder: &Path, hello: &Hello) -> io::Result<()> {
     let new = folder.join("hello.new");
     let mut file = File::create(&new)?;

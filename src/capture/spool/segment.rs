@@ -1,4 +1,4 @@
-//! A file of records, some MB of them, and where each of them lies.
+//! A file of records, some MB long, with the position of each record.
 
 use std::fs::{self, File};
 use std::io;
@@ -9,17 +9,17 @@ use std::sync::Arc;
 use crate::domain::feed::numbers::Numbers;
 use crate::domain::feed::record::{Body, GapReason, Record, read_all};
 
-/// How the names of segments end.
+/// Suffix of segment files.
 const SUFFIX: &str = "records";
 
-/// Where a record lies, and what it speaks of.
+/// Position and numbers of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// The frame's number, or the gap's first.
     pub number: u64,
-    /// The last number that it speaks of.
+    /// The last number that it covers.
     pub last: u64,
-    /// Is it a frame that can be decoded without the ones before?
+    /// True for a frame that can be decoded without earlier ones.
     pub is_key: bool,
     /// Its length, bytes.
     pub bytes: usize,
@@ -36,18 +36,18 @@ impl Entry {
         Self { number: record.number, last: record.last(), is_key, bytes, gap, offset }
     }
 
-    /// Is it a frame, and no gap?
+    /// True for a frame, false for a gap.
     pub fn is_frame(&self) -> bool {
         self.gap.is_none()
     }
 
-    /// Is all that it speaks of among these?
+    /// True if all its numbers are among these.
     pub fn is_in(&self, numbers: &Numbers) -> bool {
         numbers.contains_all(self.number, self.last)
     }
 }
 
-/// A file of records in rising order of their numbers.
+/// A file of records with rising numbers.
 #[derive(Debug)]
 pub(super) struct Segment {
     path: PathBuf,
@@ -56,7 +56,7 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// A new one, and its file to append to.
+    /// Creates a segment; returns it and its file for appending.
     pub(super) fn create(folder: &Path, serial: u64) -> io::Result<(Self, Arc<File>)> {
         let path = folder.join(format!("{serial:08}.{SUFFIX}"));
         let file = File::create_new(&path)?;
@@ -64,7 +64,7 @@ impl Segment {
         Ok((Self { path, entries: Vec::new(), bytes: 0 }, Arc::new(file)))
     }
 
-    /// One that is there already. What is no whole record at its end is cut off.
+    /// Opens an existing segment and cuts off an incomplete record at its end.
     pub(super) fn open(path: PathBuf) -> io::Result<Self> {
         let file = File::options().read(true).write(true).open(&path)?;
         let mut entries: Vec<Entry> = Vec::new();
@@ -79,7 +79,7 @@ impl Segment {
         Ok(Self { path, entries, bytes })
     }
 
-    /// The segments of a folder, each with its serial number, in order.
+    /// The segments in a folder with their serial numbers, in order.
     pub(super) fn paths_in(folder: &Path) -> io::Result<Vec<(u64, PathBuf)>> {
         let mut found = Vec::new();
         for entry in fs::read_dir(folder)? {
@@ -93,7 +93,7 @@ impl Segment {
         Ok(found)
     }
 
-    /// Appends a record; if that fails, the segment is as it was.
+    /// Appends a record; on failure the segment is unchanged.
     pub(super) fn append(&mut self, file: &File, record: &Record<'_>) -> io::Result<()> {
         let mut written = Vec::new();
         record.write(&mut written);
@@ -113,17 +113,17 @@ impl Segment {
         Ok(bytes)
     }
 
-    /// The number after its last.
+    /// One more than its last number.
     pub(super) fn end(&self) -> u64 {
         self.entries.last().map_or(0, |entry| entry.last + 1)
     }
 
-    /// Is there a frame in it?
+    /// True if it contains a frame.
     pub(super) fn has_frames(&self) -> bool {
         self.entries.iter().any(Entry::is_frame)
     }
 
-    /// The one gap that is all it holds, if it tells of a spool that was full.
+    /// The range of its gap, if the segment is one gap because the spool was full.
     pub(super) fn only_gap(&self) -> Option<[u64; 2]> {
         match self.entries[..] {
             [Entry { number, last, gap: Some(GapReason::SpoolFull), .. }] => Some([number, last]),
@@ -131,9 +131,9 @@ impl Segment {
         }
     }
 
-    /// Gives up its frames: what is left are gaps for those that are not durable elsewhere. They are written over the
-    /// segment's own beginning, for which even a full disk has room; a power cut in between leaves gaps and no record
-    /// behind them. A gap right before them is joined to them, and `true` the answer.
+    /// Replaces its frames by gaps for the numbers that are not durable elsewhere. The gaps overwrite the start of the
+    /// file, so even a full disk has space for them; a power cut in between leaves gaps without records after them. A
+    /// gap right before (`before`) is joined to the first one; then the result is `true`.
     pub(super) fn become_gaps(&mut self, durable: &Numbers, before: Option<[u64; 2]>) -> io::Result<bool> {
         let mut gaps: Vec<(u64, u64, GapReason)> = Vec::new();
         for entry in self.entries.iter().filter(|entry| !entry.is_in(durable)) {
@@ -165,12 +165,12 @@ impl Segment {
         Ok(joined)
     }
 
-    /// Its folder has another name now.
+    /// The segment's folder has been renamed.
     pub(super) fn move_to(&mut self, folder: &Path) {
         self.path = self.path.file_name().map_or_else(|| self.path.clone(), |name| folder.join(name));
     }
 
-    /// Removes its file; one that is gone already is as good.
+    /// Removes its file; a missing file is no error.
     pub(super) fn remove(&self) -> io::Result<()> {
         match fs::remove_file(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
@@ -179,7 +179,7 @@ impl Segment {
     }
 }
 
-/// The names in the folder are on the disk.
+/// Makes the file names in the folder durable.
 pub(super) fn sync_folder(path: &Path) -> io::Result<()> {
     File::open(path)?.sync_all()
 }

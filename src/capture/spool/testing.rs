@@ -1,4 +1,4 @@
-//! Spools for this folder's tests.
+//! Spools for the tests of this folder.
 
 use std::ops::Range;
 
@@ -35,19 +35,19 @@ pub fn payload(number: u64) -> Vec<u8> {
     vec![number as u8; 100]
 }
 
-/// Adds frames of 132 bytes, head included.
+/// Appends key frames of 132 bytes, header included.
 pub fn add(spool: &mut Spool, numbers: Range<u64>) {
     add_groups(spool, numbers, 1);
 }
 
-/// The same with a key frame every so often.
+/// Appends frames with a key frame every `key_every`.
 pub fn add_groups(spool: &mut Spool, numbers: Range<u64>, key_every: u64) {
     for number in numbers {
         append(spool, number, number % key_every == 0, &payload(number));
     }
 }
 
-/// Key frames of this length.
+/// Appends key frames with this payload length.
 pub fn add_sized(spool: &mut Spool, numbers: Range<u64>, bytes: usize) {
     numbers.for_each(|number| append(spool, number, true, &vec![1; bytes]));
 }

@@ -1,4 +1,4 @@
-//! Laws of the spool: nothing that is in it is lost by a cut, and what a full one gives up is told.
+//! Laws of the spool: a cut file loses nothing before the cut, and dropped frames are recorded as gaps.
 
 use std::fs;
 use std::io::Write;
@@ -11,7 +11,7 @@ use super::testing::{add, add_sized, hello, payload, spool};
 use super::*;
 use crate::domain::feed::record::{Body, GapReason};
 
-/// Of a spool whose segments hold ten frames each.
+/// A spool whose segments hold ten frames each.
 const SMALL: u64 = 8 * 10 * 132;
 
 fn numbers(ranges: &[[u64; 2]]) -> Numbers {
@@ -20,7 +20,7 @@ fn numbers(ranges: &[[u64; 2]]) -> Numbers {
     numbers
 }
 
-/// Numbers of the frames that can be read, whole, and those that are told as gaps, with their reasons.
+/// Numbers of the readable frames, and the gaps with their reasons.
 fn held(spool: &mut Spool, id: FeedId) -> (Numbers, Vec<(u64, u64, GapReason)>) {
     let (mut frames, mut gaps, mut next) = (Numbers::default(), Vec::new(), 0);
     while let Some(entry) = spool.get(id).and_then(|recording| recording.at_or_after(next)) {
@@ -38,7 +38,7 @@ fn held(spool: &mut Spool, id: FeedId) -> (Numbers, Vec<(u64, u64, GapReason)>) 
     (frames, gaps)
 }
 
-/// The recording's files of records, in order.
+/// The recording's segment files, in order.
 fn files(spool: &Spool, id: FeedId) -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = fs::read_dir(spool.path(id)).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some_and(|suffix| suffix == "records"));
@@ -49,7 +49,7 @@ fn files(spool: &Spool, id: FeedId) -> Vec<PathBuf> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Whatever the last file is cut to, what lies before the cut is there, and what the server has is not asked for.
+    /// However the last file is cut, the records before the cut remain, and acknowledged numbers are not needed.
     #[test]
     fn a_cut_costs_only_what_lies_behind_it(frames in 1u64..40, acknowledged in 0u64..40, cut in 0.0f64..=1.0) {
         let (folder, mut spool, id) = spool(SMALL);
@@ -73,13 +73,13 @@ proptest! {
             prop_assert!(before.contains(number));
         }
         prop_assert!(gaps.is_empty());
-        // And it can be gone on with.
+        // Recording can continue.
         spool.live = Some(id);
         add(&mut spool, frames..frames + 3);
         prop_assert!(held(&mut spool, id).0.contains_all(frames, frames + 2));
     }
 
-    /// A spool that is full keeps what is newest, and every number is a frame, durable, or told as a gap.
+    /// A full spool keeps the newest frames, and every number is a frame, durable, or in a gap.
     #[test]
     fn a_full_spool_keeps_the_newest_and_tells_of_the_rest(frames in 81u64..400, acknowledged in 0u64..30, reopened: bool) {
         let (folder, mut spool, id) = spool(SMALL);
@@ -95,15 +95,15 @@ proptest! {
         prop_assert!(spool.bytes() <= SMALL);
         let (kept, gaps) = held(&mut spool, id);
         prop_assert!(kept.contains_all(end - 60, end - 1), "{kept:?}");
-        let mut told = durable;
-        kept.ranges().iter().for_each(|[first, last]| told.add(*first, *last).unwrap());
+        let mut accounted = durable;
+        kept.ranges().iter().for_each(|[first, last]| accounted.add(*first, *last).unwrap());
         for (first, last, reason) in &gaps {
             prop_assert_eq!(*reason, GapReason::SpoolFull);
             prop_assert!((*first..=*last).all(|number| !kept.contains(number)));
-            told.add(*first, *last).unwrap();
+            accounted.add(*first, *last).unwrap();
         }
-        prop_assert_eq!(told.missing_below(end), Vec::<[u64; 2]>::new());
-        prop_assert!(gaps.len() <= 2, "gaps that touch are one: {:?}", gaps);
+        prop_assert_eq!(accounted.missing_below(end), Vec::<[u64; 2]>::new());
+        prop_assert!(gaps.len() <= 2, "adjacent gaps are joined: {:?}", gaps);
     }
 }
 
@@ -113,11 +113,11 @@ fn what_is_acknowledged_goes_in_whole_segments() {
     add(&mut spool, 0..35);
     assert_eq!(files(&spool, id).len(), 4);
     spool.acknowledge(id, numbers(&[[0, 4], [10, 24]])).unwrap();
-    assert_eq!(files(&spool, id).len(), 3, "the second, of 10 to 19, alone is whole on the server");
+    assert_eq!(files(&spool, id).len(), 3, "only the second segment, 10 to 19, is complete on the server");
     assert_eq!(held(&mut spool, id).0, numbers(&[[0, 9], [20, 34]]));
     assert_eq!(spool.get(id).unwrap().waiting(), (15, 15 * 132));
     spool.acknowledge(id, numbers(&[[0, 34]])).unwrap();
-    assert_eq!(held(&mut spool, id).0, numbers(&[[30, 34]]), "the one that is written to stays");
+    assert_eq!(held(&mut spool, id).0, numbers(&[[30, 34]]), "the segment in use stays");
     assert_eq!(spool.get(id).unwrap().end, 35);
 }
 
@@ -160,7 +160,7 @@ fn a_file_that_has_no_room_for_its_first_record_is_none() {
 #[test]
 fn a_file_that_is_there_already_costs_one_record_and_not_all_that_follow() {
     let (_folder, mut spool, id) = spool(SMALL);
-    fs::write(spool.path(id).join("00000000.records"), b"").unwrap(); // made, but not to the end
+    fs::write(spool.path(id).join("00000000.records"), b"").unwrap(); // created, but the rest failed
     let body = Body::Frame { time: 0, is_key: true, payload: &payload(0) };
     spool.append(&Record { epoch: 0, number: 0, body }).unwrap_err();
     add(&mut spool, 1..4);
@@ -171,7 +171,7 @@ fn a_file_that_is_there_already_costs_one_record_and_not_all_that_follow() {
 fn the_oldest_recording_goes_first() {
     let (_folder, mut spool, old) = spool(SMALL);
     add(&mut spool, 0..30);
-    let new = spool.begin(hello(1_000), "box-1").unwrap(); // by a clock that was set back
+    let new = spool.begin(hello(1_000), "box-1").unwrap(); // the clock was set back
     add(&mut spool, 0..60);
     assert_eq!(held(&mut spool, old), (numbers(&[[20, 29]]), vec![(0, 19, GapReason::SpoolFull)]));
     assert_eq!(held(&mut spool, new).0, numbers(&[[0, 59]]));

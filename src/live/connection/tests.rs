@@ -67,10 +67,10 @@ async fn frames_that_come_while_others_are_made_durable_are_acknowledged_after_t
     let first = connection.begin_sync().await.unwrap();
     assert!(!connection.is_unsynced());
     connection.take_own(1, frame(1)).await.unwrap();
-    assert!(connection.is_unsynced(), "it came behind what is on its way");
+    assert!(connection.is_unsynced(), "it arrived after the sync began");
     let second = connection.begin_sync().await.unwrap();
     assert_eq!(second.await.unwrap(), [[0, 1]]);
-    assert_eq!(first.await.unwrap(), [[0, 0]], "an acknowledgement speaks of what came before its sync began");
+    assert_eq!(first.await.unwrap(), [[0, 0]], "an acknowledgement covers what arrived before its sync began");
     let state = connection.feed.state.lock().await;
-    assert_eq!(state.synced, state.log.bytes(), "a sync that ends late takes nothing back");
+    assert_eq!(state.synced, state.log.bytes(), "a sync that ends late does not lower the synced length");
 }

@@ -5,22 +5,22 @@ use tokio::task::yield_now;
 use super::*;
 use crate::analysis::protocol::Place;
 
-/// In a line of its own.
+/// A supervisor with its own slots.
 fn follower(is_fresh: bool) -> Follower {
     Follower::new(is_fresh, Arc::default())
 }
 
-/// Begins a child; returns how many places it is told of at once.
+/// Connects a child; returns how many positions it receives at once.
 fn begin(follower: &Follower) -> usize {
     let (mut theirs, ours) = pipe().unwrap();
     follower.begin_child(ours);
     follower.child().telling.end();
-    let mut told = Vec::new();
-    theirs.read_to_end(&mut told).unwrap();
-    told.len() / Place::Beat.to_bytes().len()
+    let mut received = Vec::new();
+    theirs.read_to_end(&mut received).unwrap();
+    received.len() / Place::Beat.to_bytes().len()
 }
 
-/// As if they had been written together.
+/// Appends key frames and reports them as written together.
 fn key_frames(follower: &Follower, count: u64) {
     (0..count).for_each(|number| follower.came(100 * number, 100, true));
     follower.wrote(100 * count);
@@ -44,7 +44,7 @@ fn features_of_a_child_that_began_later_are_not_the_recordings() {
     assert_eq!(begin(&follower), 0);
     key_frames(&follower, 5);
     assert!(is_whole(&follower));
-    assert_eq!(begin(&follower), 1, "of the last key frame and what follows it");
+    assert_eq!(begin(&follower), 1, "only the last key frame and the frames after it");
     assert!(!is_whole(&follower));
 }
 
@@ -62,9 +62,9 @@ fn a_child_that_begins_at_the_end_is_told_what_came_and_no_more() {
     let (mut theirs, ours) = pipe().unwrap();
     follower.child().is_ending = true;
     follower.begin_child(ours);
-    let mut told = Vec::new();
-    theirs.read_to_end(&mut told).unwrap(); // would wait for ever
-    assert_eq!(told.len(), 2 * Place::Beat.to_bytes().len());
+    let mut received = Vec::new();
+    theirs.read_to_end(&mut received).unwrap(); // would block for ever if the pipe stayed open
+    assert_eq!(received.len(), 2 * Place::Beat.to_bytes().len());
 }
 
 #[tokio::test]
@@ -76,13 +76,13 @@ async fn a_recording_that_has_to_be_ended_again_has_the_same_features() {
     follower.child().last = Some(Vec::new());
     let features = follower.end().await;
     assert!(features.is_some());
-    begin(&follower); // its sender came again
+    begin(&follower); // its sender connected again
     assert_eq!(follower.end().await, features);
     key_frames(&follower, 1);
-    assert_eq!(follower.end().await, None, "something came that no child was told of from the beginning");
+    assert_eq!(follower.end().await, None, "a record arrived and no child had received them all");
 }
 
-/// A task that is not finished, in the place of the one that runs children.
+/// Sets a task that is not finished, in place of the one that runs children.
 fn with_a_task(follower: &Follower) {
     follower.child().task = Some(tokio::spawn(std::future::pending()));
 }
@@ -91,14 +91,14 @@ fn with_a_task(follower: &Follower) {
 async fn a_sender_that_comes_while_its_child_is_let_go_gets_another() {
     let follower = follower(true);
     with_a_task(&follower);
-    assert!(follower.child().is_begun(), "the first child is about to begin");
-    assert!(!follower.goes_on(Ok(())), "and was enough");
-    begin(&follower); // and is let go
+    assert!(follower.child().is_begun(), "the first child is about to start");
+    assert!(!follower.goes_on(Ok(())), "one child is enough");
+    begin(&follower); // this stops it
     with_a_task(&follower);
     assert!(follower.child().is_begun(), "it has not ended yet");
     assert!(follower.goes_on(Ok(())));
     assert!(!follower.goes_on(Ok(())), "one more is enough");
-    assert!(!follower.child().is_begun(), "whoever comes now begins anew");
+    assert!(!follower.child().is_begun(), "the next sender starts another child");
 }
 
 #[tokio::test]
@@ -112,7 +112,7 @@ async fn a_child_is_not_let_go_of_a_sender_that_came_before_it_was() {
     assert!(!follower.child().telling.goes_on());
 }
 
-/// A box whose child is told in turn, and the child's end.
+/// A supervisor whose child shares these slots, and the child's end of the pipe.
 fn in_turn(turns: &Arc<Turns>) -> (Follower, PipeReader) {
     let follower = Follower::new(true, turns.clone());
     let (theirs, ours) = pipe().unwrap();
@@ -120,7 +120,7 @@ fn in_turn(turns: &Arc<Turns>) -> (Follower, PipeReader) {
     (follower, theirs)
 }
 
-/// Records that its child is told of and those that wait.
+/// Numbers of records in flight and queued.
 fn told_and_waiting(follower: &Follower) -> (usize, usize) {
     let child = follower.child();
     (child.telling.told(), child.telling.untold())
@@ -160,7 +160,7 @@ fn a_child_is_told_of_no_frame_before_it_is_written() {
     assert_eq!(told_and_waiting(&follower), (0, 0));
     assert!(follower.waits_for_log());
     follower.wrote(250);
-    assert_eq!(told_and_waiting(&follower), (2, 0), "half of a record is none");
+    assert_eq!(told_and_waiting(&follower), (2, 0), "half a record does not count");
     follower.wrote(300);
     assert!(!follower.waits_for_log());
     follower.heard(Followed::default());

@@ -1,4 +1,4 @@
-//! The watcher's end of what is followed.
+//! A watcher of a recording that arrives.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Weak};
@@ -11,30 +11,30 @@ use crate::domain::feed::TimeBase;
 use crate::live::Feed;
 use crate::store;
 
-/// A watcher's end.
+/// A watcher of one recording.
 pub struct Watch {
-    /// The recording.
+    /// The recording's row.
     pub row: store::Feed,
-    /// The clock of its frames.
+    /// Time base of its frames.
     pub time_base: TimeBase,
-    /// Whether it is tracked.
+    /// Whether the recording is tracked.
     pub following: watch::Receiver<Following>,
-    /// What its frames show.
+    /// The child's replies.
     pub news: broadcast::Receiver<Arc<Followed>>,
-    /// Whether pictures are wanted.
+    /// Present if the watcher wants pictures.
     pub viewer: Option<Viewer>,
-    pub(super) feed: Weak<Feed>, // weak: whoever watches does not keep a recording open
+    pub(super) feed: Weak<Feed>, // weak: a watcher does not keep a recording open
 }
 
 impl Watch {
-    /// Does anybody send the recording?
+    /// True if a connection sends the recording.
     pub fn is_sent(&self) -> bool {
         self.feed.upgrade().is_some_and(|feed| feed.is_sent())
     }
 }
 
-/// One that wants pictures, for as long as it is kept.
-pub struct Viewer(Arc<AtomicUsize>); // not the follower itself: its news would never end
+/// Counts a watcher that wants pictures, for as long as it exists.
+pub struct Viewer(Arc<AtomicUsize>); // not the supervisor itself: the stream of replies would then never end
 
 impl Viewer {
     pub(super) fn new(among: &Arc<AtomicUsize>) -> Self {

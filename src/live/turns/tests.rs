@@ -1,6 +1,6 @@
 use super::*;
 
-/// A line, and in which order children in it began.
+/// Slots, and the waiters in the order of their starts.
 struct Children {
     turns: Turns,
     begun: Arc<Mutex<Vec<(char, Turn)>>>,
@@ -45,7 +45,7 @@ fn who_came_first_is_first_and_no_more_at_a_time_than_may() {
     children.turns.over(children.turn_of('a'));
     assert_eq!(children.begun(), "abc");
     children.turns.over(children.turn_of('a'));
-    assert_eq!(children.begun(), "abc", "a turn is over once");
+    assert_eq!(children.begun(), "abc", "a slot is released once");
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn who_has_nothing_to_do_leaves_the_turn_to_the_next() {
     children.turns.over(children.turn_of('a'));
     assert_eq!(children.begun(), "abc");
     children.stand('d', true);
-    assert_eq!(children.begun(), "abc", "it is the turn of c");
+    assert_eq!(children.begun(), "abc", "c holds the slot");
 }
 
 #[test]
@@ -72,5 +72,5 @@ fn nobody_waits_for_a_child_that_is_stuck() {
     assert!(began.elapsed() >= LONGEST);
     children.stand('c', true);
     children.turns.over(children.turn_of('a'));
-    assert_eq!(children.begun(), "ab", "what was taken from a is not given back");
+    assert_eq!(children.begun(), "ab", "a slot that timed out is not released again");
 }
