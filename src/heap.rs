@@ -1,10 +1,10 @@
-//! The C library's heaps, kept from keeping more than they need. Other C libraries do not keep it: there, nothing is done.
+//! Limits the memory that glibc's allocator holds on to. With other C libraries these functions do nothing.
 
 use std::io;
 
-/// From now on, all threads share one heap. With one for each, every heap keeps what was freed in it for its own threads
-/// alone, and reserves 64 MiB of address space. Call it while the process has one thread, which will allocate little while
-/// others do.
+/// Makes all threads share one heap. By default glibc gives threads heaps of their own; each heap keeps the memory
+/// freed in it for its own threads and reserves 64 MiB of address space. Call this while the process has one thread,
+/// and only where few threads allocate at the same time.
 ///
 /// # Errors
 /// The C library refuses.
@@ -19,8 +19,8 @@ pub fn share_one() -> io::Result<()> {
     Ok(())
 }
 
-/// Gives what is free back to the system. The C library keeps what a decoder freed, which at 1080p is as much as an hour of
-/// two tools' motion needs.
+/// Returns free memory to the system. Otherwise glibc keeps what a decoder freed: at 1080p that is as much memory as an
+/// hour of two tools' motion needs.
 pub fn give_back() {
     #[cfg(target_env = "gnu")]
     // SAFETY: a plain call with a plain number; the C library locks its heaps itself.

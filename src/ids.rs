@@ -1,6 +1,7 @@
-//! Names of rows: UUIDs of version 7, so that ids made later sort later, one type per noun so that they cannot be mixed up.
+//! Ids of rows: UUIDs of version 7, so that later ids sort later. Each noun has its own id type, so that ids cannot be
+//! mixed up.
 //!
-//! Everywhere outside the process an id is its hyphenated lower-case text.
+//! Outside the process an id is always its hyphenated lower-case text.
 
 use std::fmt;
 use std::str::FromStr;
@@ -51,7 +52,7 @@ macro_rules! ids {
 }
 
 ids! {
-    /// Somebody who can sign in.
+    /// A user who can sign in.
     PersonId;
     /// A training group: instructors and their trainees.
     GroupId;
@@ -65,7 +66,7 @@ ids! {
     PaletteId;
     /// One self-test of a box.
     SelfTestId;
-    /// Somebody who trains.
+    /// A trainee.
     TraineeId;
     /// An exercise.
     TaskId;
@@ -79,23 +80,23 @@ ids! {
     ModelId;
     /// One recording of one trainee doing one task in one box.
     SessionId;
-    /// What one version of the program made of a session.
+    /// The result of a session, computed by one version of the program.
     ResultId;
-    /// What a rater gave a session.
+    /// One rater's rating of a session.
     RatingId;
-    /// What somebody said about a second of a session.
+    /// A comment on one moment of a session.
     CommentId;
     /// A change of a scored session.
     EditId;
-    /// A recording that arrives frame by frame; its sender makes the id.
+    /// A recording that arrives frame by frame. Its sender makes the id.
     FeedId;
     /// An order to score a task's sessions again.
     RescoringId;
     /// A resumable upload.
     UploadId;
-    /// A piece of work in the queue.
+    /// A job in the queue.
     JobId;
-    /// The right to work on a job: a new one with every claim, so that a late finisher can be told apart.
+    /// The lease of a job. Every claim makes a new token, so a worker whose lease was lost cannot finish the job.
     LeaseToken;
 }
 
@@ -105,7 +106,7 @@ fn uuid_at(now_ms: i64) -> Uuid {
     Uuid::new_v7(Timestamp::from_unix(NoContext, now_ms / 1_000, nanoseconds))
 }
 
-/// Only the hyphenated form is accepted, so that one id has one text.
+/// Accepts only the hyphenated lower-case form, so that each id has exactly one text.
 fn parse(text: &str) -> Result<Uuid, NotAnId> {
     if text.len() != 36 || text.bytes().any(|b| b.is_ascii_uppercase()) {
         return Err(NotAnId);

@@ -1,19 +1,19 @@
 //! Trocar measures how surgeons move in a laparoscopic box trainer.
 //!
-//! **`pipeline` is the science and is pure; everything else is the machine around it.** A frame travels
+//! **`pipeline` is the science and is pure. All other modules serve it.** A frame travels
 //!
 //! ```text
 //! frame → segmentation → blob → edges → pose → filter → trajectory → features → score
 //! ```
 //!
-//! through [`pipeline`], one folder per stage; [`pipeline::tracker`] is that flow in a few lines.
+//! through [`pipeline`], which has one folder per stage. [`pipeline::tracker`] shows that flow in a few lines.
 //!
 //! # Layers
 //! Imports point downwards only; `tests/integration/architecture.rs` enforces it.
 //!
 //! | layer | modules | must not name |
 //! |---|---|---|
-//! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | anything of ours |
+//! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | any other module of this crate |
 //! | 1 pure | [`pipeline`] [`simulation`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, serde |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
@@ -21,12 +21,14 @@
 //! | 5 rim | [`http`] [`commands`] [`settings`] | sqlx in `http`; `http` never calls `pipeline` |
 //!
 //! # Invariants, as absences
-//! 1. The pipeline does no I/O and does not fail on input: it returns what it saw, and why not more.
+//! 1. The pipeline does no I/O and does not fail on input: it returns what it measured, and reasons for what is
+//!    missing.
 //! 2. Pixels never run on an async thread, and never in the process that serves HTTP.
 //! 3. No database transaction spans a frame, a file or a network call.
 //! 4. Every stored result names the versions of calibration, palette and pipeline that made it.
 //! 5. Server, command line, tests and benches drive the same [`pipeline::tracker::Tracker`].
-//! 6. A byte is acknowledged only when it is durable: file synced, then row, then answer.
+//! 6. A byte is acknowledged only when it is durable: first the file is synced, then the row written, then the answer
+//!    sent.
 //! 7. Every queue, buffer, upload, retry and loop has a limit with a name in [`settings`].
 //! 8. Time comes from [`time::Clock`] or from the frame. Tests never sleep.
 //! 9. No full-frame copy, colour conversion or remap on the hot path: points are undistorted, pixels are looked up.

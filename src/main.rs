@@ -1,4 +1,4 @@
-//! The program `trocar`: reads the command line, runs one command, turns its outcome into an exit status.
+//! The program `trocar`: reads the command line, runs one command and turns its outcome into an exit status.
 
 use std::process::ExitCode;
 

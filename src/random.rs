@@ -1,6 +1,7 @@
-//! Chance that is the same everywhere: a named generator (xoshiro256++), one independent stream per purpose.
+//! Reproducible random numbers: a fixed generator (xoshiro256++) with one independent stream per purpose.
 //!
-//! The library's standard generator may change between its releases; a scene must not, nor an error bar.
+//! The standard generator of the `rand` crate may change between releases; scenes and error bars must not change with
+//! it.
 
 use std::f64::consts::TAU;
 
@@ -8,12 +9,12 @@ use nalgebra::Vector3;
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
 
-/// One stream of chance.
+/// One stream of random numbers.
 #[derive(Clone, Debug)]
 pub struct Dice(Xoshiro256PlusPlus);
 
 impl Dice {
-    /// The stream of this seed for this purpose; streams of other purposes do not disturb it.
+    /// The stream of this seed for this purpose. Streams with other purposes are independent of it.
     pub fn new(seed: u64, purpose: &str) -> Self {
         const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
         const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
@@ -22,34 +23,34 @@ impl Dice {
         Self(Xoshiro256PlusPlus::seed_from_u64(hash))
     }
 
-    /// 64 fair bits.
+    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0.next_u64()
     }
 
-    /// Evenly spread over `low..high`.
+    /// A number from `low..high`, uniformly distributed.
     pub fn within(&mut self, low: f64, high: f64) -> f64 {
         let unit = (self.bits() >> 11) as f64 / (1u64 << 53) as f64;
         low + (high - low) * unit
     }
 
-    /// Standard normal (Box–Muller).
+    /// A standard normal number (Box–Muller).
     pub fn gauss(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.within(0.0, 1.0)).ln()).sqrt();
         radius * self.within(0.0, TAU).cos()
     }
 
-    /// Three independent standard normals.
+    /// Three independent standard normal numbers.
     pub fn gauss3(&mut self) -> Vector3<f64> {
         Vector3::new(self.gauss(), self.gauss(), self.gauss())
     }
 
-    /// True in this share of cases.
+    /// True with probability `share`.
     pub fn chance(&mut self, share: f64) -> bool {
         self.within(0.0, 1.0) < share
     }
 
-    /// One of `0..count`; 0 where there is nothing to choose.
+    /// A number from `0..count`; 0 if `count` is 0.
     pub fn pick(&mut self, count: usize) -> usize {
         (self.within(0.0, count as f64) as usize).min(count.saturating_sub(1))
     }
@@ -61,7 +62,7 @@ mod tests {
 
     #[test]
     fn a_seed_gives_the_published_numbers_of_xoshiro256_plus_plus() {
-        // First outputs of the reference implementation, state filled by SplitMix64 from 0.
+        // First outputs of the reference implementation, with the state filled by SplitMix64 from 0.
         let mut generator = Xoshiro256PlusPlus::seed_from_u64(0);
         let first = [generator.next_u64(), generator.next_u64()];
         assert_eq!(first, [5_987_356_902_031_041_503, 7_051_070_477_665_621_255]);

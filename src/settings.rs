@@ -1,8 +1,9 @@
-//! Settings: defaults ← file ← environment ← flags, typed and checked. Every limit has a name here or in the part it limits.
+//! Settings, typed and checked: defaults ← file ← environment ← flags; the later source wins. Every limit has a name,
+//! here or in the module that it limits.
 //!
-//! The file is TOML; `trocar.toml` in the data folder, or whichever `--settings` or `TROCAR_SETTINGS` names. A variable
-//! `TROCAR_<KEY>` or `TROCAR_<SECTION>__<KEY>` sets one value (`TROCAR_QUEUE__LEASE_S=60`). A key that nobody knows is an
-//! error that names it: a misspelt limit must not leave the default in force unnoticed.
+//! The file is TOML. It is `trocar.toml` in the data folder, or the file that `--settings` or `TROCAR_SETTINGS` names.
+//! A variable `TROCAR_<KEY>` or `TROCAR_<SECTION>__<KEY>` sets one value (`TROCAR_QUEUE__LEASE_S=60`). An unknown key
+//! is an error that names the key: otherwise a misspelt limit would leave the default in force unnoticed.
 //!
 //! ```toml
 //! listen = "127.0.0.1:8080"
@@ -26,15 +27,15 @@ use crate::queue::QueueSettings;
 use crate::rescoring::RescoringSettings;
 use crate::store::StoreSettings;
 
-/// Everything that can be set.
+/// All settings of the service.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Folder of database, recordings and results; made at the first start.
+    /// Folder for database, recordings and results. The first start creates it.
     pub data: PathBuf,
-    /// Address to listen on. Other machines reach the service only if it is not a loopback one.
+    /// Address to listen on. With a loopback address, other machines cannot reach the service.
     pub listen: SocketAddr,
-    /// Recordings tracked at the same time; each takes a core or more while it decodes. 0: as many as half the cores.
+    /// How many recordings are tracked at the same time. Each takes a core or more while it decodes. 0: half the cores.
     pub workers: usize,
     /// The database.
     pub store: StoreSettings,
@@ -42,24 +43,24 @@ pub struct Settings {
     pub queue: QueueSettings,
     /// Connections, requests and sign-ins.
     pub http: HttpSettings,
-    /// Children that decode and track.
+    /// Child processes that decode and track.
     pub analysis: AnalysisSettings,
-    /// Recordings that arrive.
+    /// Uploads of recordings.
     pub uploads: UploadSettings,
-    /// Recordings that arrive frame by frame.
+    /// Live feeds: recordings that arrive frame by frame.
     pub live: LiveSettings,
-    /// Sessions that are scored again.
+    /// Rescoring of sessions.
     pub rescoring: RescoringSettings,
-    /// Clearing up behind the work.
+    /// Removal of files that are no longer needed.
     pub upkeep: UpkeepSettings,
 }
 
-/// Times of upkeep.
+/// Settings of upkeep.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UpkeepSettings {
-    /// How often files that nothing refers to and expired uploads are looked for, s. Bounds how long an erased
-    /// recording stays on the disk. Usually 20.
+    /// Interval between removals of unreferenced files and expired uploads, s. Limits how long an erased recording
+    /// stays on the disk. Default 20.
     pub collect_s: u64,
 }
 
@@ -87,7 +88,7 @@ impl Default for UpkeepSettings {
     }
 }
 
-/// What the command line may set; it wins over everything else.
+/// Settings given on the command line. They win over all other sources.
 #[derive(Clone, Debug, Default)]
 pub struct Flags {
     /// The settings file.
@@ -104,56 +105,56 @@ pub struct Flags {
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsError {
     /// The named file cannot be read.
-    #[error("reading the settings `{path}`: {source}")]
+    #[error("cannot read the settings file `{path}`: {source}")]
     Read {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file is not TOML, or holds a key that nobody knows or a value of the wrong type.
-    #[error("settings `{path}`: {why}")]
+    /// The file is not TOML, or has an unknown key or a value of the wrong type.
+    #[error("settings file `{path}`: {why}")]
     File {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
         /// What is wrong, and where.
         why: String,
     },
-    /// A variable names a key that nobody knows, or holds a value of the wrong type.
+    /// An environment variable names an unknown key, or has a value of the wrong type.
     #[error("environment variable {name}: {why}")]
     Variable {
-        /// Which variable.
+        /// Name of the variable.
         name: String,
         /// What is wrong.
         why: String,
     },
-    /// A value that makes no sense.
+    /// A value outside its range, or one that contradicts another.
     #[error("setting `{key}` is {value}; expected {expected}")]
     Value {
-        /// Which key.
+        /// The key.
         key: &'static str,
-        /// What it is.
+        /// Its value.
         value: String,
         /// What it should be.
         expected: &'static str,
     },
 }
 
-/// The database's file name in the data folder.
+/// File name of the database in the data folder.
 pub const DATABASE: &str = "trocar.db";
 
-/// Variables that begin with our prefix and are no settings: they choose the file, or belong to tests and logging.
+/// Variables with our prefix that are not settings: they choose the settings file, or belong to tests and logging.
 const NOT_SETTINGS: [&str; 4] = ["TROCAR_SETTINGS", "TROCAR_LOG", "TROCAR_SHARED", "TROCAR_TEST"];
 const PREFIX: &str = "TROCAR_";
 
 impl Settings {
-    /// Reads the settings of this process.
+    /// Reads the settings from the file, the environment of this process, and `flags`.
     pub fn load(flags: Flags) -> Result<Self, SettingsError> {
         let variables: Vec<(String, String)> = std::env::vars().filter(|(name, _)| name.starts_with(PREFIX)).collect();
         Self::from_parts(flags, &variables)
     }
 
-    /// Reads the settings from flags and these variables.
+    /// Like [`Settings::load`], with these environment variables.
     fn from_parts(flags: Flags, variables: &[(String, String)]) -> Result<Self, SettingsError> {
         let variable = |wanted: &str| variables.iter().find(|(name, _)| name == wanted).map(|(_, value)| value);
         let named = flags.settings.clone().or_else(|| variable("TROCAR_SETTINGS").map(PathBuf::from));
@@ -178,7 +179,7 @@ impl Settings {
         Ok(settings)
     }
 
-    /// Where the database lies.
+    /// Path of the database.
     pub fn database(&self) -> PathBuf {
         self.data.join(DATABASE)
     }
@@ -224,7 +225,7 @@ impl Settings {
     }
 }
 
-/// `http` or `https`, a host, and no more than a path.
+/// True for `http` or `https` with a host and at most a path.
 fn is_web_address(text: &str) -> bool {
     let host = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | ':' | '/' | '[' | ']' | '_' | '~');
@@ -240,7 +241,7 @@ fn read(path: &Path) -> Result<Table, SettingsError> {
     Ok(table)
 }
 
-/// Sets one value from a variable, and makes sure that it is one that can be set.
+/// Sets one value from an environment variable, and checks that the key exists and the type fits.
 fn set(table: &mut Table, name: &str, text: &str) -> Result<(), SettingsError> {
     let key = name.strip_prefix(PREFIX).unwrap_or(name).to_ascii_lowercase();
     let value = value(text);
@@ -263,7 +264,7 @@ fn single(key: &str, value: Value) -> Table {
     Table::from_iter([(key.to_owned(), value)])
 }
 
-/// A variable's value as TOML would have it: `30` is a number, `true` a truth, anything else text.
+/// A variable's value, read as TOML: `30` is a number, `true` a boolean; what is not TOML is text.
 fn value(text: &str) -> Value {
     let read = toml::from_str::<Table>(&format!("value = {text}")).ok();
     read.and_then(|mut table| table.remove("value")).unwrap_or_else(|| Value::String(text.to_owned()))
@@ -281,8 +282,8 @@ fn within(key: &'static str, value: u64, least: u64, most: u64) -> Result<(), Se
     if (least..=most).contains(&value) {
         return Ok(());
     }
-    let value = format!("{value}, outside {least} to {most}");
-    Err(SettingsError::Value { key, value, expected: "a number inside" })
+    let value = format!("{value}, which is outside {least} to {most}");
+    Err(SettingsError::Value { key, value, expected: "a number in this range" })
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! Ending: a state that every task can see and wait for, and the sudden end when a disk cannot be trusted.
+//! Shutdown: a state that every task can see and wait for, and the immediate abort when a disk cannot be trusted.
 //!
-//! An orderly end stops accepting, keeps partial uploads, hands leases back and is over within a bounded time. Everything
-//! else is crash-only: start-up is recovery.
+//! An orderly shutdown stops accepting requests, keeps partial uploads, releases leases and ends within a fixed time.
+//! All other ends are crashes, and every start recovers from a crash.
 
 use std::future::Future;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
 use tokio_util::task::TaskTracker;
 
-/// Shared by everything that must end with the service. Clones are the same shutdown.
+/// Shared by all tasks that must end with the service. Clones share one state.
 #[derive(Clone, Debug, Default)]
 pub struct Shutdown {
     begun: CancellationToken,
@@ -19,23 +19,23 @@ pub struct Shutdown {
 }
 
 impl Shutdown {
-    /// Nothing is ending yet.
+    /// A shutdown that has not begun.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Begins to end; again has no effect.
+    /// Begins the shutdown. A second call has no effect.
     pub fn begin(&self) {
         self.begun.cancel();
         self.tasks.close();
     }
 
-    /// Has the end begun?
+    /// True once the shutdown has begun.
     pub fn is_begun(&self) -> bool {
         self.begun.is_cancelled()
     }
 
-    /// Waits until the end begins.
+    /// Waits until the shutdown begins.
     pub fn begun(&self) -> WaitForCancellationFutureOwned {
         self.begun.clone().cancelled_owned()
     }
@@ -45,14 +45,17 @@ impl Shutdown {
         self.tasks.spawn(task)
     }
 
-    /// Waits until the end has begun and all tasks are over; `false` if they were not within `grace` of the beginning.
+    /// Waits until the shutdown has begun and all tasks have ended. `false` if tasks still run `grace` after it began.
     pub async fn finished(&self, grace: Duration) -> bool {
         self.begun().await;
         tokio::time::timeout(grace, self.tasks.wait()).await.is_ok()
     }
 
-    /// Begins to end at SIGTERM or SIGINT. A second signal ends the process at once.
-    #[expect(clippy::disallowed_methods, reason = "asked twice to end: what is durable is, the next start recovers")]
+    /// Begins the shutdown at SIGTERM or SIGINT. A second signal ends the process immediately.
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "second signal: acknowledged data is durable; the next start recovers"
+    )]
     pub fn begin_on_signals(&self) -> std::io::Result<()> {
         let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
         let shutdown = self.clone();
@@ -62,7 +65,7 @@ impl Shutdown {
                 if shutdown.is_begun() {
                     std::process::exit(130);
                 }
-                tracing::info!("ending: a signal asks for it");
+                tracing::info!("signal received; shutting down");
                 shutdown.begin();
             }
         });
@@ -70,11 +73,11 @@ impl Shutdown {
     }
 }
 
-/// Ends the process now. After a failed fsync nobody knows what is on the disk, and asking again can answer "fine" over
-/// lost pages; a fresh start reads back what is really there.
+/// Aborts the process. After a failed fsync the content of the disk is unknown, and a second fsync can report success
+/// although pages were lost. A fresh start reads what is really on the disk.
 pub fn abort(why: &str) -> ! {
-    tracing::error!(why, "ending at once: what was written may not be on the disk");
-    eprintln!("trocar: ending at once: {why}");
+    tracing::error!(why, "aborting: written data may not be on the disk");
+    eprintln!("trocar: aborting: {why}");
     std::process::abort()
 }
 

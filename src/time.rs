@@ -1,6 +1,6 @@
-//! What time it is, asked of a [`Clock`] so that tests can turn the hands.
+//! Time, read from a [`Clock`] so that tests can set it.
 //!
-//! Times are `i64` milliseconds since 1970-01-01 UTC, named `…_ms`; outside the process they are RFC 3339 text.
+//! Times are `i64` milliseconds since 1970-01-01 UTC, named `…_ms`. Outside the process they are RFC 3339 text.
 
 use std::fmt;
 use std::future::Future;
@@ -23,25 +23,25 @@ pub type SharedClock = Arc<dyn Clock>;
 /// A wait for a point in time.
 pub type Sleep = Pin<Box<dyn Future<Output = ()> + Send>>;
 
-/// Tells the time and waits.
+/// A source of time.
 pub trait Clock: fmt::Debug + Send + Sync {
-    /// Now, epoch milliseconds.
+    /// The current time, epoch milliseconds.
     fn now_ms(&self) -> i64;
 
-    /// Milliseconds that have passed since some moment of this process, whatever the clock was set to meanwhile: for how long
-    /// ago something was.
+    /// Milliseconds since a fixed moment of this process. Setting the machine's clock does not change it, so use it to
+    /// measure durations.
     fn passed_ms(&self) -> i64;
 
     /// Waits until this much time has passed on this clock.
     fn sleep(&self, duration: Duration) -> Sleep;
 }
 
-/// The machine's own clock.
+/// The machine's clock.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct System;
 
 impl Clock for System {
-    #[expect(clippy::disallowed_methods, reason = "the one place that asks the machine")]
+    #[expect(clippy::disallowed_methods, reason = "the one place that reads the machine's clock")]
     fn now_ms(&self) -> i64 {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         millis(since)
@@ -57,11 +57,11 @@ impl Clock for System {
     }
 }
 
-/// A clock that stands still until it is told to move: for tests.
+/// A clock for tests: it moves only by [`ManualClock::advance`] and [`ManualClock::set_forward`].
 #[derive(Debug)]
 pub struct Manual {
     passed_ms: watch::Sender<i64>,
-    /// What it shows beyond that.
+    /// Added to `monotonic_ms`, this is the time that the clock shows.
     set_ms: AtomicI64,
 }
 
@@ -71,12 +71,12 @@ impl Manual {
         Arc::new(Self { passed_ms: watch::Sender::new(0), set_ms: AtomicI64::new(now_ms) })
     }
 
-    /// Moves the hands forward and wakes whoever was waiting for it.
+    /// Lets time pass and wakes the sleepers whose time has come.
     pub fn advance(&self, duration: Duration) {
         self.passed_ms.send_modify(|passed_ms| *passed_ms += millis(duration));
     }
 
-    /// Sets the hands forward, as an administrator does, though no time passes.
+    /// Sets the clock forward, as an administrator might, without letting time pass.
     pub fn set_forward(&self, duration: Duration) {
         self.set_ms.fetch_add(millis(duration), Ordering::AcqRel);
     }
@@ -96,40 +96,40 @@ impl Clock for Manual {
         let until_ms = self.passed_ms() + millis(duration);
         Box::pin(async move {
             if hands.wait_for(|passed_ms| *passed_ms >= until_ms).await.is_err() {
-                std::future::pending::<()>().await; // the clock is gone: that time never comes
+                std::future::pending::<()>().await; // the clock was dropped: the time is never reached
             }
         })
     }
 }
 
-/// A duration in whole milliseconds, as times are counted.
+/// A duration in whole milliseconds.
 pub fn millis(duration: Duration) -> i64 {
     i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
 }
 
-/// Epoch milliseconds as RFC 3339 text in UTC, such as `2026-11-21T20:14:00.123Z`; a time outside the years
-/// −9999 to 9999 becomes the nearest one inside.
+/// Epoch milliseconds as RFC 3339 text in UTC, such as `2026-11-21T20:14:00.123Z`. A time outside the years −9999 to
+/// 9999 becomes the nearest time inside.
 pub fn to_rfc3339(time_ms: i64) -> String {
     let nearest = if time_ms < 0 { Timestamp::MIN } else { Timestamp::MAX };
     Timestamp::from_millisecond(time_ms).unwrap_or(nearest).to_string()
 }
 
-/// Epoch milliseconds as HTTP writes dates, such as `Sat, 21 Nov 2026 20:14:00 GMT`.
+/// Epoch milliseconds as an HTTP date, such as `Sat, 21 Nov 2026 20:14:00 GMT`.
 pub fn to_http_date(time_ms: i64) -> String {
     let clamped = time_ms.clamp(0, Timestamp::MAX.as_millisecond());
     let printed = Timestamp::from_millisecond(clamped).map(|t| DateTimePrinter::new().timestamp_to_rfc9110_string(&t));
     printed.ok().and_then(Result::ok).unwrap_or_default() // clamped: cannot fail
 }
 
-/// When the day of this time began where the machine stands, epoch milliseconds.
+/// Start of the day that contains this time, in the machine's time zone, epoch milliseconds.
 pub fn day_began_ms(time_ms: i64) -> i64 {
     const DAY_MS: i64 = 24 * 3600 * 1000;
     let here = Timestamp::from_millisecond(time_ms).map(|time| time.to_zoned(TimeZone::system()));
     let began = here.and_then(|here| here.start_of_day()).map(|began| began.timestamp().as_millisecond());
-    began.unwrap_or(time_ms - DAY_MS) // at the ends of time alone
+    began.unwrap_or(time_ms - DAY_MS) // only at the limits of the representable range
 }
 
-/// A day of the calendar where the machine stands, such as `2026-11-21`: for what is due on a day, and not at a moment.
+/// A calendar day in the machine's time zone, such as `2026-11-21`. For due dates, which are days and not moments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(try_from = "String", into = "String")]
 #[schema(value_type = String, format = "date")]
@@ -141,29 +141,29 @@ pub struct Day(Date);
 pub struct NotADay;
 
 impl Day {
-    /// The day of this time.
+    /// The day that contains this time.
     pub fn of(time_ms: i64) -> Self {
         let nearest = if time_ms < 0 { Date::MIN } else { Date::MAX };
         Self(Timestamp::from_millisecond(time_ms).map_or(nearest, |time| time.to_zoned(TimeZone::system()).date()))
     }
 
-    /// So many days later.
+    /// This many days later.
     pub fn after_days(self, days: u32) -> Self {
         let later = Span::new().try_days(days).map(|days| self.0.saturating_add(days));
         Self(later.unwrap_or(Date::MAX))
     }
 
-    /// When it begins, epoch milliseconds.
+    /// The day's first moment, epoch milliseconds.
     pub fn begins_ms(self) -> i64 {
         let began = self.0.to_zoned(TimeZone::system()).map(|began| began.timestamp().as_millisecond());
-        began.unwrap_or(i64::MAX) // at the end of time alone
+        began.unwrap_or(i64::MAX) // only at the end of the representable range
     }
 }
 
 impl FromStr for Day {
     type Err = NotADay;
 
-    /// Only the one form that a day is shown in, so that days as text are in their order.
+    /// Accepts only the displayed form, so that days sort correctly as text.
     fn from_str(text: &str) -> Result<Self, NotADay> {
         let day = text.parse().map(Self).map_err(|_| NotADay)?;
         if day.to_string() == text && text.len() == 10 { Ok(day) } else { Err(NotADay) }

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""The README's figures: calibrate → track → evaluate, on every scene with a known answer, beside the OpenCV peer and the limits.
+"""Measures the README's figures: calibrate → track → evaluate on every scene with known truth, beside the OpenCV peer and the
+theoretical limits.
 
 Usage: python3 benches/figures TROCAR SHARED WORK [--readme README.md] [--only PART,…] [--kept] [--quick]
 
-TROCAR is the release binary, SHARED the folder with `scenes/`, `peer/`, WORK a folder for results. Everything is done
-as a user would: photos and annotations in, nothing else. PARTs are those of `PARTS` below. What a part measured is kept
-in WORK: with `--kept` it is measured only if this very program was not, so that a part that takes the time can have a quiet
-machine. `--quick` runs each part once on short clips, to see that it works: its figures are not for the README.
+TROCAR is the release binary, SHARED the folder with `scenes/` and `peer/`, WORK a folder for results. Each part works as a
+user would: its only inputs are photos and annotations. PART is a name in `PARTS` below. The results of each part are stored in
+WORK. With `--kept`, a part is measured only if WORK has no results of this binary and script; so timings can be measured alone,
+on a quiet machine. `--quick` runs each part once on short clips to check that it works; its figures are not for the README.
 """
 import argparse
 import hashlib
@@ -76,7 +77,7 @@ def keep(bench, name, part):
 
 
 def kept(bench, name):
-    """What this program was measured to do, if it was."""
+    """The stored results of this part, if they are of this binary and script."""
     if not place(bench, name).exists():
         return None
     known = json.loads(place(bench, name).read_text())
@@ -88,7 +89,7 @@ def place(bench, name):
 
 
 def made_by(bench, name):
-    """The program and the part's script."""
+    """Hash of the binary and of the part's script."""
     sources = [bench.trocar, Path(PARTS[name].__file__)]
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 

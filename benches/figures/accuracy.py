@@ -1,4 +1,5 @@
-"""How far off, how much found, how honest: every scene, calibrated and with the true camera; beside the peer and the limit."""
+"""Errors, coverage and honesty of the stated errors on every scene, with the calibrated and the true camera, beside the peer and
+the limit."""
 import json
 
 from programs import LIMIT, VISIBLE, Goal, Part, run, table
@@ -21,7 +22,7 @@ def measure(bench, scenes):
               "measured along the true outlines, and noise (codes) as the edge's place scatters along them; sizes and camera known. "
               "Of one frame, of a path smoothed as the tracker does, and of one whose trocar is known (the *bound*). They leave "
               "out what shifts a whole edge: light, gloss, sharpening, coding. *Outline off*: of one frame, when each border and "
-              "end lies off by 0.1 px (one standard deviation), nobody knows which way.")
+              "end lies off by 0.1 px (one standard deviation) in an unknown direction.")
     return Part(goals(results), [about, table(HEAD, [row(r) for r in results]),
                                  limits, table(LIMIT_HEAD, [limit_row(r) for r in results])])
 
@@ -52,7 +53,7 @@ def limit_row(result):
 
 
 def rms(level, along="3d"):
-    """What the program never found has no error."""
+    """The RMS error; None if the tool was never found."""
     return level["errors_mm"][along]["rms"] if level["errors_mm"] else None
 
 

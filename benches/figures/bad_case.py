@@ -1,4 +1,5 @@
-"""A bad colour and hard light: at most twice the good case's error, or refused with the reason, and never silently wrong."""
+"""A bad tape colour and hard light. The error must be at most twice that of the good case, or the clip must be refused with a
+reason; wrong tracks without a warning are a failure."""
 import subprocess
 
 from programs import Goal, Part

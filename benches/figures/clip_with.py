@@ -1,7 +1,7 @@
-"""The peer's clip generator with another look. Usage: clip_with.py PEER LOOK [make_clip's options]
+"""Runs the peer's clip generator with changed colours or light. Usage: clip_with.py PEER LOOK [make_clip's options]
 
-LOOK is empty (as it is), `purple` (a purple band over a floor of reds and blues: the thesis's bad pair) or `hard` (hard light: a raking
-lamp, deep shade, a streak of glare along the tape).
+LOOK is empty (unchanged), `purple` (a purple band over a floor of reds and blues: the thesis's bad pair) or `hard` (hard light: a
+raking lamp, deep shade, a streak of glare along the tape).
 """
 import sys
 

@@ -1,8 +1,9 @@
-"""What tracking costs: CPU of its own stages beside the peer's, and wall time beside decoding alone.
+"""Cost of tracking: CPU time of its own stages compared with the peer's, and wall time compared with decoding alone.
 
-CPU is user and system time. Own stages: for Trocar what `--timings` counts on its tracking thread, colour samples and start
-included; for the peer its own count less that of decoding alone, its colour table made beforehand. Whole run: of Trocar's process
-everything, of the peer's all but its start. Programs take turns, so that a busy minute hits them all.
+CPU time is user plus system time. Own stages: for Trocar the time of its tracking thread as counted by `--timings`, including
+colour samples and start; for the peer its own count minus the time of decoding alone, with its colour table made beforehand.
+Whole run: for Trocar the whole process; for the peer all but its start. The programs run alternately, so that a busy minute
+affects all of them.
 """
 import json
 from statistics import median
@@ -28,7 +29,7 @@ def measure(bench, scenes):
 
 def result(bench, scene):
     camera = bench.calibrate(scene)
-    bench.peer_track(scene, camera)  # fills its colour table once; setting it up is no per-frame cost
+    bench.peer_track(scene, camera)  # fills its colour table once, because this is not a cost per frame
     frames, mbit_s = frames_and_mbit_s(scene.video)
     took = {key: [] for key in ("decode", "own", "whole", "peer_whole", "decode_wall", "track_wall", "one_pass_wall")}
     for _ in range(bench.rounds(ROUNDS)):

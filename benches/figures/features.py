@@ -1,8 +1,8 @@
-"""Do the error bars of features hold? Simulated people of three levels, in six boxes, tracked from their rendered clips.
+"""Checks the error bars of features on simulated people of three levels, in six boxes, tracked from their rendered clips.
 
-Each feature of the tracked path, with its bar, is held against the same feature of the true path, on the frames on which the
-path has a position: a bar speaks of the errors of positions, not of what nobody saw. The size of the errors was set on other scenes
-(`src/pipeline/features`); none of these seeds was among them.
+Each feature of the tracked path, with its error bar, is compared with the same feature of the true path, on the frames where the
+track has a position: error bars cover errors of positions, not missing positions. The size of the errors was fitted on other
+scenes (`src/pipeline/features`), with none of these seeds.
 """
 import csv
 import json
@@ -10,7 +10,7 @@ from collections import Counter
 
 from programs import Goal, Part, output, table
 
-# Seed, level, task, view; the box goes round.
+# Seed, level, task, view. The boxes are used in rotation.
 PEOPLE = [(401 + n, level, task, view) for n, (level, task, view) in enumerate(
     (level, task, view) for task, view in [("pegs", "top"), ("crossing", "side"), ("pegs", "side"), ("wire", "top")]
     for level in ("novice", "intermediate", "expert"))]
@@ -35,7 +35,7 @@ def measure(bench, scenes):
 
 
 def cases_of(bench, scene):
-    """Name of each feature that has a bar, and whether the truth lies within it."""
+    """Name of each feature with an error bar, and whether the true value lies inside."""
     track, _ = bench.track(scene, bench.calibrate(scene))
     truth = scene.out / "truth.csv"
     write_truth(scene.truth, track, truth)
@@ -46,7 +46,7 @@ def cases_of(bench, scene):
 
 
 def write_truth(truth, track, out):
-    """The true positions of the tools, where the track has one, and seen where it saw one."""
+    """Writes the true positions of the tools for the rows of the track, with the states of the track."""
     tips = {(frame["frame"], tool["tool"]): tool["tip_mm"] for frame in json.loads(truth.read_text())["frames"]
             for tool in frame["tools"]}
     with open(track, newline="") as tracked, open(out, "w", newline="") as file:

@@ -1,17 +1,18 @@
-"""The least error that a clip's pictures allow: the Cramér–Rao bound of the tip's place. Runs under the bench's Python.
+"""The smallest error that a clip's pictures allow: the Cramér–Rao bound of the tip's position. Runs under the bench's Python.
 
-Usage: limit.py VIDEO TRUTH ANNOTATIONS CAMERA prints JSON, RMS errors in mm: `frame`, of one frame's edges alone; `path`, of
-paths smoothed as `MotionSettings` say that hands move; `pivoted`, of such paths of a tube that turns about a known trocar;
-`offset`, of one frame each part of whose outline lies off by OFFSET_PX (one standard deviation), nobody knows which way.
-limit.py --check fits edges in made pictures and fails where the bound is none, or in white noise not reached.
+Usage: limit.py VIDEO TRUTH ANNOTATIONS CAMERA prints JSON with RMS errors in mm: `frame` from one frame's edges alone; `path` for
+paths smoothed with the hand motion of `MotionSettings`; `pivoted` for such paths of a tube that turns about a known trocar;
+`offset` for one frame with each part of the outline off by OFFSET_PX (one standard deviation) in an unknown direction.
+limit.py --check fits edges in synthetic pictures. It fails if an estimate beats the bound, or misses it in white noise.
 
-**Method** An edge of contrast C, blurred by s px, in noise of n codes tells of its place C²/(2·√π·s·n²) for each pixel of
-its length (∫(dI/dx)²/n² dx), a chroma plane of half size a quarter of that. All three are read from the clip along the true
-outline: each cell of it is regressed on an edge between two slopes; s is the one that leaves least, motion's blur included; n is
-by how much the places found scatter from cell to cell, so that noise which compression has made alike along the edge counts as
-what it does, and so does small structure behind. How the outline moves with the pose turns this into information on tip and axis.
-**Leaves out** what shifts a whole edge: light, gloss, sharpening, compression (but for `offset`). Sizes and camera are taken as
-known, noise as new in each frame and plane and as white across the edge, paths as long: all of it makes the bound lower.
+**Method** An edge of contrast C, blurred by s px, in noise of n codes carries information on its position of C²/(2·√π·s·n²)
+per pixel of its length (∫(dI/dx)²/n² dx); a chroma plane of half size carries a quarter of that. C, s and n are read from the
+clip along the true outline: each cell of the outline is regressed on an edge between two slopes. s is the blur with the smallest
+residual and includes motion blur. n is derived from the scatter of the edge positions from cell to cell, so it includes the effect
+of noise that compression has correlated along the edge, and of small structure in the background. The motion of the outline with
+the pose converts this into information on tip and axis.
+**Not included** are effects that shift a whole edge: light, gloss, sharpening, compression (except in `offset`). Sizes and camera
+are assumed known, noise independent in each frame and plane and white across the edge, paths long: all of this lowers the bound.
 """
 import json
 import subprocess
@@ -28,17 +29,17 @@ from outline import Camera, Edge, Tube, across
 from programs import VISIBLE
 
 FRAMES = 40
-MOTION_MM2_S3 = 400.0**2 * 0.05  # METHOD 5: acceleration² · how long it lasts
+MOTION_MM2_S3 = 400.0**2 * 0.05  # METHOD 5: acceleration² · its duration
 OFFSET_PX = 0.1
 BLURS_PX = np.geomspace(0.5, 3.5, 16)
-PLANES = [(1, np.zeros(2)), (2, np.array([0.0, 0.5])), (2, np.array([0.0, 0.5]))]  # Y, U, V of 4:2:0: px a sample, first sample
-REACH_PX, CELL_PX = {1: 5, 2: 7}, {1: 4, 2: 8}  # by px a sample
+PLANES = [(1, np.zeros(2)), (2, np.array([0.0, 0.5])), (2, np.array([0.0, 0.5]))]  # Y, U, V of 4:2:0: px per sample, first sample
+REACH_PX, CELL_PX = {1: 5, 2: 7}, {1: 4, 2: 8}  # by px per sample
 ALIKE_PX = 8  # noise farther apart is independent: a block of the transform
 MEDIAN_OF_SQUARE = 0.4549  # of a normally distributed number of variance 1
 
 
 def regressed(edge, plane, scale, first):
-    """What a plane shows of an edge, cell by cell (see `fitted`); None where too little is seen."""
+    """The fit of an edge in a plane, cell by cell (see `fitted`); None if too little is visible."""
     reach, cell_px = REACH_PX[scale], CELL_PX[scale]
     low = np.floor((edge.at.min(0) - reach - first) / scale).astype(int).clip(0)
     high = np.ceil((edge.at.max(0) + reach - first) / scale).astype(int) + 1
@@ -58,7 +59,7 @@ def regressed(edge, plane, scale, first):
 
 
 def fitted(cell, codes, outside, blur):
-    """An edge in each cell: its contrast, that times the place found, the latter's variance for noise of one code."""
+    """Fits an edge in each cell: its contrast, contrast times position, and the variance of the latter for noise of one code."""
     inner, slope = ndtr(-outside / blur), np.exp(-0.5 * (outside / blur) ** 2) / (blur * np.sqrt(2 * np.pi))
     columns = np.stack([inner, 1 - inner, inner * outside, (1 - inner) * outside, slope])
     matrix = np.array([[np.bincount(cell, a * b) for a in columns] for b in columns]).transpose(2, 0, 1)
@@ -70,9 +71,9 @@ def fitted(cell, codes, outside, blur):
 
 
 def noise_squared(fits, scale):
-    """What the places found scatter by along borders, as noise of independent samples, codes². ALIKE_PX of border are one place;
-    counted is by how much it lies beside the line of its neighbours, for a border that lies off or leans is no noise; the median,
-    for neither is what lies behind some."""
+    """The scatter of edge positions along borders, as the noise of independent samples, codes². ALIKE_PX of border give one
+    position. Its distance from the line of its neighbours counts, because an offset or a tilt of the whole border is no noise. The
+    median is used, because background structure behind some borders is no noise either."""
     together, bends = ALIKE_PX // CELL_PX[scale], []
     for fit in fits:
         whole = len(fit.moved) // together * together
@@ -84,12 +85,12 @@ def noise_squared(fits, scale):
 
 
 def information_per_px(fit, squared, scale):
-    """On an edge's place, for each pixel of its length, 1/px²."""
+    """Information on an edge's position per pixel of its length, 1/px²."""
     return (fit.contrast**2).mean() / (2 * np.sqrt(np.pi) * fit.blur * squared) / scale**2
 
 
 def information(edges, shown, noise):
-    """On tip, axis and the offsets of the outline's parts."""
+    """Information on tip, axis and the offsets of the outline's parts."""
     total = np.zeros((9, 9))
     for part, (edge, fits) in enumerate(zip(edges, shown)):
         per_px = sum(information_per_px(fit, squared, scale) for fit, squared, (scale, _) in zip(fits, noise, PLANES) if fit)
@@ -110,7 +111,7 @@ def pictures(video, frames, camera):
 
 
 def looked_at(video, truth, annotations, camera):
-    """For chosen frames, each tool that is well visible: name, tube, edges, and what each plane shows of each."""
+    """For chosen frames, each well visible tool: name, tube, edges, and the fits of each edge in each plane."""
     chosen = [truth["frames"][i] for i in sorted(set(np.linspace(0, len(truth["frames"]) - 1, FRAMES).astype(int)))]
     sizes = {tool["tool"]: tool for tool in annotations.get("tools", [])}
     for frame, picture in zip(chosen, pictures(video, [frame["frame"] for frame in chosen], camera)):
@@ -126,8 +127,8 @@ def looked_at(video, truth, annotations, camera):
 
 
 def smoothed(covariance, dt):
-    """Of the tip in the middle of a long path each of whose frames is known so well: its own frame, and what those before and
-    those after foretell."""
+    """Covariance of the tip in the middle of a long path, if every frame has this covariance: it combines the frame itself with the
+    predictions from the frames before and after."""
     step = np.kron([[1, dt], [0, 1]], np.eye(3))
     disturbed = np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(3)) * MOTION_MM2_S3
     own, foretold, back = np.zeros((6, 6)), np.eye(6) * 1e6, np.kron(np.diag([1, -1]), np.eye(3))
@@ -172,7 +173,7 @@ def rms(covariances):
 
 
 def check():
-    """Fits the place of a border of 120 px in 300 pictures by least squares, in white noise and in noise alike over 2 px."""
+    """Fits the position of a border of 120 px in 300 pictures by least squares, in white noise and in noise correlated over 2 px."""
     random, contrast, blur, border = np.random.default_rng(1), 40.0, 0.9, np.array([0.8, 0.6])
     normal, at = np.array([border[1], -border[0]]), np.array([20.0, 30.0]) + np.outer(np.arange(120), border)
     edge = SimpleNamespace(at=at, normal=np.tile(normal, (120, 1)), seen=np.ones(120, bool), step_px=1.0)

@@ -1,11 +1,11 @@
-"""Peak memory of tracking at 1080p: of a short clip, and of an hour that is the same clip over and over."""
+"""Peak memory of tracking at 1080p: a short clip, and an hour that repeats this clip."""
 from dataclasses import replace
 
 from programs import Goal, Part, frames_and_mbit_s, run
 
 MOST_MIB = 160
-FLAT = 1.1  # what a long recording may need, in units of a short one
-LONG_S = 3600  # it takes 8 minutes of CPU to decode and track
+FLAT = 1.1  # limit for the long recording, relative to the short one
+LONG_S = 3600  # decoding and tracking takes 8 minutes of CPU time
 
 
 def measure(bench, scenes):
@@ -22,7 +22,7 @@ def measure(bench, scenes):
 
 
 def looped(scene, times):
-    """The same clip so many times, without encoding it anew: an hour takes 1.1 GB of disk for as long as it is tracked."""
+    """The same clip repeated, without re-encoding. An hour takes 1.1 GB of disk until it has been tracked."""
     video = scene.out / "looped.mp4"
     run(["ffmpeg", "-v", "error", "-y", "-stream_loop", times - 1, "-i", scene.video, "-c", "copy", video])
     return replace(scene, video=video)

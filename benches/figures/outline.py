@@ -1,11 +1,11 @@
-"""The outline of a band of tape as a camera sees it, and how it moves with the tube's pose (METHOD 4, `src/pipeline/tube.rs`)."""
+"""The outline of a band of tape in the camera picture, and its motion with the tube's pose (METHOD 4, `src/pipeline/tube.rs`)."""
 import numpy as np
 
 JAWS_MM = 30.0
 
 
 class Camera:
-    """OpenCV's pinhole with `k1 k2 p1 p2 k3`."""
+    """OpenCV's pinhole camera with the distortion `k1 k2 p1 p2 k3`."""
 
     def __init__(self, numbers):
         self.__dict__.update(numbers)
@@ -30,7 +30,7 @@ class Tube:
         self.sideways = np.cross(self.axis, self.away)
 
     def part(self, part, steps):
-        """Points along a part at equal steps, its ends left out; of a rim the near half."""
+        """Points along a part at equal steps, without its ends. For a rim, only the near half."""
         along = (np.arange(steps) + 0.5) / steps
         if part < 2:
             return self._rim(along * self.length, np.full(steps, (-1.0, 1.0)[part]))
@@ -42,13 +42,13 @@ class Tube:
         return self.tip - np.multiply.outer(back_mm, self.axis) + outwards * self.radius
 
     def moved(self, unknown, by):
-        """By mm of the tip (unknowns 0–2), by radians of the axis (3, 4)."""
+        """The tube moved in one unknown: the tip in mm (unknowns 0–2) or the axis in radians (3, 4)."""
         change = [*np.eye(3), *across(self.axis)][unknown] * by
         tip, axis = (self.tip + change, self.axis) if unknown < 3 else (self.tip, self.axis + change)
         return Tube(tip, axis, self.radius, self.length)
 
     def hides(self, points):
-        """Does it, with its jaws, stand before these points?"""
+        """True for each point that the tube or its jaws hide."""
         sight = points / np.linalg.norm(points, axis=1)[:, None]
         inside = np.abs(sight @ self.sideways) * np.sin(self.half_angle) <= sight @ self.away * np.cos(self.half_angle)
         along = sight @ self.axis
@@ -62,8 +62,8 @@ def across(axis):
 
 
 class Edge:
-    """One part of an outline in the picture, in steps of about a pixel: where, its normal outwards, whether it is seen, and by
-    how many pixels outwards it moves with each unknown of the pose."""
+    """One part of an outline in the picture, in steps of about a pixel: position, outward normal, visibility, and its outward
+    motion in pixels per unit of each unknown of the pose."""
 
     def __init__(self, tube, part, camera, others):
         coarse = camera.project(tube.part(part, 64))

@@ -1,4 +1,4 @@
-"""Running programs, what they cost, and what `trocar` says of its own results."""
+"""Runs programs, measures their cost, and reads the results that `trocar` prints."""
 import json
 import os
 import subprocess
@@ -16,7 +16,7 @@ PEER_NEEDS = ["opencv-python-headless<5", "numpy", "scipy", "numba"]
 
 @dataclass
 class Goal:
-    """A figure that was promised: what was reached, and whether that is enough (None: nobody can say)."""
+    """A goal: the figure, the limit, the value reached, and whether it meets the limit (None: unknown)."""
     name: str
     goal: str
     reached: str
@@ -28,21 +28,21 @@ class Goal:
 
 @dataclass
 class Part:
-    """What one part of the measurement adds to the README."""
+    """The goals and tables that one part of the measurement adds to the README."""
     goals: list = field(default_factory=list)
     tables: list = field(default_factory=list)
 
 
 @dataclass
 class Usage:
-    """What one run of a program took. The peak counts this script's own few MiB if the program stays below them."""
+    """Resources of one run of a program. The peak is at least the few MiB of this script itself."""
     cpu_s: float
     wall_s: float
     peak_mib: float
 
 
 class Bench:
-    """The programs under test and a place for their results."""
+    """The programs under test and the folder for their results."""
 
     def __init__(self, trocar, shared, work, quick):
         self.trocar, self.shared, self.work, self.quick = trocar, shared, work, quick
@@ -54,7 +54,7 @@ class Bench:
 
     @property
     def python(self):
-        """A Python that has what the peer needs; made on first use."""
+        """A Python environment with the peer's packages; created on first use."""
         folder = self.work / "peer-venv"
         if not (folder / "ready").exists():
             venv.create(folder, with_pip=True, clear=True)
@@ -68,25 +68,26 @@ class Bench:
         return camera
 
     def track(self, scene, camera, name="track.csv", options=()):
-        """Tracks a scene's clip; returns where the path lies and what it took."""
+        """Tracks a scene's clip. Returns the path of the trajectory file and the resources used."""
         track = scene.out / name
         command = [self.trocar, "track", "--quiet", "--camera", camera, "--annotations", scene.annotations,
                    "--out", track, *options, scene.video]
         return track, run(command)
 
     def peer_track(self, scene, camera):
-        """The peer's path and its own count of CPU; its colour table is kept, so that a second run is without it."""
+        """Tracks with the peer. Returns its trajectory file and its own CPU times. Its colour table is stored, so that a second run
+        does not compute it again."""
         track, timings = scene.out / "peer.csv", scene.out / "peer.json"
         run([self.python, self.shared / "peer" / "opencv_tracker.py", "--video", scene.video, "--camera", camera,
              "--annotations", scene.annotations, "--out", track, "--timings", timings, "--lut", scene.out / "peer-lut.npy"])
         return track, json.loads(timings.read_text())
 
     def limit(self, scene):
-        """The least errors that the scene's pictures allow (see `limit.py`)."""
+        """The smallest errors that the scene's pictures allow (see `limit.py`)."""
         return output(self.python, LIMIT, scene.video, scene.truth, scene.annotations, scene.true_camera)
 
     def evaluated(self, track, truth):
-        """All tools together, on the frames where at least VISIBLE of the band can be seen; each tool's under `tools`."""
+        """Figures of all tools together, for frames with at least VISIBLE of the band in view; each tool's are under `tools`."""
         figures = output(self.trocar, "evaluate", "--json", track, truth)
         return {**well_visible(figures["all"]), "tools": [well_visible(tool) for tool in figures["tools"]]}
 
@@ -95,13 +96,13 @@ class Bench:
 
 
 def well_visible(tool):
-    """The figures of the frames where at least VISIBLE of the band can be seen, beside those of all frames."""
+    """A tool's figures for frames with at least VISIBLE of the band in view, together with its figures for all frames."""
     level = next(level for level in tool["levels"] if level["visible_from"] == VISIBLE)
     return {**level, **{key: tool[key] for key in ("tool", "false_tracks", "at_rest")}}
 
 
 def run(command):
-    """Runs a program to its end; fails as it fails."""
+    """Runs a program until it ends. Raises CalledProcessError if it fails."""
     start = time.monotonic()
     process = subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     said = process.stderr.read()
@@ -114,12 +115,12 @@ def run(command):
 
 
 def output(*command):
-    """What a program prints as JSON."""
+    """The JSON that a program prints."""
     return json.loads(subprocess.run([str(part) for part in command], check=True, stdout=subprocess.PIPE, text=True).stdout)
 
 
 def decoding(video):
-    """What every program has to do first."""
+    """The command that only decodes a video, as every tracker must."""
     return ["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]
 
 

@@ -1,7 +1,8 @@
-"""Do features depend on how often pictures are taken? One performance at 25 and at 50 frames a second, and with a tenth of the frames lost.
+"""Checks that features do not depend on the frame rate: the same performance at 25 and at 50 frames per second, and with a tenth
+of the frames lost.
 
-Two values of a feature agree where they differ by no more than their error bars together, as errors of different pictures add up:
-the root of the sum of squares of the two that face each other.
+Two values of a feature agree if they differ by no more than their combined error bars: the root of the sum of squares of the two
+halves that face each other, because the errors of different pictures are independent.
 """
 import json
 from collections import Counter
@@ -9,9 +10,9 @@ from collections import Counter
 from features import features
 from programs import Goal, Part, run, table
 
-# Seed, level, task, view, box: none is among those of `features.py`.
+# Seed, level, task, view, box. `features.py` uses none of these.
 PEOPLE = [(501, "novice", "pegs", "top", 2), (502, "intermediate", "crossing", "side", 3), (503, "expert", "wire", "top", 4)]
-# Of each OF frames LOST are lost, far from each other and not at even distances.
+# Of every OF frames, LOST are lost, far apart and at uneven distances.
 STEP, OF, LOST = 617, 101, 10
 WAYS = {"50 frames a second": lambda scenes, person: scenes.person(*person, fps=50),
         "a tenth of the frames lost": lambda scenes, person: with_losses(scenes, person)}
@@ -39,7 +40,7 @@ def measure(bench, scenes):
 
 
 def compared(bench, one, other):
-    """Name of each feature that both have with a bar, and whether the two agree."""
+    """Name of each feature that both scenes have with an error bar, and whether the two values agree."""
     first, second = (features(bench, bench.track(scene, bench.calibrate(scene))[0]) for scene in (one, other))
     for key, value in first.items():
         if value["low"] is not None and second.get(key, {}).get("low") is not None:
@@ -49,7 +50,7 @@ def compared(bench, one, other):
 
 
 def with_losses(scenes, person):
-    """The clip at 25 frames a second without a tenth of its frames, here and there; the marked ones stay."""
+    """The clip at 25 frames per second with a tenth of its frames removed; marked frames stay."""
     whole = scenes.person(*person)
     lossy = scenes.beside(whole, "with losses")
     if not lossy.video.exists():

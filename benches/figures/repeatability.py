@@ -1,4 +1,5 @@
-"""The thesis's repeatability (T 7.1.3): slides along one guide, a line through each, how far the others' points lie from it."""
+"""The thesis's repeatability (T 7.1.3): slides along one guide, and the distance of each slide's points from the lines of the
+others."""
 from programs import Goal, Part, table
 
 THESIS_MM = {"top": 7, "side": 12}

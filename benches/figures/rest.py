@@ -1,4 +1,4 @@
-"""How fast a tool moves that rests: smoothed, as scores see it, and causal, as a live watcher does."""
+"""Apparent speed of a resting tool: smoothed, as used for scores, and causal, as shown to live watchers."""
 from programs import Goal, Part
 
 KINDS = {"smoothed": ([], 1.0), "causal": (["--causal"], 4.0)}

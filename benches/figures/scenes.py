@@ -1,4 +1,4 @@
-"""Scenes with a known answer, each with the photos that its camera took: rendered ones, the peer's, the project's own."""
+"""Scenes with known truth, each with checkerboard photos of its camera: rendered scenes, the peer's, and the simulator's."""
 import sys
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,7 +9,7 @@ from programs import run
 
 @dataclass
 class Scene:
-    """Names a clip, what an instructor marked on it, what is true of it, and a folder for results."""
+    """Paths of a clip, its annotations, truth, camera and photos, and a folder for results."""
     name: str
     out: Path
     video: Path
@@ -20,14 +20,14 @@ class Scene:
 
 
 class Scenes:
-    """Finds or makes the scenes; what has been made stays."""
+    """Finds or makes the scenes. Scenes are kept for later runs."""
 
     def __init__(self, bench):
         self.bench = bench
 
     @cached_property
     def rendered(self):
-        """V1–V5 of SHARED: V2 is seen aslant at 1080p, the others from above at 720p."""
+        """V1–V5 of SHARED: V2 is seen at an oblique angle at 1080p, the others from above at 720p."""
         names = ["V2", "V3"] if self.bench.quick else ["V1", "V2", "V3", "V4", "V5"]
         return [self._rendered(name) for name in names]
 
@@ -39,11 +39,11 @@ class Scenes:
 
     @cached_property
     def peer_1080p(self):
-        """Two tools at 1080p by the peer's own generator."""
+        """Two tools at 1080p, made by the peer's clip generator."""
         return self.peer_clip("peer, 1080p", "1080p", 4 if self.bench.quick else 20)
 
     def peer_clip(self, name, size, seconds, look=""):
-        """A clip of the peer's generator; `look` changes colours and light (see `clip_with.py`)."""
+        """A clip made by the peer's generator. `look` changes colours and light (see `clip_with.py`)."""
         folder = self._folder(f"{name} {seconds} s")
         if not (folder / "truth.json").exists():
             maker = Path(__file__).with_name("clip_with.py")
@@ -54,29 +54,29 @@ class Scenes:
 
     @cached_property
     def own(self):
-        """The simulator's: two tools handing over beads, two crossing, seen from above and aslant."""
+        """The simulator's scenes: two tools moving beads, seen from above, and two tools crossing, seen from the side."""
         chosen = [("pegs", "top"), ("crossing", "side")]
         return [self.simulated(scene, view) for scene, view in chosen[:1 if self.bench.quick else None]]
 
     def simulated(self, scene, view):
-        """A whole task of the simulator (the rest: 8 s), 720p."""
+        """A whole task of the simulator (the scene `rest`: 8 s), 720p."""
         seconds = ["--seconds", 4] if self.bench.quick and scene != "slide" else []
         return self._own(f"own {scene} {view}", f"own {scene}, {view}", ["--scene", scene, "--view", view, "--seed", 5, *seconds])
 
     def person(self, seed, level, task, view, box, fps=25):
-        """A whole task of somebody's, 720p."""
+        """A whole task of a simulated person, 720p."""
         seconds = ["--seconds", 6] if self.bench.quick else []
         name = f"person {seed}" + (f" {fps} fps" if fps != 25 else "")
         return self._own(name, name, ["--scene", task, "--view", view, "--skill", level, "--box", box, "--fps", fps, "--seed", seed,
                                       *seconds])
 
     def beside(self, scene, how):
-        """A place for another clip of a scene and what is marked on it; photos and truth are the scene's."""
+        """A scene for another clip with its annotations. Photos and truth are those of the given scene."""
         out = self._folder(f"{scene.name} {how}")
         return replace(scene, name=f"{scene.name} {how}", out=out, video=out / "clip.mp4", annotations=out / "annotations.json")
 
     def hands(self, seed, level, person, box):
-        """A whole peg transfer by somebody with hands of their own: small and at 15 frames a second, since there are many."""
+        """A whole peg transfer by a person with individual skill: small and at 15 frames per second, because there are many."""
         seconds = ["--seconds", 6] if self.bench.quick else []
         return self._own(f"hands {seed}", f"hands {seed}", ["--scene", "pegs", "--skill", level, "--person", person, "--box", box,
                                                             "--size", "640x360", "--fps", 15, "--boards", 0, "--seed", seed, *seconds])

@@ -1,8 +1,8 @@
-"""Does the model of skill know something of people whom it never saw? Simulated people of three levels, rendered and tracked.
+"""Checks the model of skill on people it has not seen. The people are simulated, of three levels, rendered and tracked.
 
-Each person has hands of their own: their level's figures, each off by a factor that only the simulator knows
-(`src/simulation/skill.rs`). The model is given features and declared levels, nothing else. Then the same with the levels shuffled
-between people: there it must say that it knows nothing.
+Each person has individual skill: the figures of their level, each multiplied by a factor that only the simulator knows
+(`src/simulation/skill.rs`). The model gets only features and declared levels. A second test shuffles the levels between people;
+then the model must report that it knows nothing.
 """
 import csv
 import json
@@ -42,7 +42,7 @@ def tracked(bench, scenes, person, level, session):
 
 
 def shuffles(dice, whose):
-    """Labels in which people have each other's levels."""
+    """Labels with the levels shuffled between people."""
     for _ in range(SHUFFLES):
         levels = [level for _, level in PEOPLE]
         dice.shuffle(levels)
@@ -50,7 +50,7 @@ def shuffles(dice, whose):
 
 
 def trained(bench, folder, name, features, labels):
-    """What `trocar model` reports."""
+    """The report of `trocar model`."""
     path = folder / f"{name.replace(' ', '-')}.csv"
     with open(path, "w", newline="") as file:
         writer = csv.writer(file)
@@ -66,7 +66,7 @@ def known(report):
     reached = (f"{percent(accuracy['value'])} ({percent(accuracy['low'])}–{percent(accuracy['high'])}) of the sessions of "
                f"{accuracy['people']} people; balanced {percent(report['balanced'])} against {percent(baseline['mean'])} "
                f"(95 % of them ≤ {percent(baseline['high'])}) with shuffled levels, p = {baseline['p']:.2f}")
-    return Goal("level of simulated people whom the model never saw", "beats shuffled levels, p ≤ 0.05", reached, report["knows"])
+    return Goal("level of simulated people left out of training", "beats shuffled levels, p ≤ 0.05", reached, report["knows"])
 
 
 def unknown(reports):

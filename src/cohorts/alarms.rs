@@ -1,8 +1,9 @@
-//! Who needs somebody, as the standards tell it: relapses, and refreshers that are due.
+//! Trainees who need attention according to the standards: relapses, and refreshers that are due.
 //!
-//! All who trained lately are judged for it, which is a second's work at a centre of ten thousand sessions, and every open first page
-//! asks again with every session that is done. So what was found is known for a minute, by who asked; one looks at a time. Names
-//! are read anew each time, through the scope: who was erased, or is seen no more, is not in the answer.
+//! Judging all recent trainees takes about a second at a centre of ten thousand sessions, and every open overview page
+//! asks again after each finished session. So the alarms are cached for a minute per caller, and only one computation
+//! runs at a time. Names are read anew for each answer, through the scope: trainees who were erased or are no longer in
+//! the caller's scope are left out.
 
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
@@ -21,53 +22,53 @@ use crate::domain::text::Key;
 use crate::ids::{SessionId, TaskId, TraineeId};
 use crate::store::{StoreError, Trained};
 
-/// Sessions that are judged at most, of those who trained last.
+/// Limit of judged sessions; the trainees who trained most recently come first.
 const MOST_SESSIONS: usize = 30_000;
-/// Who has not trained for so long is no news any more: a month beyond the last refresher.
+/// Trainees without a session in this time are not judged: a month after the last refresher.
 const LOOKED_BACK_MS: i64 = 150 * 86_400_000;
-/// How long what was found is known.
+/// Lifetime of cached alarms.
 const KNOWN_MS: i64 = 60_000;
 
-/// Who of those whom one sees needs somebody, as the standards tell it.
+/// Trainees in the caller's scope who need attention according to the standards.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
 pub struct Alarms {
     /// Relapses and refreshers that are due, the latest first.
     pub items: Vec<Alarm>,
-    /// Were there more trainees than are looked at?
+    /// True if there are more trainees than were checked.
     pub more: bool,
 }
 
-/// One of them.
+/// One trainee who needs attention at one task.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Alarm {
-    /// What.
+    /// Reason of the alarm.
     pub kind: AlarmKind,
-    /// Who.
+    /// Id of the trainee.
     pub trainee: TraineeId,
-    /// What they are called.
+    /// Name of the trainee.
     pub trainee_name: String,
-    /// Of what.
+    /// Id of the task.
     pub task: TaskId,
-    /// What it is called.
+    /// Name of the task.
     pub task_name: String,
-    /// The session by which they relapsed; `null` for a refresher.
+    /// The session that caused the relapse; `null` for a refresher.
     pub session: Option<SessionId>,
-    /// Since when: the session's day, or the day on which the refresher was due.
+    /// Start of the alarm: when the session was recorded, or when the refresher was due.
     #[schema(format = "date-time")]
     pub since: String,
 }
 
 names! {
-    /// Why somebody needs somebody.
+    /// Why a trainee needs attention.
     AlarmKind: "kind" {
-        /// The chart says that they do not keep what they had learnt.
+        /// The chart shows that the trainee has lost proficiency.
         Relapsed = "relapsed",
         /// A refresher is due.
         Due = "due",
     }
 }
 
-/// What was found for those who asked lately.
+/// Cached alarms by the caller's role and subject.
 pub(super) type KnownAlarms = Arc<Mutex<HashMap<(Role, Option<String>), Arc<Found>>>>;
 
 /// Alarms without names.
@@ -87,14 +88,15 @@ struct Raised {
 }
 
 impl Cohorts {
-    /// Relapses, and refreshers that are due.
+    /// Relapses and due refreshers of the trainees in this scope.
     pub async fn alarms(&self, scope: &Scope) -> Result<Alarms, CohortsError> {
         let found = self.found(scope).await?;
         let mut trainees: Vec<TraineeId> = found.alarms.iter().map(|raised| raised.of.trainee).collect();
         trainees.sort();
         trainees.dedup();
         let seen = self.store.trainees().named(scope, &trainees).await?;
-        let names: HashMap<TraineeId, String> = seen.into_iter().map(|who| (who.id, who.name.to_string())).collect();
+        let names: HashMap<TraineeId, String> =
+            seen.into_iter().map(|trainee| (trainee.id, trainee.name.to_string())).collect();
         let ids: BTreeSet<TaskId> = found.alarms.iter().map(|raised| raised.of.task).collect();
         let mut tasks: HashMap<TaskId, String> = HashMap::with_capacity(ids.len());
         for id in ids {

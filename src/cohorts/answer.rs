@@ -1,4 +1,5 @@
-//! What is answered, as it is told over REST. Sessions are named by their number among the trainee's sessions of the task.
+//! Answers in the form of the REST interface. A session is identified by its number among the trainee's sessions of the
+//! task.
 
 mod standing;
 
@@ -18,28 +19,28 @@ use crate::ids::SessionId;
 use crate::pipeline::score::interval::Interval;
 use crate::pipeline::score::{NoAnswer, Trial};
 
-/// The course of a trainee's sessions of one task.
+/// A trainee's progress over the sessions of one task.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
 pub struct Course {
-    /// Version of the program whose results count: that of the newest one. `null` while there is none.
+    /// Pipeline version whose results count: that of the newest result. `null` while there is no result.
     pub pipeline: Option<String>,
-    /// Sessions before the first one here, which are too many to show and count for nothing.
+    /// Number of earlier sessions that are not listed, because there are too many, and do not count.
     pub earlier: usize,
     /// The sessions, oldest first.
     pub sessions: Vec<Step>,
-    /// The features that were asked for, over these sessions.
+    /// The requested features over these sessions.
     pub features: Vec<Series>,
-    /// How far they have come by the standard's pass rule; `null` without one.
+    /// State of the standard's pass rule; `null` without a rule.
     pub rule: Option<RuleState>,
-    /// What the charts say; `null` without a standard.
+    /// The charts; `null` without a standard.
     pub charts: Option<Charts>,
-    /// Refreshers one and three months after proficiency; none before it, and none after a relapse.
+    /// Refreshers one and three months after proficiency; none before proficiency, and none after a relapse.
     pub reminders: Vec<Reminder>,
-    /// By what the task counts as learnt; `null` as long as it does not, and after a relapse.
+    /// When the task was passed, and the criterion; `null` before that and after a relapse.
     pub passed: Option<Passed>,
 }
 
-/// One session on the way.
+/// One session of the progress.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Step {
     /// Its number, from 1.
@@ -49,18 +50,18 @@ pub struct Step {
     /// When it was recorded.
     #[schema(format = "date-time")]
     pub recorded_at: String,
-    /// How it stands.
+    /// Its status.
     pub status: SessionStatus,
-    /// Why it counts for nothing; `null`: it counts.
+    /// Why it does not count; `null` if it counts.
     pub set_aside: Option<SetAside>,
-    /// Was the standard kept? `null` without one, and of sessions that are not tracked yet.
+    /// Whether it met the standard; `null` without a standard, and for sessions that are not tracked yet.
     pub trial: Option<TrialName>,
 }
 
 named! {
-    /// Why a session counts for nothing. It keeps its number: it was practice.
+    /// Why a session does not count. It keeps its number, because it was practice.
     SetAside: "reason" {
-        /// Somebody has set it aside; `GET /sessions/{id}/edits` says who, when and why.
+        /// A user has set it aside; `GET /sessions/{id}/edits` says who, when and why.
         ByHand = "by_hand",
         /// It is not tracked yet.
         Pending = "pending",
@@ -68,19 +69,19 @@ named! {
         Failed = "failed",
         /// The quality gate refused it.
         Refused = "refused",
-        /// Its result is of another version of the program: track it again.
+        /// Its result is of another pipeline version: track it again.
         OtherVersion = "other_version",
     }
 }
 
 named! {
-    /// What a session was worth against the whole standard.
+    /// Outcome of a session against the whole standard.
     TrialName: "trial" {
-        /// All targets were kept.
+        /// All targets were met.
         Passed = "passed",
-        /// One was missed.
+        /// At least one target was missed.
         Failed = "failed",
-        /// Nobody knows: neither a pass nor a miss.
+        /// The outcome is unknown: neither a pass nor a miss.
         Unknown = "unknown",
     }
 }
@@ -95,14 +96,14 @@ impl From<Trial> for TrialName {
     }
 }
 
-/// Why something is not told.
+/// Why a value is withheld.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Withheld {
     /// Stable name of the reason, such as `too_few`.
     pub reason: String,
-    /// The same for people.
+    /// The reason for people.
     pub detail: String,
-    /// How many more it takes, where it is too few.
+    /// How many more are needed, if there are too few.
     pub missing: Option<usize>,
 }
 
@@ -116,14 +117,14 @@ impl From<NoAnswer> for Withheld {
     }
 }
 
-/// A value and where it lies with 95 %.
+/// A value with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Estimate {
     /// The best value.
     pub value: f64,
-    /// Lower end.
+    /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
 }
 
@@ -137,7 +138,7 @@ impl Estimate {
 /// One feature over the sessions.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Series {
-    /// Which feature.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
     /// Its title for people.
@@ -146,15 +147,15 @@ pub struct Series {
     pub unit: &'static str,
     /// What is better: `lower`, `higher` or `neither`.
     pub better: &'static str,
-    /// The limit that the standard sets it; `null` without one.
+    /// The standard's limit for it; `null` without a limit.
     pub target: Option<Target>,
-    /// One point per session with a result, those that are set aside included.
+    /// One point per session with a result, including sessions that are set aside.
     pub points: Vec<Point>,
-    /// Where the newest counted value stands among the cohort's; `null` where that is withheld, or no cohort was named.
+    /// Rank of the newest counted value in the cohort; `null` if it is withheld or no cohort was named.
     pub place: Option<Place>,
-    /// Why the place is withheld.
+    /// Why the rank is withheld.
     pub no_place: Option<Withheld>,
-    /// What the counted values say about learning.
+    /// Learning, judged from the counted values.
     pub learning: Learning,
 }
 
@@ -163,72 +164,72 @@ pub struct Series {
 pub struct Point {
     /// The session's number.
     pub session: usize,
-    /// The value; `null` where too little was seen.
+    /// The value; `null` if too little was seen.
     pub value: Option<f64>,
-    /// The true value lies with 95 % between `low`
+    /// Lower end of the value's 95 % interval; `null` if it is unknown.
     pub low: Option<f64>,
-    /// and `high`; `null` where that is not known.
+    /// Upper end of the value's 95 % interval; `null` if it is unknown.
     pub high: Option<f64>,
-    /// What it is worth against the target; `null` without one.
+    /// The value judged against the target; `null` without a target.
     pub judgement: Option<Judgement>,
 }
 
-/// A place in a cohort.
+/// Rank of a value in a cohort.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Place {
-    /// The session that is placed.
+    /// Number of the ranked session.
     pub session: usize,
-    /// Share of the cohort's people below its value, per cent, equal ones by half.
+    /// Share of the cohort's people with a lower value, per cent; equal values count half.
     pub percentile: Estimate,
-    /// Share of them that it is better than, per cent; `null` where neither more nor less is better.
+    /// Share of the cohort's people with a worse value, per cent; `null` if neither lower nor higher is better.
     pub better_than: Option<Estimate>,
-    /// How many people the cohort has for this.
+    /// Number of people in the cohort with a comparable value.
     pub people: usize,
-    /// Is the value's own error in the interval?
+    /// True if the interval includes the error of the value itself.
     pub error_known: bool,
 }
 
-/// What the sessions say about learning.
+/// Learning over the sessions.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Learning {
-    /// How it stands.
+    /// Its state.
     pub state: LearningState,
     /// The curve; `null` in every other state.
     pub curve: Option<Curve>,
-    /// When the curve keeps the target; `null` without a curve or a target.
+    /// When the curve meets the target; `null` without a curve or a target.
     pub forecast: Option<Forecast>,
-    /// Why it is withheld, or how many sessions it takes.
+    /// Why learning is withheld, and how many sessions are missing.
     pub withheld: Option<Withheld>,
 }
 
 named! {
-    /// How learning stands.
+    /// State of learning.
     LearningState: "state" {
-        /// The values follow a curve.
+        /// The values follow a learning curve.
         Curve = "curve",
-        /// They do not improve with the session's number, or not more than by chance.
+        /// The values do not improve with the session's number, or not more than by chance.
         NoCurve = "no_curve",
-        /// They improve, but do not bend towards a level yet.
+        /// The values improve, but do not level off yet.
         StillStraight = "still_straight",
-        /// Nothing can be said; `withheld` says why.
+        /// Withheld; `withheld` says why.
         Withheld = "withheld",
     }
 }
 
-/// The curve A + B·exp(−(n − n₁)/τ), n₁ being the number of the first session that it was fitted to.
+/// The curve A + B·exp(−(n − n₁)/τ). n₁ is the number of the first session of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Curve {
     /// The level that practice leads to, A.
     pub plateau: Estimate,
-    /// How far from it that first session was, B.
+    /// Distance of the first session from that level, B.
     pub distance: Estimate,
-    /// Sessions in which the distance shrinks to 37 %, τ.
+    /// Number of sessions until the distance has shrunk to 37 %, τ.
     pub tau_sessions: Estimate,
-    /// Standard deviation of a session about the curve.
+    /// Standard deviation of sessions about the curve.
     pub scatter: f64,
-    /// How many sessions it was fitted to.
+    /// Number of sessions of the fit.
     pub sessions: usize,
-    /// The curve, with the band in which it lies.
+    /// Points of the curve, with its 95 % band.
     pub line: Vec<LinePoint>,
 }
 
@@ -237,34 +238,34 @@ pub struct Curve {
 pub struct LinePoint {
     /// The session's number.
     pub session: u32,
-    /// The curve there, and where it lies with 95 %.
+    /// The curve at this session, with its 95 % interval.
     #[serde(flatten)]
     pub at: Estimate,
 }
 
-/// When a curve keeps the target.
+/// When a learning curve meets the target.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Forecast {
-    /// How it stands.
+    /// Its state.
     pub state: ForecastState,
-    /// From the session of this number on.
+    /// Number of the first session at which the curve meets the target.
     pub at: Option<u32>,
-    /// The earliest with 95 %.
+    /// Lower end of its 95 % interval.
     pub earliest: Option<u32>,
-    /// The latest with 95 %; `null`: it may never be.
+    /// Upper end of its 95 % interval; `null` if the target may never be met.
     pub latest: Option<u32>,
-    /// Why there is none yet.
+    /// Why there is no forecast yet.
     pub withheld: Option<Withheld>,
 }
 
 named! {
-    /// How a forecast stands.
+    /// State of a forecast.
     ForecastState: "state" {
-        /// The curve keeps the target already.
+        /// The curve meets the target already.
         Reached = "reached",
-        /// It will, if practice goes on like this.
+        /// The curve will meet the target if practice continues like this.
         Ahead = "ahead",
-        /// Not with this curve: its level does not keep the target.
+        /// The curve will not meet the target: its plateau misses it.
         NotWithThisCurve = "not_with_this_curve",
         /// Too few sessions.
         Withheld = "withheld",

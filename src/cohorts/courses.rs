@@ -1,8 +1,8 @@
-//! How far people have come in a course: each step of its plan held against their sessions, as progress judges them
-//! ([`super::progress`]). Nothing of it is kept: it is worked out when it is asked, so an erased session or person is in no answer.
+//! Progress in a course: compares each step of the plan with the trainees' sessions, judged as in [`super::progress`].
+//! Nothing is stored: each request computes it anew, so erased sessions and people are in no answer.
 //!
-//! What somebody can do counts whenever they learnt it: a standard that was passed before the course began is passed. Practice counts
-//! from the course's first day on: a step that asks for sessions asks for sessions of this course.
+//! A standard counts as passed even if it was passed before the course began. Practice counts only from the course's
+//! first day: a step that asks for sessions asks for sessions during the course.
 
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -22,91 +22,92 @@ use crate::store::{
 };
 use crate::time::{Day, to_rfc3339};
 
-/// Rows of a table: more of them nobody reads.
+/// Limit of rows in a table, so that it stays readable.
 const MOST_ROWS: usize = 500;
 
-/// How a group has come through its course.
+/// Progress of a group in its course.
 #[derive(Debug)]
 pub struct GroupCourse {
-    /// Which group.
+    /// The group.
     pub group: Group,
-    /// What it follows.
+    /// The course that it follows.
     pub course: Course,
     /// The course's first day.
     pub begins: Day,
-    /// Who is in it, by name; at most 500.
+    /// Trainees of the group, by name; at most 500.
     pub trainees: Vec<Trainee>,
-    /// One row for each of them.
+    /// One row per trainee.
     pub rows: Vec<CourseRow>,
-    /// Are there more trainees in the group than rows?
+    /// True if the group has more trainees than rows.
     pub more: bool,
 }
 
-/// How a trainee has come through one of their courses.
+/// Progress of a trainee in one of their courses.
 #[derive(Debug)]
 pub struct OwnCourse {
-    /// By which group.
+    /// The enrolment: the group that the trainee follows the course with.
     pub of: Enrolled,
-    /// What it asks for.
+    /// The course.
     pub course: Course,
-    /// How far they are.
+    /// The trainee's progress.
     pub row: CourseRow,
 }
 
-/// One trainee's way through the steps.
+/// One trainee's progress in the steps of a course.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct CourseRow {
-    /// Who.
+    /// The trainee.
     pub trainee: TraineeId,
-    /// Number, from 1, of the first step that is not passed; `null`: all are.
+    /// Number, from 1, of the first step that is not passed; `null` if all are passed.
     pub next: Option<usize>,
-    /// How each step stands, in the plan's order.
+    /// The steps in the plan's order.
     pub steps: Vec<StepProgress>,
 }
 
-/// How a step stands.
+/// Progress in a step.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct StepProgress {
-    /// How.
+    /// Its state.
     pub state: StepState,
-    /// Sessions so far: of a step that asks for sessions, those since the course began; otherwise all of the task.
+    /// Number of sessions so far. For a step that asks for sessions: those since the course began; otherwise all of the
+    /// task.
     pub sessions: usize,
-    /// How many more it takes: sessions, or of a standard passed ones by its rule. `null` where nothing is missing, and where the
-    /// rule does not tell.
+    /// How many more sessions or, for a standard, passes under its rule are needed. `null` if none are missing, or if
+    /// the number is unknown.
     pub missing: Option<usize>,
-    /// By which session it was passed; `null` as long as it is not.
+    /// The session that passed it; `null` until then.
     pub passed: Option<StepPassed>,
-    /// How far by the standard's pass rule; `null` without one, and where sessions are asked for.
+    /// State of the standard's pass rule; `null` without a rule, and for a step that asks for sessions.
     pub rule: Option<RuleState>,
-    /// How they stand by the standard's charts; `null` where sessions are asked for.
+    /// Standing on the standard's charts; `null` for a step that asks for sessions.
     pub standing: Option<StandingName>,
-    /// Was it due before today, and is it not passed?
+    /// True if it was due before today and is not passed.
     pub overdue: bool,
 }
 
 /// When a step was passed.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct StepPassed {
-    /// The session by which it was.
+    /// The session that passed it.
     pub session: SessionId,
-    /// When that was recorded.
+    /// When that session was recorded.
     #[schema(format = "date-time")]
     pub at: String,
 }
 
 named! {
-    /// How a step of a course stands.
+    /// State of a step of a course.
     StepState: "state" {
-        /// What it asks for is done.
+        /// The step is passed.
         Passed = "passed",
-        /// Trained, and not passed: not yet, or not any more.
+        /// The trainee has sessions, but the step is not passed yet, or no longer after a relapse.
         InWork = "in_work",
-        /// Not trained yet.
+        /// The trainee has no session yet.
         NotBegun = "not_begun",
     }
 }
 
-/// What a course asks of people, and when it is asked.
+/// The steps of a course, its first day, and the time of the request.
 #[derive(Clone, Debug)]
 struct Asking {
     steps: Vec<CourseStep>,
@@ -115,7 +116,7 @@ struct Asking {
 }
 
 impl Cohorts {
-    /// How a group has come through its course.
+    /// Progress of a group in its course.
     pub async fn group_course(&self, scope: &Scope, group: GroupId) -> Result<GroupCourse, CohortsError> {
         let group = self.store.groups().get(scope, group).await?;
         let Some(Followed { course, begins, .. }) = group.follows.clone() else {
@@ -129,7 +130,7 @@ impl Cohorts {
         Ok(GroupCourse { group, course, begins, trainees, rows, more })
     }
 
-    /// How a trainee has come through the courses that they are in, the latest first.
+    /// Progress of a trainee in all their courses, the latest first.
     pub async fn own_courses(&self, scope: &Scope, trainee: &Key) -> Result<Vec<OwnCourse>, CohortsError> {
         let trainee = [self.store.trainees().get(scope, trainee).await?];
         let enrolled = self.store.courses().of_trainee(scope, trainee[0].id).await?;
@@ -144,7 +145,8 @@ impl Cohorts {
         Ok(courses)
     }
 
-    /// The rows of these trainees. Task by task, and not all at once: a large group's sessions of one task are what is held at a time.
+    /// The rows of these trainees. It works task by task, so that only one task's sessions of a large group are in
+    /// memory.
     async fn way(
         &self,
         scope: &Scope,
@@ -170,7 +172,7 @@ impl Cohorts {
         Ok(trainees.iter().map(row).collect())
     }
 
-    /// How the steps of one task stand, each with its place in the plan, in the order of the trainees.
+    /// Progress in the steps of one task: for each step its index in the plan, and one entry per trainee.
     async fn columns(
         &self,
         scope: &Scope,
@@ -193,11 +195,11 @@ impl Cohorts {
             let standard = definition.as_ref().zip(monitor.as_deref());
             let nothing = Practice { earlier: 0, sessions: Vec::new() };
             let of = |trainee: &Trainee| of_each.get(&Trained { trainee: trainee.id, task }).unwrap_or(&nothing);
-            let judged: Vec<_> = trainees.iter().map(|of_whom| asking.judged(of(of_whom), standard, of_whom)).collect();
+            let judged: Vec<_> = trainees.iter().map(|trainee| asking.judged(of(trainee), standard, trainee)).collect();
             let steps = asking.steps.iter().enumerate().filter(|(_, step)| step.task_id == task);
             let column = |(at, step)| {
-                let told = trainees.iter().zip(&judged).map(|(trainee, told)| asking.told(step, of(trainee), told));
-                (at, told.collect())
+                let rows = trainees.iter().zip(&judged).map(|(trainee, judged)| asking.told(step, of(trainee), judged));
+                (at, rows.collect())
             };
             steps.map(column).collect()
         };
@@ -213,22 +215,22 @@ impl CourseRow {
 }
 
 impl Asking {
-    fn judged(&self, practice: &Practice, standard: Option<(&Definition, &Monitor)>, whom: &Trainee) -> Judged {
-        judged(practice, standard, whom.handedness, self.now_ms).1
+    fn judged(&self, practice: &Practice, standard: Option<(&Definition, &Monitor)>, trainee: &Trainee) -> Judged {
+        judged(practice, standard, trainee.handedness, self.now_ms).1
     }
 
-    /// How a step stands for somebody who has practised so and is judged so.
+    /// A trainee's progress in a step, from their sessions and the judgement on them.
     fn told(&self, step: &CourseStep, practice: &Practice, judged: &Judged) -> StepProgress {
-        let told = match step.sessions {
+        let progress = match step.sessions {
             Some(of) => self.by_sessions(of as usize, practice),
             None => by_standard(practice, judged),
         };
         let is_late = step.due(self.begins).is_some_and(|due| due < Day::of(self.now_ms));
-        StepProgress { overdue: is_late && told.passed.is_none(), ..told }
+        StepProgress { overdue: is_late && progress.passed.is_none(), ..progress }
     }
 
-    /// A session that is still arriving is none yet, and what somebody has set aside is none any more; whatever else became of it,
-    /// practice is practice.
+    /// Progress in a step that asks for sessions. All sessions count as practice, with any result, except sessions that
+    /// are still arriving and sessions that are set aside.
     fn by_sessions(&self, asked: usize, practice: &Practice) -> StepProgress {
         let since_ms = self.begins.begins_ms();
         let counts = |session: &&Practised| {
@@ -257,7 +259,7 @@ fn by_standard(practice: &Practice, judged: &Judged) -> StepProgress {
     }
 }
 
-/// The passes that an open rule still takes, if all that follow are passes.
+/// The number of passes that an open rule still needs, if all further sessions are passes.
 fn missing(RuleState { rule, state, have_in_a_row, have_more, .. }: &RuleState) -> Option<usize> {
     let missing = (rule.in_a_row + rule.then_more).checked_sub((*have_in_a_row)? + (*have_more)?);
     missing.filter(|_| *state == RuleStanding::Open)

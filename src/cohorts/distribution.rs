@@ -1,5 +1,5 @@
-//! How a feature is spread over people, and whom a limit would be wrong about, wherever it lies. Only of people whom the one who
-//! asks sees anyway: cohorts hold anybody of the centre.
+//! The distribution of a feature over people, and the shares that a limit would judge wrongly. Only people in the
+//! caller's scope are included, although a cohort may hold people of the whole centre.
 
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -20,27 +20,27 @@ use crate::pipeline::features::Feature;
 use crate::pipeline::score::standard::{breaking, keeping};
 use crate::store::CohortValue;
 
-/// What is asked of a feature's spread.
+/// Parameters of a distribution.
 #[derive(Clone, Debug)]
 pub struct AskedSpread {
-    /// Stable name of a feature of which more or less is better.
+    /// Stable name of a feature with a better direction (lower or higher).
     pub feature: String,
     /// The tool's marker.
     pub tool: Option<String>,
-    /// Where it is measured; without it, in three dimensions, if it is measured there.
+    /// The space; by default three dimensions, if the feature is measured there.
     pub space: Option<FeatureSpace>,
-    /// Over which cohorts; over everybody seen, if none is named.
+    /// The cohorts; if none is named, all people in the caller's scope.
     pub cohorts: Vec<Key>,
-    /// Of a tool's feature: over those who prefer this hand.
+    /// For a tool's feature: the hand that the people prefer.
     pub hand: Option<Handedness>,
-    /// Where a limit would lie.
+    /// A limit to judge the people by.
     pub limit: Option<f64>,
 }
 
-/// How a feature is spread over people whom one sees, and what a limit would make of them.
+/// The distribution of a feature over the people in the caller's scope, and the effect of a limit.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Distribution {
-    /// Which feature.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
     /// Its title for people.
@@ -49,34 +49,34 @@ pub struct Distribution {
     pub unit: &'static str,
     /// What is better: `lower` or `higher`.
     pub better: &'static str,
-    /// Version of the program whose values these are.
+    /// Pipeline version of the values.
     pub pipeline: &'static str,
-    /// Of a tool's feature: the hand that these people prefer.
+    /// For a tool's feature: the hand that these people prefer.
     pub hand: Option<Handedness>,
-    /// The limit that was asked about.
+    /// The limit of the request.
     pub limit: Option<f64>,
-    /// The people, group by group.
+    /// One entry per cohort.
     pub groups: Vec<Spread>,
 }
 
 /// One group's values.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Spread {
-    /// The cohort's code; `null`: everybody whom one sees.
+    /// The cohort's code; `null` for all people in the caller's scope.
     pub cohort: Option<String>,
-    /// What people call it.
+    /// The cohort's name.
     pub name: Option<String>,
-    /// One value a person, the median of their last sessions, in rising order: of those whom one sees.
+    /// One value per person in the caller's scope, the median of their last sessions, in rising order.
     pub values: Vec<f64>,
-    /// The share that keeps the limit: of novices, the false passes. `null` without a limit, or where it is withheld.
+    /// The share that meets the limit: among novices, the false passes. `null` without a limit, or if it is withheld.
     pub keeping: Option<Share>,
-    /// The share that breaks it: of experts, the false fails.
+    /// The share that misses the limit: among experts, the false fails.
     pub breaking: Option<Share>,
     /// Why the shares are withheld.
     pub withheld: Option<Withheld>,
 }
 
-/// People and what they are called.
+/// A cohort's code and name, with its values.
 struct Over {
     cohort: Option<(String, String)>,
     handedness: Option<Handedness>,
@@ -84,7 +84,7 @@ struct Over {
 }
 
 impl Cohorts {
-    /// How a feature is spread over people at a task.
+    /// The distribution of a feature over people at a task.
     pub async fn distribution(
         &self,
         scope: &Scope,
@@ -94,14 +94,14 @@ impl Cohorts {
         let AskedSpread { feature, tool, space, cohorts, hand, limit } = asked;
         let (feature, key) = limited(Limited { feature: &feature, tool: tool.as_deref(), space })?;
         if is_of_one_camera(&key) {
-            let why = "lies along the camera's own axes, which differ between boxes: choose one that is the same from everywhere";
+            let why = "depends on the camera's direction, which differs between boxes: choose a feature that does not";
             return Err(Invalid::new("feature", why).into());
         }
         if limit.is_some_and(|limit| !limit.is_finite()) {
-            return Err(Invalid::new("limit", "is no number").into());
+            return Err(Invalid::new("limit", "is not a number").into());
         }
         if key.tool.is_some() && hand.is_none() {
-            let why = "is missing: a tool is in one hand, so say which hand the people prefer";
+            let why = "is missing: a tool is in one hand, so name the hand that the people prefer";
             return Err(Invalid::new("hand", why).into());
         }
         let mut over = Vec::with_capacity(cohorts.len().max(1));
@@ -143,17 +143,17 @@ impl Cohorts {
 fn spread(of: &FeatureKey, feature: &'static Feature, over: &Over, limit: Option<f64>) -> Spread {
     let like = Like { of, pipeline: PIPELINE_VERSION, calibration: None, handedness: over.handedness, without: None };
     let (cohort, name) = over.cohort.clone().unzip();
-    let told = |values, withheld| Spread { cohort, name, values, keeping: None, breaking: None, withheld };
+    let without_shares = |values, withheld| Spread { cohort, name, values, keeping: None, breaking: None, withheld };
     let people = match like.people(&over.values) {
         Ok(people) => people,
-        Err(why) => return told(Vec::new(), Some(why.into())),
+        Err(why) => return without_shares(Vec::new(), Some(why.into())),
     };
     let values = people.values().to_vec();
-    let Some(limit) = limit else { return told(values, None) };
+    let Some(limit) = limit else { return without_shares(values, None) };
     match (keeping(&people, limit, feature.direction), breaking(&people, limit, feature.direction)) {
         (Ok(kept), Ok(broken)) => {
-            Spread { keeping: Some(kept.into()), breaking: Some(broken.into()), ..told(values, None) }
+            Spread { keeping: Some(kept.into()), breaking: Some(broken.into()), ..without_shares(values, None) }
         }
-        (Err(why), _) | (_, Err(why)) => told(values, Some(why.into())),
+        (Err(why), _) | (_, Err(why)) => without_shares(values, Some(why.into())),
     }
 }

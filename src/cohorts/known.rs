@@ -1,6 +1,6 @@
-//! What takes long to compute and is the same ever after: charts by their design (20 ms), learning curves by the values
-//! (13 ms for 500 sessions). A page that is looked at again, or its report, finds them here. Numbers, without whose they
-//! are; nothing of it outlives the process.
+//! A cache for results that take long to compute and depend only on their input: charts by their design (20 ms),
+//! learning curves by the values (13 ms for 500 sessions). They are reused when a page or its report is opened again.
+//! The cache holds numbers without the people they belong to, and is lost when the process ends.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,7 +11,7 @@ use crate::pipeline::score::NoAnswer;
 use crate::pipeline::score::curve::{self, Learning, Session};
 use crate::pipeline::score::lc_cusum::Monitor;
 
-/// What was computed lately.
+/// Recently computed charts and learning curves.
 #[derive(Debug)]
 pub struct Known {
     charts: Lately<ChartDesign, Monitor>,
@@ -19,7 +19,7 @@ pub struct Known {
 }
 
 impl Default for Known {
-    /// Room for the designs of 32 tasks, most of which share one, and for 256 curves: 10 KiB each, the draws of their
+    /// Holds the designs of 32 tasks (most tasks share one), and 256 curves of 10 KiB, mostly the draws of their
     /// intervals.
     fn default() -> Self {
         Self { charts: Lately::of(32), curves: Lately::of(256) }
@@ -38,7 +38,7 @@ impl Known {
     }
 }
 
-/// The last answers to questions of one kind, the one that was asked for last at the end.
+/// A least-recently-used cache: answers by question, with the most recently used at the end.
 #[derive(Debug)]
 struct Lately<Q, A> {
     kept: Mutex<VecDeque<(Q, Arc<A>)>>,
@@ -54,7 +54,7 @@ impl<Q: PartialEq, A> Lately<Q, A> {
         if let Some(known) = self.recall(&question) {
             return Ok(known);
         }
-        let made = Arc::new(compute(&question)?); // not under the lock: two may compute it, alike
+        let made = Arc::new(compute(&question)?); // without the lock: two threads may compute the same answer
         let mut kept = self.lock();
         if kept.len() >= self.most {
             kept.pop_front();

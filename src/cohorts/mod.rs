@@ -1,25 +1,25 @@
-//! Standards, cohorts and progress: turns what the store knows into places, judgements, curves and alarms of
-//! [`crate::pipeline::score`].
+//! Standards, cohorts and progress: computes ranks, judgements, curves and alarms from stored sessions, with the
+//! methods of [`crate::pipeline::score`].
 //!
 //! | file | holds |
 //! |---|---|
-//! | `mod.rs` | who is asked what; the calculations' place beside the async threads |
-//! | `people.rs` | a cohort's people, one value each, and who of them may be compared with whom |
-//! | `propose.rs` | a standard's limits, made from people or chosen |
-//! | `distribution.rs` | how a feature is spread over people, and whom a limit would be wrong about |
-//! | `alarms.rs` | who needs somebody: relapses, refreshers that are due |
-//! | `overview.rs` | a group's table |
-//! | `courses.rs` | how far people have come in a course |
+//! | `mod.rs` | the service [`Cohorts`]; calculations on blocking threads |
+//! | `people.rs` | a cohort's people with one value each, and which of them may be compared |
+//! | `propose.rs` | the limits of a standard, computed from people or chosen |
+//! | `distribution.rs` | the distribution of a feature over people, and the effect of a limit |
+//! | `alarms.rs` | trainees who need attention: relapses, due refreshers |
+//! | `overview.rs` | the table of a group |
+//! | `courses.rs` | progress in a course |
 //! | `progress.rs` | a trainee's sessions of a task over time |
-//! | `verdicts.rs` | what a standard makes of them: passes, rule, charts, reminders |
-//! | `series.rs` | one feature of them: points, place, curve |
-//! | `known.rs` | charts and curves that were computed lately |
-//! | `raters.rs` | whether raters agree, and what their ratings go with |
-//! | `skill.rs` | a task's model of skill: made, and asked of a session |
-//! | `answer.rs` | what is answered, as it is told |
+//! | `verdicts.rs` | these sessions against a standard: passes, rule, charts, reminders |
+//! | `series.rs` | one feature over these sessions: points, rank, curve |
+//! | `cache.rs` | recently computed charts and curves |
+//! | `raters.rs` | agreement of raters, and correlation of ratings with features |
+//! | `skill.rs` | a task's model of skill: training, and its verdict on a session |
+//! | `answer.rs` | answers in the form of the REST interface |
 //!
-//! What cannot be said is a reason ([`answer::Withheld`]), never a number. A person counts once. Nobody's own value leaves
-//! this room but to who may see that person.
+//! A value that cannot be given is replaced by a reason ([`answer::Withheld`]), never by a made-up number. A person
+//! counts once. A person's own value is only given to callers who may see that person.
 
 mod alarms;
 pub mod answer;
@@ -54,41 +54,41 @@ pub use propose::{Proposal, Proposed};
 pub use raters::{Agreement, CorrelationRow, Correlations};
 pub use skill::NoSkillModel;
 
-/// Calculations at the same time; further ones wait, so that what answers quickly goes on answering.
+/// Limit of concurrent calculations. Further ones wait, so that other requests keep getting fast answers.
 const CALCULATIONS: usize = 2;
 
-/// Models of skill that are made at the same time: they take minutes, and leave the calculations their places.
+/// Limit of concurrent trainings of skill models. They take minutes, so they do not use the slots of calculations.
 const TRAININGS: usize = 1;
 
-/// Why something was not calculated.
+/// Why a calculation failed.
 #[derive(Debug, thiserror::Error)]
 pub enum CohortsError {
     /// A value of the request cannot be used.
     #[error(transparent)]
     Invalid(#[from] Invalid),
-    /// The request names something that is not there.
+    /// A field of the request names something that does not exist.
     #[error("`{field}` names no {what}")]
     Unknown {
-        /// The request's field.
+        /// Field of the request.
         field: &'static str,
-        /// What it should name.
+        /// What the field should name.
         what: &'static str,
     },
-    /// A model of skill cannot be made of what is there.
+    /// The data are not sufficient for a model of skill.
     #[error("{}", .0.detail)]
     NoModel(NoSkillModel),
-    /// Another model of skill is being made.
-    #[error("another model of skill is being made")]
+    /// Another model of skill is being trained.
+    #[error("another model of skill is being trained")]
     Training,
-    /// The store did not answer.
+    /// The store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The service ends, or a calculation broke down.
-    #[error("the calculation did not end")]
+    /// The service is shutting down, or a calculation panicked.
+    #[error("the calculation did not finish")]
     Broken,
 }
 
-/// The room. Clones are the same room.
+/// The service for standards, cohorts and progress. Clones share their caches and limits.
 #[derive(Clone)]
 pub struct Cohorts {
     store: Store,
@@ -100,18 +100,18 @@ pub struct Cohorts {
 }
 
 impl Cohorts {
-    /// Asks this store, by this clock.
+    /// A service on this store and clock.
     pub fn new(store: Store, clock: SharedClock) -> Self {
-        let places = |most| Arc::new(Semaphore::new(most));
+        let places = |count| Arc::new(Semaphore::new(count));
         let (places, training) = (places(CALCULATIONS), places(TRAININGS));
         Self { store, clock, known: Arc::default(), alarms: Arc::default(), places, training }
     }
 
-    /// Calculates beside the async threads.
+    /// Runs a calculation on a blocking thread, when a slot is free.
     async fn calculate<T: Send + 'static>(&self, of: impl FnOnce() -> T + Send + 'static) -> Result<T, CohortsError> {
         let place = self.places.clone().acquire_owned().await.map_err(|_| CohortsError::Broken)?;
         let calculation = move || {
-            let _place = place; // kept to the end, also where nobody waits for it any more
+            let _place = place; // held until the calculation ends, even if the caller no longer waits
             of()
         };
         tokio::task::spawn_blocking(calculation).await.map_err(|_| CohortsError::Broken)
@@ -124,7 +124,7 @@ impl From<NoSkillModel> for CohortsError {
     }
 }
 
-/// For what a request names: missing there is the request's mistake.
+/// Maps "not found" to [`CohortsError::Unknown`]: the request named something that does not exist.
 fn named(field: &'static str) -> impl FnOnce(StoreError) -> CohortsError {
     move |error| match error {
         StoreError::NotFound { what } => CohortsError::Unknown { field, what },

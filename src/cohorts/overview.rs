@@ -1,5 +1,5 @@
-//! Many trainees at once: a group's table at one task. The sessions are judged as one trainee's progress judges them
-//! ([`super::progress`]); what takes a fit or a comparison is left to that.
+//! A group's table at one task. Sessions are judged as in [`super::progress`]; learning curves and ranks are only
+//! computed there.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -19,31 +19,31 @@ use crate::pipeline::features::find;
 use crate::pipeline::score::lc_cusum::Monitor;
 use crate::store::{Group, Practice, Standard, Task, Trained, Trainee};
 
-/// Rows of a table: more of them nobody reads.
+/// Limit of rows in a table, so that it stays readable.
 const MOST_ROWS: usize = 500;
 
-/// Points of a sparkline: the last sessions, so many at most.
+/// Limit of points in a sparkline: the last sessions.
 const SPARK: usize = 30;
 
-/// What a group's table shows.
+/// A group's table with the objects that it refers to.
 #[derive(Debug)]
 pub struct TableFound {
-    /// Of whom.
+    /// The group.
     pub group: Group,
-    /// At which task.
+    /// The task.
     pub task: Task,
-    /// What it asks for.
+    /// The task's standard.
     pub standard: Option<Standard>,
-    /// Which feature, and its rows.
+    /// The feature and its rows.
     pub table: GroupTable,
-    /// Who is in it, by name.
+    /// The trainees of the rows, by name.
     pub trainees: Vec<Trainee>,
 }
 
 /// One feature over a group's trainees.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct GroupTable {
-    /// Which feature.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
     /// Its title for people.
@@ -52,40 +52,40 @@ pub struct GroupTable {
     pub unit: &'static str,
     /// What is better: `lower`, `higher` or `neither`.
     pub better: &'static str,
-    /// The limit that the standard sets it; `null` without one.
+    /// The standard's limit for it; `null` without a limit.
     pub target: Option<Target>,
-    /// The tools that have this feature in any of the sessions; empty for one of the whole session.
+    /// The tools that have this feature in any of the sessions; empty for a feature of the whole session.
     pub tools: Vec<String>,
-    /// One row a trainee, by name; at most 500.
+    /// One row per trainee, by name; at most 500.
     pub rows: Vec<GroupTableRow>,
-    /// Are there more trainees in the group than rows?
+    /// True if the group has more trainees than rows.
     pub more: bool,
 }
 
 /// One trainee's row.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct GroupTableRow {
-    /// Who.
+    /// The trainee.
     pub trainee: TraineeId,
-    /// How many sessions of the task they have.
+    /// Number of their sessions of the task.
     pub sessions: usize,
-    /// When the last one was recorded; `null` without one.
+    /// When the last session was recorded; `null` without sessions.
     #[schema(format = "date-time")]
     pub last_at: Option<String>,
-    /// Their last values that count, at most thirty, oldest first; the last of them is the newest.
+    /// Their last counted values, at most thirty, oldest first.
     pub points: Vec<Point>,
     /// The session of the last of these points.
     pub newest: Option<SessionId>,
-    /// How far they have come by the standard's pass rule; `null` without one.
+    /// State of the standard's pass rule; `null` without a rule.
     pub rule: Option<RuleState>,
-    /// How they stand by the charts; `null` without a standard.
+    /// Standing on the charts; `null` without a standard.
     pub standing: Option<StandingName>,
-    /// Does the task count as learnt?
+    /// True if the task is passed.
     pub passed: bool,
 }
 
 impl Cohorts {
-    /// How a group's trainees get on at a task, in one feature.
+    /// The table of a group's trainees at a task, for one feature.
     pub async fn table(&self, scope: &Scope, group: GroupId, asked: Asked) -> Result<TableFound, CohortsError> {
         let group = self.store.groups().get(scope, group).await?;
         let Some(task) = &asked.task else {

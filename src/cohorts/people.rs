@@ -1,8 +1,9 @@
-//! A cohort's people with one value each, as far as they may be compared.
+//! The comparable people of a cohort, with one value each.
 //!
-//! Fair to left-handers: a tool is in one hand, and the same marker is the good hand's tool for some and the other's for
-//! others. So a tool's feature is compared among people who prefer the same hand, and a feature of the whole session among
-//! all. What lies along a camera's own axes is compared only within one calibration. Versions of the program are not mixed.
+//! To be fair to left-handers, a tool's feature is compared only among people who prefer the same hand: a tool with the
+//! same marker is in the preferred hand of some people and in the other hand of others. A feature of the whole session
+//! is compared among all. A feature along the camera's axes is compared only within one calibration. Pipeline versions
+//! are not mixed.
 
 use sha2::{Digest, Sha256};
 
@@ -12,26 +13,27 @@ use crate::ids::{CalibrationId, TraineeId};
 use crate::pipeline::score::{NoAnswer, People};
 use crate::store::CohortValue;
 
-/// Of each person their last sessions count, so many at most, and of these the median: how they do now, not how they began.
+/// Number of last sessions per person that count. Their median is the person's value: current skill, not that of the
+/// start.
 pub const LAST_SESSIONS: u32 = 5;
 
-/// With what a value of a cohort must agree to be comparable.
+/// The conditions that make a cohort's value comparable.
 #[derive(Clone, Copy, Debug)]
 pub struct Like<'l> {
-    /// Of which feature.
+    /// The feature.
     pub of: &'l FeatureKey,
-    /// Measured by this version of the program.
+    /// The pipeline version.
     pub pipeline: &'l str,
-    /// With this camera, where the feature depends on it; `None` only for features that do not.
+    /// The calibration, for features that depend on the camera's axes; `None` matches none of these.
     pub calibration: Option<CalibrationId>,
-    /// By people who prefer this hand, where the feature is a tool's.
+    /// The preferred hand, for a tool's feature.
     pub handedness: Option<Handedness>,
-    /// Not this person, who is held against the others.
+    /// A person to leave out, because they are compared with the others.
     pub without: Option<TraineeId>,
 }
 
 impl Like<'_> {
-    /// The rows that are comparable.
+    /// Trainee and value of the comparable rows.
     pub fn rows(&self, values: &[CohortValue]) -> Vec<(TraineeId, f64)> {
         let comparable = |row: &&CohortValue| {
             row.of == *self.of
@@ -43,13 +45,13 @@ impl Like<'_> {
         values.iter().filter(comparable).map(|row| (row.trainee, row.value)).collect()
     }
 
-    /// The people with the median of their rows.
+    /// The people with the median of their comparable rows.
     pub fn people(&self, values: &[CohortValue]) -> Result<People, NoAnswer> {
         People::of_sessions(&self.rows(values))
     }
 }
 
-/// SHA-256 of some groups' values, in rising order: the same people with the same values have the same.
+/// SHA-256 of the groups' values in rising order. It is the same for the same values, and does not identify the people.
 pub fn fingerprint(groups: &[&People]) -> String {
     let mut hash = Sha256::new();
     for group in groups {
@@ -85,7 +87,7 @@ mod tests {
         };
         assert_eq!(among(&tool, left, &of(&tool)), [1.0]);
         assert_eq!(among(&tool, right, &of(&tool)), [2.0]);
-        assert!(among(&tool, None, &of(&tool)).is_empty(), "whose hand nobody said is compared with nobody");
+        assert!(among(&tool, None, &of(&tool)).is_empty(), "a person with unknown hand is not compared");
         assert_eq!(among(&whole, left, &of(&whole)), [1.0, 2.0, 3.0]);
     }
 

@@ -1,9 +1,8 @@
 //! A trainee's sessions of a task over time.
 //!
-//! Sessions are numbered in the order in which they were recorded, whatever became of them: practice is practice. Those
-//! that are refused, failed, set aside by somebody or of another version of the program count for nothing else. The version that counts is
-//! the newest believed result's: from the first session after a program's update on, what was learnt before it is told again once the
-//! old sessions are scored anew.
+//! Sessions are numbered in the order of recording. All of them are practice and have a number, but sessions that are
+//! refused, failed, set aside or of another pipeline version do not count otherwise. The version that counts is that of
+//! the newest valid result: after an update of the program, older sessions count again once they are rescored.
 
 use super::answer::{Course, SetAside, Step};
 use super::known::Known;
@@ -22,44 +21,44 @@ use crate::pipeline::score::lc_cusum::Monitor;
 use crate::store::{Cohort, Practice, Practised, Standard, Task, Trainee};
 use crate::time::to_rfc3339;
 
-/// Sessions that are followed at most, the newest ones.
+/// Limit of sessions; the newest ones are used.
 pub const MOST_SESSIONS: u32 = 1000;
 
-/// The feature that is shown where nobody asks for another and no standard names one.
+/// The feature that is shown if neither the request nor a standard names one.
 const USUAL: &str = "duration";
 
-/// What somebody wants to know.
+/// Selects the task, the features and the cohort of a progress request.
 #[derive(Clone, Debug, Default)]
 pub struct Asked {
-    /// Of which task; without it, that of the trainee's newest session.
+    /// The task; by default that of the trainee's newest session.
     pub task: Option<Key>,
-    /// Which feature; without it, those that the standard limits.
+    /// The feature; by default the features that the standard limits.
     pub feature: Option<String>,
-    /// Of which tool alone.
+    /// Only this tool.
     pub tool: Option<String>,
-    /// In which space; without it, in three dimensions if it is measured there.
+    /// The space; by default three dimensions, if the feature is measured there.
     pub space: Option<FeatureSpace>,
-    /// Among whom.
+    /// The cohort to rank the trainee in.
     pub cohort: Option<Key>,
 }
 
-/// What was found.
+/// A trainee's progress at a task, with the objects that it refers to.
 #[derive(Debug)]
 pub struct Found {
-    /// Who.
+    /// The trainee.
     pub trainee: Trainee,
-    /// At which task; `None` if none was named and they have no session.
+    /// The task; `None` if none was named and the trainee has no session.
     pub task: Option<Task>,
-    /// What it asks for.
+    /// The task's standard.
     pub standard: Option<Standard>,
-    /// Among whom they are placed.
+    /// The cohort that the trainee is ranked in.
     pub cohort: Option<Cohort>,
-    /// How they get on.
+    /// The progress.
     pub course: Course,
 }
 
 impl Cohorts {
-    /// How a trainee gets on at a task.
+    /// A trainee's progress at a task.
     pub async fn progress(&self, scope: &Scope, trainee: &Key, asked: Asked) -> Result<Found, CohortsError> {
         let trainee = self.store.trainees().get(scope, trainee).await?;
         let cohort = match &asked.cohort {
@@ -83,9 +82,9 @@ impl Cohorts {
         let (id, handedness) = (trainee.id, trainee.handedness);
         let definition = standard.as_ref().map(|standard| standard.definition.clone().without_fingerprints());
         let calculation = move || {
-            let whom = Whom { trainee: id, handedness, among: among.as_deref() };
+            let context = Whom { trainee: id, handedness, among: among.as_deref() };
             let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
-            followed(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &whom, &known, now_ms)
+            followed(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &context, &known, now_ms)
         };
         let course = self.calculate(calculation).await?;
         Ok(Found { trainee, task: Some(task), standard, cohort, course })
@@ -102,10 +101,10 @@ impl Cohorts {
     }
 }
 
-/// Which features are shown, and which are needed besides to judge sessions.
+/// The features to show, and the features needed to judge the sessions.
 pub(super) struct Shown {
     keys: Vec<FeatureKey>,
-    /// A feature of every tool that has it.
+    /// A feature to show for every tool that has it.
     of_all_tools: Option<(String, FeatureSpace)>,
     judged: Vec<FeatureKey>,
 }
@@ -122,7 +121,7 @@ impl Shown {
                 };
                 let keys: Vec<FeatureKey> = judged.iter().filter(is_asked).cloned().collect();
                 if keys.is_empty() {
-                    let why = "has no limit in the task's standard: name a feature, too";
+                    let why = "has no limit in the task's standard: name a feature as well";
                     return Err(Invalid::new(if asked.tool.is_some() { "tool" } else { "space" }, why).into());
                 }
                 return Ok(Self { keys, of_all_tools: None, judged });
@@ -148,13 +147,14 @@ impl Shown {
         names
     }
 
-    /// The feature that is meant where none of the sessions has it.
+    /// The feature to show if none of the sessions has a value for it.
     pub(super) fn usual(&self) -> FeatureKey {
         let (feature, space) = self.of_all_tools.clone().unwrap_or((USUAL.to_owned(), FeatureSpace::Space3d));
         FeatureKey { feature, tool: None, space }
     }
 
-    /// The features themselves; of all tools: those of the sessions that have any, in the order of the names.
+    /// The features to show. For a feature of all tools: one per tool that has it in these sessions, in the order of
+    /// names.
     pub(super) fn keys<'p>(&self, practised: impl IntoIterator<Item = &'p Practice>) -> Vec<FeatureKey> {
         let Some((name, space)) = &self.of_all_tools else { return self.keys.clone() };
         let sessions = practised.into_iter().flat_map(|practice| &practice.sessions);
@@ -167,23 +167,24 @@ impl Shown {
     }
 }
 
-/// Follows the sessions.
+/// The progress over these sessions.
 fn followed(
     practice: &Practice,
     keys: Vec<FeatureKey>,
     standard: Option<(&Definition, &Monitor)>,
-    whom: &Whom<'_>,
+    context: &Whom<'_>,
     known: &Known,
     now_ms: i64,
 ) -> Course {
-    let (sessions, course) = judged(practice, standard, whom.handedness, now_ms);
+    let (sessions, course) = judged(practice, standard, context.handedness, now_ms);
     let definition = standard.map(|(definition, _)| definition);
-    let of =
-        |key: FeatureKey| find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, whom, known));
+    let of = |key: FeatureKey| {
+        find(&key.feature).map(|feature| series(&key, feature, &sessions, definition, context, known))
+    };
     Course { features: keys.into_iter().filter_map(of).collect(), ..course }
 }
 
-/// Numbers the sessions and judges them; of features nothing is told yet.
+/// Numbers the sessions and judges them. The answer's features are still empty.
 pub(super) fn judged<'p>(
     practice: &'p Practice,
     standard: Option<(&Definition, &Monitor)>,
@@ -202,8 +203,8 @@ pub(super) fn judged<'p>(
     };
     let sessions: Vec<Numbered<'_>> = practice.sessions.iter().enumerate().map(number).collect();
     let practised: Vec<Numbered<'_>> = sessions.iter().filter(|at| !at.session.is_set_aside).copied().collect();
-    let told = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &practised, handedness));
-    let mut trials = told.iter().flat_map(|told| told.trials.iter());
+    let verdicts = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &practised, handedness));
+    let mut trials = verdicts.iter().flat_map(|verdicts| verdicts.trials.iter());
     let step = |at: &Numbered<'_>| Step {
         number: at.number,
         id: at.session.id,
@@ -217,10 +218,10 @@ pub(super) fn judged<'p>(
         earlier: practice.earlier,
         sessions: sessions.iter().map(step).collect(),
         features: Vec::new(),
-        rule: told.as_ref().and_then(|told| told.rule.clone()),
-        reminders: told.as_ref().map_or_else(Vec::new, |told| told.reminders(&practised, now_ms)),
-        passed: told.as_ref().and_then(|told| told.passed(&practised)),
-        charts: told.map(|told| told.charts),
+        rule: verdicts.as_ref().and_then(|verdicts| verdicts.rule.clone()),
+        reminders: verdicts.as_ref().map_or_else(Vec::new, |verdicts| verdicts.reminders(&practised, now_ms)),
+        passed: verdicts.as_ref().and_then(|verdicts| verdicts.passed(&practised)),
+        charts: verdicts.map(|verdicts| verdicts.charts),
     };
     (sessions, course)
 }

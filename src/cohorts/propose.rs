@@ -1,5 +1,5 @@
-//! A standard's limits, made from people or chosen. The limit is always worked out here, so that what a standard says it was made
-//! from is so.
+//! The limits of a standard, computed from people or chosen. Limits are always computed here, never taken from the
+//! request, so that the origin stated in a standard is true.
 
 use super::answer::Withheld;
 use super::people::{LAST_SESSIONS, Like, fingerprint};
@@ -17,10 +17,10 @@ use crate::pipeline::score::standard::{self, best_share, contrasting_groups, fls
 use crate::pipeline::score::{NoAnswer, People};
 use crate::store::{Cohort, CohortValue, StoreError};
 
-/// A standard as it would be kept.
+/// A standard that is not stored yet.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, utoipa::ToSchema)]
 pub struct Proposal {
-    /// Its targets, in the order in which they were asked for.
+    /// Its targets, in the order of the request.
     pub targets: Vec<Proposed>,
     /// Its pass rule.
     pub rule: Option<Rule>,
@@ -28,16 +28,16 @@ pub struct Proposal {
     pub charts: ChartDesign,
 }
 
-/// A target, or why there is none.
+/// A target, or the reason why there is none.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, utoipa::ToSchema)]
 pub struct Proposed {
-    /// The target; `null` where the people do not give one.
+    /// The target; `null` if no limit can be computed from the people.
     pub target: Option<Target>,
-    /// Why not.
+    /// Why there is no target.
     pub withheld: Option<Withheld>,
 }
 
-/// A way to a limit with the values that it goes by.
+/// A method for a limit, with the values that it needs.
 enum Ready {
     Chosen(standard::Target),
     Experts(Group),
@@ -52,7 +52,10 @@ struct Group {
 }
 
 impl Proposal {
-    /// What is kept, if every target has a limit; else the place of the first without one, and why.
+    /// The definition to store, if every target has a limit.
+    ///
+    /// # Errors
+    /// A target has no limit; the error says why.
     pub fn definition(self) -> Result<Definition, Invalid> {
         let target = |proposed: Proposed| {
             let why = proposed.withheld.map_or_else(String::new, |why| why.detail);
@@ -64,7 +67,7 @@ impl Proposal {
 }
 
 impl Cohorts {
-    /// Works a standard of a task out, without keeping it.
+    /// Computes a standard for a task, without storing it.
     pub async fn propose(&self, scope: &Scope, of: TaskId, new: NewStandard) -> Result<Proposal, CohortsError> {
         let NewStandard { targets, rule, charts } = new.checked()?;
         let mut ready = Vec::with_capacity(targets.len());
@@ -87,7 +90,7 @@ impl Cohorts {
         Ok(self.calculate(calculation).await??)
     }
 
-    /// Looks up what a way goes by.
+    /// Looks up the values that a method needs.
     async fn ready(
         &self,
         scope: &Scope,
@@ -105,7 +108,7 @@ impl Cohorts {
                 let experts = self.group(scope, of, key, "experts", &experts).await?;
                 if key.tool.is_some() && novices.handedness != experts.handedness {
                     let why =
-                        "prefer the other hand than the novices, and a tool is in one: compare people of one hand";
+                        "prefer another hand than the novices, but a tool is in one hand: choose people of one hand";
                     return Err(Invalid::new("experts", why).into());
                 }
                 Ready::Groups(novices, experts)
@@ -130,18 +133,19 @@ impl Cohorts {
         cohort: &Key,
     ) -> Result<Group, CohortsError> {
         if !scope.is_administrator() {
-            // Who may choose whom a limit is made of, and sees some of them, can work out the others.
+            // A user who chooses the people of a limit and sees the values of some of them can compute the others'
+            // values.
             return Err(StoreError::Forbidden { what: "a limit made from people", whom: "administrators" }.into());
         }
         let Cohort { id, handedness, .. } = self.store.cohorts().get(scope, cohort).await.map_err(named(field))?;
         if is_of_one_camera(of) {
-            let why = "lies along the camera's own axes, which differ between boxes: choose a fixed limit, or a feature \
-                       that is the same from everywhere, such as path_length in 3d";
+            let why = "depends on the camera's direction, which differs between boxes: choose a fixed limit, or a feature \
+                       that does not depend on it, such as path_length in 3d";
             return Err(Invalid::new("feature", why).into());
         }
         if of.tool.is_some() && handedness.is_none() {
-            let why = "is of people who prefer either hand, and a tool is in one: make it of those who prefer one hand, or \
-                       limit a feature of the whole session";
+            let why = "has people who prefer either hand, but a tool is in one hand: choose a cohort of one preferred hand, \
+                       or limit a feature of the whole session";
             return Err(Invalid::new(field, why).into());
         }
         let values = self.store.cohorts().values(id, task, LAST_SESSIONS, std::slice::from_ref(of)).await?;
@@ -149,36 +153,38 @@ impl Cohorts {
     }
 }
 
-/// Characters of a tool's name at most.
+/// Limit of a tool name's length, characters.
 const LONGEST_TOOL: usize = 64;
 
-/// What a limit is asked of.
+/// The feature of a limit, as the request names it.
 #[derive(Clone, Copy)]
 pub(super) struct Limited<'t> {
     /// Stable name of the feature.
     pub feature: &'t str,
     /// The tool's marker.
     pub tool: Option<&'t str>,
-    /// Where it is measured.
+    /// The space that it is measured in.
     pub space: Option<FeatureSpace>,
 }
 
-/// The feature that a target limits.
+/// Finds the feature that a target limits, and checks that it can have a limit.
 pub(super) fn limited(target: Limited<'_>) -> Result<(&'static Feature, FeatureKey), Invalid> {
     let feature = feature::named(target.feature)?;
     let space = feature::space_of(feature, target.space)?;
     if feature.direction == Direction::Neither {
-        let why = format!("neither more nor less {} is better, so that it has no limit to keep", feature.name);
+        let why = format!("cannot have a limit: neither a higher nor a lower {} is better", feature.name);
         return Err(Invalid::new("feature", why));
     }
     let name = feature.name;
     match target.tool {
-        None if !feature.is_of_session() => Err(Invalid::new("tool", format!("name one: {name} is each tool's own"))),
+        None if !feature.is_of_session() => {
+            Err(Invalid::new("tool", format!("is missing: {name} is measured for each tool, so name one")))
+        }
         Some(_) if !feature.is_of_tools() => {
-            Err(Invalid::new("tool", format!("leave it out: {name} is the whole session's")))
+            Err(Invalid::new("tool", format!("must be left out: {name} is measured for the whole session")))
         }
         Some(tool) if tool.is_empty() || tool.chars().count() > LONGEST_TOOL => {
-            Err(Invalid::new("tool", format!("is no tool's name: expected 1 to {LONGEST_TOOL} characters")))
+            Err(Invalid::new("tool", format!("is not a tool's name: expected 1 to {LONGEST_TOOL} characters")))
         }
         _ => Ok((feature, FeatureKey { feature: name.to_owned(), tool: target.tool.map(str::to_owned), space })),
     }
@@ -197,12 +203,12 @@ fn fixed(feature: &Feature, limit: f64, unit: &str) -> Result<standard::Target, 
 
 fn published(key: &FeatureKey, preset: &str) -> Result<standard::Target, Invalid> {
     if key.feature != time::DURATION.name || key.tool.is_some() {
-        return Err(Invalid::new("method", "fls gives times: limit the duration of the whole session by it"));
+        return Err(Invalid::new("method", "fls gives times: use it only for the duration of the whole session"));
     }
     let known = fls::FLS.iter().find(|known| known.task == preset);
     known.map(|known| known.duration).ok_or_else(|| {
         let names: Vec<&str> = fls::FLS.iter().map(|known| known.task).collect();
-        Invalid::new("preset", format!("`{preset}` is none of {}", names.join(", ")))
+        Invalid::new("preset", format!("`{preset}` is unknown; use one of {}", names.join(", ")))
     })
 }
 
@@ -236,13 +242,13 @@ fn target(feature: &Feature, key: &FeatureKey, way: &Ready) -> Result<(standard:
     })
 }
 
-/// Two groups, of which nobody is in both.
+/// The people of both groups. Fails if a person is in both.
 fn apart(novices: &Group, experts: &Group, key: &FeatureKey) -> Result<[People; 2], NoAnswer> {
-    let who = |group: &Group| -> Vec<TraineeId> {
+    let trainees = |group: &Group| -> Vec<TraineeId> {
         group.like(key).rows(&group.values).into_iter().map(|(trainee, _)| trainee).collect()
     };
-    let experts_are = who(experts);
-    if who(novices).iter().any(|novice| experts_are.contains(novice)) {
+    let experts_are = trainees(experts);
+    if trainees(novices).iter().any(|novice| experts_are.contains(novice)) {
         return Err(NoAnswer::PersonTwice);
     }
     Ok([novices.people(key)?, experts.people(key)?])

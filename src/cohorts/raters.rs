@@ -1,11 +1,12 @@
-//! What ratings are worth: do raters agree, and with which features do their ratings go?
+//! The quality of ratings: whether raters agree, and how ratings correlate with features.
 //!
-//! Both are made of blind ratings that judged every item, and a person counts once. **Agreement:** of each person the newest
-//! session that all of the same raters have rated; nothing is filled in. **Correlations:** of each person the mean over their
-//! rated sessions, of the ratings and of the feature, over the same sessions; ranks, so that no shape of the relation is
-//! assumed; and since many features are asked at once, chances are adjusted (Benjamini & Hochberg). Values of one version of
-//! the program, and, where they lie along a camera's axes, of one camera, are compared; a tool's among people who prefer the
-//! same hand: each time the one of which there is most. Both tell of those alone whom the asker sees.
+//! Both use only blind ratings with a mark for every item, and a person counts once. **Agreement** uses of each person
+//! the newest session that all of the same raters have rated; missing ratings are not filled in. **Correlations** use
+//! each person's mean rating and mean feature value over the same rated sessions. They are rank correlations, so they
+//! assume no shape of the relation. Because many features are tested, the p-values are adjusted (Benjamini & Hochberg).
+//! Values are compared only within one pipeline version, a feature along the camera's axes only within one calibration,
+//! and a tool's feature only among people who prefer the same hand; the version, calibration and hand with the most
+//! people are chosen. Both results include only people in the caller's scope.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -25,86 +26,87 @@ use crate::pipeline::score::false_discovery::{adjusted, chance_of};
 use crate::pipeline::score::{FEWEST_PEOPLE, NoAnswer};
 use crate::store::{GivenRating, SessionValue};
 
-/// Rated sessions whose features are read at most, the newest ones.
+/// Limit of rated sessions whose features are read; the newest ones are used.
 const MOST_SESSIONS: usize = 500;
 
-/// A correlation whose adjusted chance is below this is called found.
+/// A correlation counts as found if its adjusted p-value is below this.
 const FOUND_BELOW: f64 = 0.05;
 
-/// Do those who rate a task's sessions agree?
+/// Agreement of the raters of a task's sessions.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Agreement {
-    /// On which form.
+    /// The rating form.
     pub form: Form,
-    /// Sessions with at least two blind and whole ratings.
+    /// Sessions with at least two blind and complete ratings.
     pub sessions: usize,
-    /// How many of these were left out: their person has a newer one, or other raters share more.
+    /// Number of these sessions that were left out: their person has a newer one, or was not rated by the chosen
+    /// raters.
     pub left_out: usize,
-    /// People who were rated by the same raters: each counts once.
+    /// People who were rated by the same raters; each counts once.
     pub people: usize,
-    /// By how many raters.
+    /// Number of these raters.
     pub raters: usize,
-    /// ICC(2,1): how well one rater's total stands for all raters'. `null` where `withheld` says why.
+    /// ICC(2,1): agreement of a single rater's total with those of other raters. `null` if `withheld` says why.
     pub single: Option<Estimate>,
-    /// ICC(2,k): how well the mean of all of them does; `null` also where the interval of one rater's is too wide for it.
+    /// ICC(2,k): the same for the mean of all raters; `null` also if the interval of a single rater is too wide for it.
     pub mean: Option<Estimate>,
-    /// Why they are not told.
+    /// Why both are withheld.
     pub withheld: Option<Withheld>,
 }
 
-/// With which features do ratings of a task's sessions go?
+/// Correlations of features with the ratings of a task's sessions.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Correlations {
-    /// On which form.
+    /// The rating form.
     pub form: Form,
-    /// Version of the program whose values are compared; `null` while there is none.
+    /// Pipeline version of the compared values; `null` while there are none.
     pub pipeline: Option<String>,
     /// Rated sessions with features of that version.
     pub sessions: usize,
-    /// Whose they are: each counts once.
+    /// People of these sessions; each counts once.
     pub people: usize,
-    /// Chances are adjusted for so many features asked at once.
+    /// Number of features that the p-values are adjusted for.
     pub asked: usize,
-    /// A row for each feature, the strongest correlation first, then those of which none is told.
+    /// A row per feature: the strongest correlation first, features without a correlation last.
     pub items: Vec<CorrelationRow>,
-    /// Why none is told.
+    /// Why all correlations are withheld.
     pub withheld: Option<Withheld>,
 }
 
-/// How one feature goes with the ratings.
+/// Correlation of one feature with the ratings.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct CorrelationRow {
-    /// Which feature.
+    /// The feature.
     #[serde(flatten)]
     pub of: FeatureKey,
     /// Its title for people.
     pub title: String,
-    /// What is better: `lower`, `higher` or `neither`. A feature of which less is better should fall as ratings rise.
+    /// What is better: `lower`, `higher` or `neither`. A feature with `lower` should fall as ratings rise.
     pub better: &'static str,
-    /// How many people.
+    /// Number of people.
     pub people: usize,
-    /// The hand that they prefer, where the feature is a tool's.
+    /// For a tool's feature: the hand that they prefer.
     pub handedness: Option<Handedness>,
-    /// Spearman's ρ with its 95 % interval; `null` where `withheld` says why.
+    /// Spearman's ρ with its 95 % interval; `null` if `withheld` says why.
     pub rho: Option<Estimate>,
-    /// The chance of such a correlation where there is none.
+    /// The p-value: the chance of such a correlation if there is none.
     pub chance: Option<f64>,
-    /// The same among all features asked (Benjamini & Hochberg).
+    /// The p-value adjusted for all tested features (Benjamini & Hochberg).
     pub adjusted: Option<f64>,
-    /// Is it found: the adjusted chance below 5 %?
+    /// True if the adjusted p-value is below 5 %.
     pub found: bool,
-    /// Why it is not told.
+    /// Why the correlation is withheld.
     pub withheld: Option<Withheld>,
 }
 
 impl Cohorts {
-    /// Do those who rate a task's sessions on a form agree?
+    /// Agreement of the raters of a task's sessions on a form.
     pub async fn agreement(&self, scope: &Scope, task: TaskId, form: Form) -> Result<Agreement, CohortsError> {
         let given = self.store.ratings().given(scope, task, form).await?;
         self.calculate(move || agreement_of(form, &given)).await
     }
 
-    /// With which features do ratings of a task's sessions on a form go?
+    /// Correlations of features with the ratings of a task's sessions on a form.
     pub async fn correlations(&self, scope: &Scope, task: TaskId, form: Form) -> Result<Correlations, CohortsError> {
         let given = self.store.ratings().given(scope, task, form).await?;
         let totals = totals(&given);
@@ -122,7 +124,7 @@ impl Cohorts {
     }
 }
 
-/// Each session's totals by rater, of whole ratings.
+/// Each session's totals by rater, of complete ratings.
 fn totals(given: &[GivenRating]) -> BTreeMap<SessionId, BTreeMap<PersonId, f64>> {
     let mut totals: BTreeMap<SessionId, BTreeMap<PersonId, f64>> = BTreeMap::new();
     for rating in given {
@@ -136,10 +138,10 @@ fn totals(given: &[GivenRating]) -> BTreeMap<SessionId, BTreeMap<PersonId, f64>>
 fn agreement_of(form: Form, given: &[GivenRating]) -> Agreement {
     let totals = totals(given);
     let sessions = totals.values().filter(|raters| raters.len() >= 2).count();
-    let whose: BTreeMap<SessionId, (TraineeId, i64)> =
+    let trainee_of: BTreeMap<SessionId, (TraineeId, i64)> =
         given.iter().map(|rating| (rating.session, (rating.trainee, rating.recorded_at_ms))).collect();
     let rows: Vec<(SessionId, BTreeMap<PersonId, f64>)> = totals.into_iter().collect();
-    let told = Agreement {
+    let answer = Agreement {
         form,
         sessions,
         left_out: sessions,
@@ -152,30 +154,30 @@ fn agreement_of(form: Form, given: &[GivenRating]) -> Agreement {
     let too_few =
         |found| NoAnswer::TooFew { of: "people rated by the same two raters or more", found, needed: FEWEST_RATED };
     let Some(SameRaters { raters, rows, .. }) =
-        same_raters(&rows, |session| whose.get(session).map(|(trainee, _)| *trainee))
+        same_raters(&rows, |session| trainee_of.get(session).map(|(trainee, _)| *trainee))
     else {
-        return Agreement { withheld: Some(too_few(0).into()), ..told };
+        return Agreement { withheld: Some(too_few(0).into()), ..answer };
     };
     let mut newest: BTreeMap<TraineeId, (i64, SessionId, Vec<f64>)> = BTreeMap::new();
     for (session, marks) in rows {
-        let Some(&(trainee, at_ms)) = whose.get(&session) else { continue };
+        let Some(&(trainee, at_ms)) = trainee_of.get(&session) else { continue };
         if newest.get(&trainee).is_none_or(|(before_ms, before, _)| (*before_ms, *before) < (at_ms, session)) {
             newest.insert(trainee, (at_ms, session, marks));
         }
     }
-    let people: Vec<(TraineeId, Vec<f64>)> = newest.into_iter().map(|(who, (_, _, marks))| (who, marks)).collect();
-    let told = Agreement { left_out: sessions - people.len(), people: people.len(), raters: raters.len(), ..told };
+    let people: Vec<(TraineeId, Vec<f64>)> = newest.into_iter().map(|(id, (_, _, marks))| (id, marks)).collect();
+    let answer = Agreement { left_out: sessions - people.len(), people: people.len(), raters: raters.len(), ..answer };
     let estimate = |form| icc(&people, form).map(|found| Estimate::of(found.value, found.interval));
     match (people.len(), estimate(agreement::Form::Agreement)) {
-        (found, _) if found < FEWEST_RATED => Agreement { withheld: Some(too_few(found).into()), ..told },
-        (_, Err(why)) => Agreement { withheld: Some(why.into()), ..told },
+        (found, _) if found < FEWEST_RATED => Agreement { withheld: Some(too_few(found).into()), ..answer },
+        (_, Err(why)) => Agreement { withheld: Some(why.into()), ..answer },
         (_, Ok(single)) => {
-            Agreement { single: Some(single), mean: estimate(agreement::Form::AgreementMean).ok(), ..told }
+            Agreement { single: Some(single), mean: estimate(agreement::Form::AgreementMean).ok(), ..answer }
         }
     }
 }
 
-/// One person's rated sessions with a feature: the sum of ratings, the sum of values, how many.
+/// For each person: the sum of ratings, the sum of feature values, and the number of rated sessions.
 type Sums = BTreeMap<TraineeId, (f64, f64, usize)>;
 
 fn correlations_of(
@@ -184,17 +186,18 @@ fn correlations_of(
     totals: &BTreeMap<SessionId, BTreeMap<PersonId, f64>>,
     mut values: Vec<SessionValue>,
 ) -> Correlations {
-    let whose: BTreeMap<SessionId, (i64, TraineeId)> =
+    let trainee_of: BTreeMap<SessionId, (i64, TraineeId)> =
         given.iter().map(|rating| (rating.session, (rating.recorded_at_ms, rating.trainee))).collect();
     let mut rated: BTreeMap<&str, BTreeSet<TraineeId>> = BTreeMap::new();
     for value in &values {
-        rated.entry(&value.pipeline).or_default().extend(whose.get(&value.session).map(|(_, trainee)| *trainee));
+        rated.entry(&value.pipeline).or_default().extend(trainee_of.get(&value.session).map(|(_, trainee)| *trainee));
     }
     let pipeline = rated.into_iter().max_by_key(|(_, people)| people.len()).map(|(pipeline, _)| pipeline.to_owned());
     values.retain(|value| Some(&value.pipeline) == pipeline.as_ref());
     let sessions: BTreeSet<SessionId> = values.iter().map(|value| value.session).collect();
-    let people: BTreeSet<TraineeId> = sessions.iter().filter_map(|id| whose.get(id)).map(|(_, who)| *who).collect();
-    let mut told = Correlations {
+    let people: BTreeSet<TraineeId> =
+        sessions.iter().filter_map(|id| trainee_of.get(id)).map(|(_, trainee)| *trainee).collect();
+    let mut answer = Correlations {
         form,
         pipeline,
         sessions: sessions.len(),
@@ -205,11 +208,11 @@ fn correlations_of(
     };
     if people.len() < FEWEST_PEOPLE {
         let why = NoAnswer::TooFew { of: "people with rated sessions", found: people.len(), needed: FEWEST_PEOPLE };
-        return Correlations { withheld: Some(why.into()), ..told };
+        return Correlations { withheld: Some(why.into()), ..answer };
     }
     let mut by_feature: BTreeMap<(usize, Option<String>, &'static str), Vec<&SessionValue>> = BTreeMap::new();
     for value in &values {
-        // What is measured no more is asked no more.
+        // Skips features that the program no longer computes.
         let Some(place) = features::FEATURES.iter().position(|feature| feature.name == value.of.feature) else {
             continue;
         };
@@ -219,25 +222,26 @@ fn correlations_of(
         let of_session = totals.get(session)?;
         Some(of_session.values().sum::<f64>() / of_session.len() as f64)
     };
-    let row = |of: Vec<&SessionValue>| correlate(comparable(of, &whose), &whose, rating_of);
-    told.items = by_feature.into_values().filter_map(row).collect();
-    adjust(&mut told);
-    told
+    let row = |of: Vec<&SessionValue>| correlate(comparable(of, &trainee_of), &trainee_of, rating_of);
+    answer.items = by_feature.into_values().filter_map(row).collect();
+    adjust(&mut answer);
+    answer
 }
 
-/// The values that may be compared with each other, where that takes one camera, or one preferred hand: those of most people.
+/// The values that may be compared: of the calibration and the preferred hand with the most people, if the feature
+/// depends on them.
 fn comparable<'v>(
     mut values: Vec<&'v SessionValue>,
-    whose: &BTreeMap<SessionId, (i64, TraineeId)>,
+    trainee_of: &BTreeMap<SessionId, (i64, TraineeId)>,
 ) -> Vec<&'v SessionValue> {
-    let who = |value: &SessionValue| whose.get(&value.session).map(|(_, who)| *who);
+    let trainee = |value: &SessionValue| trainee_of.get(&value.session).map(|(_, trainee)| *trainee);
     let Some(of) = values.first().map(|value| value.of.clone()) else { return values };
     if is_of_one_camera(&of) {
-        let most = of_most_people(values.iter().map(|value| (value.calibration, who(value))));
+        let most = of_most_people(values.iter().map(|value| (value.calibration, trainee(value))));
         values.retain(|value| Some(value.calibration) == most);
     }
     if of.tool.is_some() {
-        let hands = values.iter().filter_map(|value| Some((value.handedness.map(Handedness::name)?, who(value))));
+        let hands = values.iter().filter_map(|value| Some((value.handedness.map(Handedness::name)?, trainee(value))));
         let most = of_most_people(hands);
         values.retain(|value| value.handedness.is_some() && value.handedness.map(Handedness::name) == most);
     }
@@ -246,25 +250,28 @@ fn comparable<'v>(
 
 fn of_most_people<T: Ord>(of: impl Iterator<Item = (T, Option<TraineeId>)>) -> Option<T> {
     let mut people: BTreeMap<T, BTreeSet<TraineeId>> = BTreeMap::new();
-    of.for_each(|(value, who)| people.entry(value).or_default().extend(who));
+    of.for_each(|(value, trainee)| people.entry(value).or_default().extend(trainee));
     people.into_iter().max_by_key(|(_, people)| people.len()).map(|(value, _)| value)
 }
 
 fn correlate(
     values: Vec<&SessionValue>,
-    whose: &BTreeMap<SessionId, (i64, TraineeId)>,
+    trainee_of: &BTreeMap<SessionId, (i64, TraineeId)>,
     rating_of: impl Fn(&SessionId) -> Option<f64>,
 ) -> Option<CorrelationRow> {
     let first = *values.first()?;
     let feature = features::find(&first.of.feature)?;
     let mut sums = Sums::new();
     for value in &values {
-        let (Some(&(_, who)), Some(rating)) = (whose.get(&value.session), rating_of(&value.session)) else { continue };
-        let sum = sums.entry(who).or_insert((0.0, 0.0, 0));
+        let (Some(&(_, trainee)), Some(rating)) = (trainee_of.get(&value.session), rating_of(&value.session)) else {
+            continue;
+        };
+        let sum = sums.entry(trainee).or_insert((0.0, 0.0, 0));
         *sum = (sum.0 + rating, sum.1 + value.value, sum.2 + 1);
     }
-    let mean =
-        |(who, (ratings, values, n)): (TraineeId, (f64, f64, usize))| (who, ratings / n as f64, values / n as f64);
+    let mean = |(trainee, (ratings, values, n)): (TraineeId, (f64, f64, usize))| {
+        (trainee, ratings / n as f64, values / n as f64)
+    };
     let rows: Vec<(TraineeId, f64, f64)> = sums.into_iter().map(mean).collect();
     let (people, found) = (rows.len(), spearman(&rows));
     let estimate = |found: Correlation| Estimate::of(found.value, found.interval);
@@ -282,16 +289,16 @@ fn correlate(
     })
 }
 
-/// Chances among all that were asked, and the strongest first.
-fn adjust(told: &mut Correlations) {
-    let chances: Vec<f64> = told.items.iter().filter_map(|row| row.chance).collect();
-    told.asked = chances.len();
-    let asked = told.items.iter_mut().filter(|row| row.chance.is_some());
+/// Adjusts the p-values, and sorts the rows by the strength of the correlation.
+fn adjust(answer: &mut Correlations) {
+    let chances: Vec<f64> = answer.items.iter().filter_map(|row| row.chance).collect();
+    answer.asked = chances.len();
+    let asked = answer.items.iter_mut().filter(|row| row.chance.is_some());
     for (row, chance) in asked.zip(adjusted(&chances)) {
         (row.adjusted, row.found) = (Some(chance), chance < FOUND_BELOW);
     }
     let strength = |row: &CorrelationRow| row.rho.map_or(-1.0, |rho| rho.value.abs());
-    told.items.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
+    answer.items.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
 }
 
 #[cfg(test)]

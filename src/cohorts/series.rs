@@ -1,4 +1,4 @@
-//! One feature over a trainee's sessions: its points, its place in a cohort, its learning curve.
+//! One feature over a trainee's sessions: its points, its rank in a cohort, its learning curve.
 
 use super::answer::{
     Curve, Estimate, Forecast, ForecastState, Learning, LearningState, LinePoint, Place, Point, Series, Withheld,
@@ -15,10 +15,10 @@ use crate::pipeline::score::interval::Measured;
 use crate::pipeline::score::{NoAnswer, cohort};
 use crate::store::{CohortValue, Measurement, Outcome, Practised};
 
-/// Points of a fitted curve; between them a reader draws straight lines.
+/// Number of points of a fitted curve. Charts draw straight lines between them.
 const LINE_POINTS: u32 = 32;
 
-/// Who is placed among whom.
+/// The trainee, and the cohort to rank them in.
 pub struct Whom<'w> {
     /// The trainee.
     pub trainee: TraineeId,
@@ -33,38 +33,38 @@ pub struct Whom<'w> {
 pub struct Numbered<'p> {
     /// Its number among the trainee's sessions of the task, from 1.
     pub number: usize,
-    /// Is it set aside?
+    /// True if it counts: it has a valid result and is not set aside.
     pub counts: bool,
     /// The session.
     pub session: &'p Practised,
 }
 
 impl Numbered<'_> {
-    /// What it measured of a feature.
+    /// The session's result and its measurement of a feature.
     fn measured(&self, of: &FeatureKey) -> Option<(&Outcome, &Measurement)> {
         let measurement = self.session.measured.iter().find(|measurement| measurement.of == *of)?;
         Some((self.session.result.as_ref()?, measurement))
     }
 
-    /// The same, ready to be judged.
+    /// The measurement in the form that a target judges.
     pub fn evidence(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ToJudge<'_>> {
         let (outcome, Measurement { value, bar, .. }) = self.measured(of)?;
         Some(ToJudge { value: *value, bar: *bar, pipeline: &outcome.pipeline, handedness })
     }
 }
 
-/// All that is told of one feature.
+/// The complete answer for one feature.
 pub fn series(
     of: &FeatureKey,
     feature: &'static Feature,
     sessions: &[Numbered<'_>],
     standard: Option<&Definition>,
-    whom: &Whom<'_>,
+    context: &Whom<'_>,
     known: &Known,
 ) -> Series {
     let target = standard.and_then(|standard| standard.target(of));
-    let points = points(of, sessions, target, whom.handedness);
-    let (place, no_place) = match whom.among.map(|among| place(of, feature, sessions, whom, among)) {
+    let points = points(of, sessions, target, context.handedness);
+    let (place, no_place) = match context.among.map(|among| place(of, feature, sessions, context, among)) {
         None => (None, None),
         Some(Ok(place)) => (Some(place), None),
         Some(Err(why)) => (None, Some(why)),
@@ -74,7 +74,7 @@ pub fn series(
     Series { of: of.clone(), title, unit, better, target: target.cloned(), points, place, no_place, learning }
 }
 
-/// What the sessions measured of a feature, one point each, as far as they did.
+/// One point for each session that measured the feature.
 pub fn points(
     of: &FeatureKey,
     sessions: &[Numbered<'_>],
@@ -96,12 +96,12 @@ fn point(
     Some(Point { session: session.number, value: judged.value, low, high, judgement })
 }
 
-/// Places the newest counted value.
+/// Ranks the newest counted value in the cohort.
 fn place(
     of: &FeatureKey,
     feature: &Feature,
     sessions: &[Numbered<'_>],
-    whom: &Whom<'_>,
+    context: &Whom<'_>,
     among: &[CohortValue],
 ) -> Result<Place, Withheld> {
     let newest = sessions.iter().rev().filter(|session| session.counts).find_map(|session| {
@@ -111,17 +111,17 @@ fn place(
     });
     let (session, outcome, measured) =
         newest.ok_or(NoAnswer::TooFew { of: "measured sessions", found: 0, needed: 1 })?;
-    if of.tool.is_some() && whom.handedness.is_none() {
+    if of.tool.is_some() && context.handedness.is_none() {
         let detail =
-            "nobody said which hand they prefer, and a tool's feature is compared among those who prefer the same";
+            "the trainee's preferred hand is unknown, and a tool's feature is compared among people of the same hand";
         return Err(Withheld { reason: "hand_unknown".to_owned(), detail: detail.to_owned(), missing: None });
     }
     let like = Like {
         of,
         pipeline: &outcome.pipeline,
         calibration: outcome.calibration,
-        handedness: whom.handedness,
-        without: Some(whom.trainee),
+        handedness: context.handedness,
+        without: Some(context.trainee),
     };
     let people = like.people(among)?;
     let place = cohort::place(measured, &people, feature.direction)?;
@@ -134,7 +134,8 @@ fn place(
     })
 }
 
-/// What the sessions say about learning; of what lies along a camera's axes those with the newest one's camera.
+/// Learning over the counted sessions. For a feature along the camera's axes, only sessions with the newest calibration
+/// count.
 fn learning(
     of: &FeatureKey,
     direction: Direction,
@@ -151,8 +152,8 @@ fn learning(
     let is_comparable = |session: &&Numbered<'_>| !is_of_one_camera(of) || camera(session) == newest;
     let counted = sessions.iter().filter(|session| session.counts).filter(is_comparable).filter_map(value);
     let counted: Vec<Session> = counted.collect();
-    let told = |state| Learning { state, curve: None, forecast: None, withheld: None };
-    let withheld = |why: NoAnswer| Learning { withheld: Some(why.into()), ..told(LearningState::Withheld) };
+    let in_state = |state| Learning { state, curve: None, forecast: None, withheld: None };
+    let withheld = |why: NoAnswer| Learning { withheld: Some(why.into()), ..in_state(LearningState::Withheld) };
     let first = counted.first().map_or(1, |session| session.number);
     let found = match known.curve(counted, direction) {
         Ok(found) => found,
@@ -160,12 +161,12 @@ fn learning(
     };
     match &*found {
         &curve::Learning::TooFew { found, needed } => withheld(NoAnswer::TooFew { of: "sessions", found, needed }),
-        curve::Learning::NoCurve => told(LearningState::NoCurve),
-        curve::Learning::StillStraight => told(LearningState::StillStraight),
+        curve::Learning::NoCurve => in_state(LearningState::NoCurve),
+        curve::Learning::StillStraight => in_state(LearningState::StillStraight),
         curve::Learning::Curve(curve) => Learning {
             forecast: target.map(|target| forecast(curve, target.limit)),
             curve: Some(shown(curve, first)),
-            ..told(LearningState::Curve)
+            ..in_state(LearningState::Curve)
         },
     }
 }
@@ -189,17 +190,17 @@ fn shown(curve: &curve::Curve, first: u32) -> Curve {
 }
 
 fn forecast(curve: &curve::Curve, limit: f64) -> Forecast {
-    let told = |state| Forecast { state, at: None, earliest: None, latest: None, withheld: None };
-    let withheld = |why: NoAnswer| Forecast { withheld: Some(why.into()), ..told(ForecastState::Withheld) };
+    let in_state = |state| Forecast { state, at: None, earliest: None, latest: None, withheld: None };
+    let withheld = |why: NoAnswer| Forecast { withheld: Some(why.into()), ..in_state(ForecastState::Withheld) };
     match curve.forecast(limit) {
         Err(why) => withheld(why),
         Ok(curve::Forecast::TooFew { found, needed }) => withheld(NoAnswer::TooFew { of: "sessions", found, needed }),
-        Ok(curve::Forecast::Reached { at }) => Forecast { at: Some(at), ..told(ForecastState::Reached) },
+        Ok(curve::Forecast::Reached { at }) => Forecast { at: Some(at), ..in_state(ForecastState::Reached) },
         Ok(curve::Forecast::Ahead { at, earliest, latest }) => {
-            Forecast { at: Some(at), earliest: Some(earliest), latest, ..told(ForecastState::Ahead) }
+            Forecast { at: Some(at), earliest: Some(earliest), latest, ..in_state(ForecastState::Ahead) }
         }
         Ok(curve::Forecast::NotWithThisCurve { earliest }) => {
-            Forecast { earliest, ..told(ForecastState::NotWithThisCurve) }
+            Forecast { earliest, ..in_state(ForecastState::NotWithThisCurve) }
         }
     }
 }

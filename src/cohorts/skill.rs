@@ -1,4 +1,4 @@
-//! A task's model of skill: made of people of declared levels, and asked what it says of a session.
+//! A task's model of skill: its training on people of declared levels, and its verdict on a session.
 
 use tokio::sync::OwnedSemaphorePermit;
 
@@ -13,14 +13,14 @@ use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::score::skill::{Dataset, FEWEST_PER_LEVEL, Level, MOST_PER_LEVEL, NoModel, SESSIONS_EACH, Sample};
 use crate::store::{DeclaredSession, NewSkillModel, SessionResult, SkillModel, StoreError};
 
-/// Why no model was made.
+/// Why no model could be trained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoSkillModel {
     /// Stable name of the reason.
     pub reason: &'static str,
     /// The reason, for people.
     pub detail: String,
-    /// How many people of each level are missing, where that is the reason.
+    /// Number of missing people per level, if there are too few.
     pub missing: Option<Vec<(&'static str, usize)>>,
 }
 
@@ -38,13 +38,13 @@ impl From<NoModel> for NoSkillModel {
 }
 
 impl Cohorts {
-    /// Makes a task's next model from what people of declared levels did, and keeps it, whoever waits for it or not. One at a
-    /// time.
+    /// Trains a task's next model on the sessions of people of declared levels, and stores it even if the caller no
+    /// longer waits. Only one training runs at a time.
     pub async fn train(&self, scope: &Scope, of: TaskId) -> Result<SkillModel, CohortsError> {
         if !scope.is_administrator() {
-            // A model is made of people whom an instructor need not see.
+            // The training uses people outside an instructor's scope.
             return Err(
-                StoreError::Forbidden { what: "making models of people's skill", whom: "administrators" }.into()
+                StoreError::Forbidden { what: "training models of people's skill", whom: "administrators" }.into()
             );
         }
         let place = self.training.clone().try_acquire_owned().map_err(|_| CohortsError::Training)?;
@@ -60,8 +60,8 @@ impl Cohorts {
         Ok(models.add(&scope, of, made.map_err(NoSkillModel::from)?).await?)
     }
 
-    /// What a task's model in use says of a result of somebody's session. Of people whose sessions it was made of it says
-    /// nothing: it would tell what it was told, and is worth something else there than was measured.
+    /// The verdict of a task's current model on the result of a session. It gives none on people whose sessions it was
+    /// trained on: the model has seen their declared level, so its stated accuracy does not hold for them.
     pub async fn verdict(
         &self,
         scope: &Scope,
@@ -69,7 +69,7 @@ impl Cohorts {
         result: &SessionResult,
     ) -> Result<SkillVerdict, CohortsError> {
         let Some(model) = self.store.skill_models().in_use(scope, of).await? else {
-            let detail = "the task has no model of skill; administrators make one";
+            let detail = "the task has no model of skill; an administrator can train one";
             return Ok(SkillVerdict::without(ReasonName::NoModel, detail));
         };
         let (version, report) = (model.version, model.report.clone());
@@ -77,8 +77,7 @@ impl Cohorts {
         let verdict = match askable(&model, result) {
             Err(without) => *without,
             Ok(_) if is_its_own => {
-                let detail =
-                    "the model was made of this person's own sessions among others: it would tell what it was told";
+                let detail = "the model was trained on this person's sessions, so its verdict would not be independent";
                 SkillVerdict::without(ReasonName::InTraining, detail)
             }
             Ok(definition) => {
@@ -90,21 +89,20 @@ impl Cohorts {
     }
 }
 
-/// The model, if it may be asked of this result.
+/// The model, if it can judge this result; else the verdict without a level.
 fn askable(model: &SkillModel, result: &SessionResult) -> Result<Definition, Box<SkillVerdict>> {
     let without = |name, detail: String| Err(Box::new(SkillVerdict::without(name, detail)));
     let Some(definition) = model.definition.clone() else {
         let detail =
-            "somebody of whom the model was made was erased, and the model with them; administrators make another";
+            "a person the model was trained on was erased, and the model too; an administrator can train another";
         return without(ReasonName::Withdrawn, detail.to_owned());
     };
     if result.quality["verdict"] == "refused" {
-        return without(ReasonName::Refused, "the session's measurement is refused: see its quality".to_owned());
+        return without(ReasonName::Refused, "the session is refused: see its quality".to_owned());
     }
     let (own, other) = (&result.versions.pipeline, &model.pipeline);
     if own != other {
-        let detail =
-            format!("the session was measured by version {own} of the program, the model's sessions by {other}");
+        let detail = format!("the session was measured by pipeline version {own}, the model's sessions by {other}");
         return without(ReasonName::OtherPipeline, detail);
     }
     Ok(definition)

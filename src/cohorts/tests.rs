@@ -1,4 +1,4 @@
-//! Progress on a small centre's own database.
+//! Progress, on the database of a small centre.
 
 use serde_json::json;
 
@@ -12,7 +12,7 @@ use crate::store::testing::{Centre, NOW_MS, duration};
 
 const DAY_MS: i64 = 86_400_000;
 
-/// A centre whose task asks for at most 50 s, by this rule.
+/// A centre with a standard for its task: at most 50 s, with this pass rule.
 pub(super) async fn with_standard(rule: serde_json::Value) -> (Centre, Cohorts) {
     let centre = Centre::ready().await;
     let cohorts = Cohorts::new(centre.store.clone(), centre.clock.clone());
@@ -44,7 +44,7 @@ async fn what_waits_between_two_passes_breaks_a_row_and_what_waits_at_the_end_is
         centre.store.sessions().create(&Scope::service(), new).await.unwrap()
     };
     wait(3).await;
-    assert_eq!(progress(&cohorts).await.rule.unwrap().met_at, Some(2), "it changes nothing before it is seen");
+    assert_eq!(progress(&cohorts).await.rule.unwrap().met_at, Some(2), "a pending session at the end changes nothing");
     wait(1).await;
     let now = progress(&cohorts).await;
     let rule = now.rule.unwrap();
@@ -77,7 +77,7 @@ async fn who_relapsed_has_no_refreshers_and_has_passed_no_more() {
         centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(40.0, 1.0)]).await;
     }
     let again = progress(&cohorts).await.passed.unwrap();
-    assert!(again.sessions.iter().all(|number| *number > 22), "what was before the relapse proves nothing: {again:?}");
+    assert!(again.sessions.iter().all(|number| *number > 22), "passes before the relapse do not count: {again:?}");
 }
 
 #[tokio::test]
@@ -109,8 +109,8 @@ async fn what_somebody_set_aside_is_no_trial() {
     assert_eq!(now.rule.unwrap().met_at, Some(3));
     assert_eq!(now.passed.unwrap().sessions, [1, 3]);
     let passed = (Some(TrialName::Passed), None);
-    let told: Vec<_> = now.sessions.iter().map(|step| (step.trial, step.set_aside)).collect();
-    assert_eq!(told, [passed, (None, Some(SetAside::ByHand)), passed]);
+    let trials: Vec<_> = now.sessions.iter().map(|step| (step.trial, step.set_aside)).collect();
+    assert_eq!(trials, [passed, (None, Some(SetAside::ByHand)), passed]);
 }
 
 #[tokio::test]

@@ -1,4 +1,4 @@
-//! What a standard makes of a trainee's sessions: passes and misses, pass rule, charts, reminders.
+//! Judges a trainee's sessions against a standard: passes and misses, pass rule, charts, reminders.
 
 use super::answer::{
     ChartEvent, ChartPoint, Charts, EventName, Passed, PassedBy, Reminder, ReminderState, RuleStanding, RuleState,
@@ -16,22 +16,23 @@ use crate::pipeline::score::standard::Judgement;
 use crate::store::Practised;
 use crate::time::to_rfc3339;
 
-/// What the standard makes of the sessions.
+/// The judgement of a standard on the sessions.
 pub struct Verdicts {
-    /// One per session, up to the last that has ended.
+    /// One per session, up to the last session with a result.
     pub trials: Vec<Trial>,
-    /// How far by the pass rule, if there is one.
+    /// State of the pass rule, if there is one.
     pub rule: Option<RuleState>,
     /// The charts.
     pub charts: Charts,
-    /// Index of the session by which they were proficient, if they are and have not relapsed; and by what.
+    /// Index of the session that showed proficiency, and the criterion; `None` before proficiency and after a relapse.
     proficient: Option<(usize, PassedBy)>,
-    /// The passes that the rule counted: indices among the sessions.
+    /// Indices of the passes that count for the proficiency.
     made_of: Vec<usize>,
 }
 
 impl Verdicts {
-    /// Judges the sessions, in their order; without those that somebody has set aside, which are no trials.
+    /// Judges the sessions in order. `sessions` must not contain sessions that are set aside, because they are no
+    /// trials.
     pub fn of(
         definition: &Definition,
         monitor: &Monitor,
@@ -67,7 +68,7 @@ impl Verdicts {
         Self { charts: charts(definition.charts, monitor, &career, &numbers), trials, rule, proficient, made_of }
     }
 
-    /// By what the task counts as learnt.
+    /// When the task was passed, and the criterion.
     pub fn passed(&self, sessions: &[Numbered<'_>]) -> Option<Passed> {
         let (index, by) = self.proficient?;
         let session = sessions.get(index)?;
@@ -76,12 +77,12 @@ impl Verdicts {
         Some(Passed { by, session: session.number, at, sessions: made_of.collect() })
     }
 
-    /// Refreshers, as they stand now.
+    /// The refreshers and their current states.
     pub fn reminders(&self, sessions: &[Numbered<'_>], now_ms: i64) -> Vec<Reminder> {
         let Some(since) = self.proficient.and_then(|(index, _)| sessions.get(index)) else { return Vec::new() };
         let counted = sessions.iter().filter(|session| session.counts).map(|session| session.session.recorded_at_ms);
         let practised: Vec<i64> = counted.collect();
-        let told = |reminder: reminder::Reminder| {
+        let answer = |reminder: reminder::Reminder| {
             let (state, done_at) = match reminder.state {
                 State::Ahead => (ReminderState::Ahead, None),
                 State::Due => (ReminderState::Due, None),
@@ -89,12 +90,12 @@ impl Verdicts {
             };
             Reminder { due_at: to_rfc3339(reminder.due_ms), state, done_at }
         };
-        reminders(since.session.recorded_at_ms, &practised, now_ms).map(told).into()
+        reminders(since.session.recorded_at_ms, &practised, now_ms).map(answer).into()
     }
 }
 
-/// What each session was worth, up to the last that has ended: what is not tracked yet before it may have been a miss, and
-/// what comes after it is still to be seen.
+/// The outcome of each session, up to the last session with a result. Earlier sessions that are not tracked yet are
+/// unknown, because they may be misses; later ones are left out.
 fn trials(definition: &Definition, sessions: &[Numbered<'_>], handedness: Option<Handedness>) -> Vec<Trial> {
     let pending = |session: &Numbered<'_>| {
         let Practised { result, status, .. } = session.session;
@@ -115,17 +116,17 @@ fn trials(definition: &Definition, sessions: &[Numbered<'_>], handedness: Option
 }
 
 fn rule_state(rule: Rule, followed: pass_rule::Progress, numbers: &[usize]) -> RuleState {
-    let told = |state| RuleState { rule, state, met_at: None, have_in_a_row: None, have_more: None, unknown: None };
+    let in_state = |state| RuleState { rule, state, met_at: None, have_in_a_row: None, have_more: None, unknown: None };
     match followed {
         pass_rule::Progress::Met { at } => {
-            RuleState { met_at: numbers.get(at - 1).copied(), ..told(RuleStanding::Met) }
+            RuleState { met_at: numbers.get(at - 1).copied(), ..in_state(RuleStanding::Met) }
         }
-        pass_rule::Progress::OutOfReach => told(RuleStanding::OutOfReach),
+        pass_rule::Progress::OutOfReach => in_state(RuleStanding::OutOfReach),
         pass_rule::Progress::Open { in_a_row, more, unknown } => RuleState {
             have_in_a_row: Some(in_a_row),
             have_more: Some(more),
             unknown: Some(unknown),
-            ..told(RuleStanding::Open)
+            ..in_state(RuleStanding::Open)
         },
     }
 }

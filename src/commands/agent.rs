@@ -1,7 +1,9 @@
-//! `trocar agent`: the box's own program. Sends what a camera sees while it is recorded, and what earlier runs could not.
+//! `trocar agent`: runs beside a box. Records its camera, sends the recording meanwhile, and sends what earlier runs
+//! left in the spool.
 //!
-//! SIGINT or SIGTERM ends the recording; the agent then waits until it is whole on the server, or for a second signal. What
-//! has not been sent stays in the spool. The status is 0 only when the recording is whole.
+//! SIGINT or SIGTERM ends the recording. The agent then sends the rest until the server has the whole recording, or
+//! until a second signal. Unsent frames stay in the spool. The exit status is 0 only if the server has the whole
+//! recording.
 
 use std::io::{IsTerminal, Write, stderr};
 use std::path::{Path, PathBuf};
@@ -27,53 +29,53 @@ use crate::media::{Source, SourceInfo};
 use crate::shutdown::Shutdown;
 use crate::time::{Clock, System, to_rfc3339};
 
-/// Usual limit of a spool, bytes: an hour at 36 Mbit/s.
+/// Default limit of the spool, bytes: an hour at 36 Mbit/s.
 const SPOOL_BYTES: u64 = 16 << 30;
-/// How often a line tells how it stands where nobody looks at it all the time.
+/// Interval of status lines in the log if stderr is not a terminal, s.
 const LOG_EVERY_S: u64 = 10;
-/// How long a camera may look for its exposure and white balance before they are held.
+/// Time for the camera's automatic exposure and white balance to settle before they are switched off.
 const SETTLES: Duration = Duration::from_secs(2);
 
 /// Arguments of `trocar agent`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The server, as `https://trocar.example` or `http://127.0.0.1:8080`
+    /// Address of the server, such as `https://trocar.example` or `http://127.0.0.1:8080`
     #[arg(long, value_name = "URL")]
     server: String,
     /// Id or code of the box that the camera belongs to
     #[arg(long = "box", value_name = "CODE")]
     in_box: String,
-    /// File that holds the token of the box's agent
+    /// File with the token of the box's agent
     #[arg(long, value_name = "FILE")]
     token_file: PathBuf,
-    /// Who trains, by id or code
+    /// Id or code of the trainee
     #[arg(long, value_name = "ID", requires = "source")]
     trainee: Option<String>,
-    /// What they do, by id or code
+    /// Id or code of the task
     #[arg(long, value_name = "ID", requires = "source")]
     task: Option<String>,
-    /// Folder of what the server does not have yet
+    /// Folder for frames that the server does not have yet
     #[arg(long, value_name = "DIR", default_value = "trocar-spool")]
     spool: PathBuf,
-    /// What the spool may hold, bytes; beyond it the oldest frames go
+    /// Limit of the spool, bytes; when it is full, the oldest frames are deleted
     #[arg(long, value_name = "N", default_value_t = SPOOL_BYTES)]
     spool_bytes: u64,
-    /// End the recording after so many seconds
+    /// End the recording after this many seconds
     #[arg(long, value_name = "N")]
     seconds: Option<f64>,
-    /// Read a file as fast as the spool takes it, not at the times that its frames bear
+    /// Read a file as fast as possible instead of in real time
     #[arg(long)]
     as_fast_as_possible: bool,
-    /// Leave a camera's exposure, gain and white balance to the camera
+    /// Leave the camera's automatic exposure, gain and white balance switched on
     #[arg(long)]
     automatic: bool,
-    /// An option of FFmpeg's for the source, as video_size=1280x720; may be repeated
+    /// FFmpeg option for the source, such as video_size=1280x720; may be repeated
     #[arg(long = "option", value_name = "KEY=VALUE", value_parser = key_value)]
     options: Vec<(String, String)>,
-    /// What to log, as `info` or `trocar=debug`
+    /// Log filter, such as `info` or `trocar=debug`
     #[arg(long, default_value = "info")]
     log: String,
-    /// A camera (/dev/video0), a file, or an address that FFmpeg opens; without it what lies in the spool is sent
+    /// Camera (/dev/video0), file, or address that FFmpeg can open; without it, only the spool is sent
     #[arg(requires = "trainee", requires = "task")]
     source: Option<String>,
 }
@@ -85,17 +87,17 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let server =
         Server::new(&args.server, &args.in_box, &args.token_file).map_err(|why| Failure::Input(anyhow!(why)))?;
     if server.is_open_to_all() {
-        tracing::warn!("the token and the recording travel in the clear: give the server TLS, and say https");
+        tracing::warn!("the connection is not encrypted; token and recording can be read on the way: use https");
     }
     if args.seconds.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
-        return Err(Failure::Input(anyhow!("--seconds: expected more than 0")));
+        return Err(Failure::Input(anyhow!("--seconds: expected a number above 0")));
     }
     let spool = Spool::open(&args.spool, args.spool_bytes)
         .with_context(|| format!("opening the spool {}", args.spool.display()))
         .map_err(Failure::Input)?;
-    // Before the camera is opened, so that it finds its values anew.
+    // Before the camera is opened, so that its automatic controls settle again.
     if let Err(error) = give_back(&note_in(&args.spool), Camera::open) {
-        tracing::warn!(%error, "what an earlier run switched off at its camera cannot be switched on again");
+        tracing::warn!(%error, "cannot restore the automatic controls that an earlier run switched off at the camera");
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     let done = runtime.block_on(work(Agent::new(spool), server, args));
@@ -107,23 +109,24 @@ async fn work(agent: Agent, server: Server, args: Args) -> Result<(), Failure> {
     let shutdown = Shutdown::new();
     shutdown.begin_on_signals().context("listening for signals")?;
     let left_over = agent.spool().ids();
-    let tell = tokio::spawn(keep_telling(agent.clone()));
+    let status_lines = tokio::spawn(keep_telling(agent.clone()));
     let whole = match &args.source {
         Some(source) => record_and_send(&agent, &server, &args, source, &shutdown).await,
         None => Ok(()),
     };
-    // A signal ends the recording, as it ends every one of a camera; it is a second one that ends the sending.
+    // With a source, the first signal only ends the recording; sending continues until a second signal ends the
+    // process.
     let stop = if args.source.is_some() { Shutdown::new() } else { shutdown };
     let rest = send_left_over(&agent, &server, left_over, &stop).await;
-    tell.abort();
+    status_lines.abort();
     clear_line();
     match args.source {
-        Some(_) => whole, // what is left of earlier runs was told of, and is no failure of this one
+        Some(_) => whole, // recordings of earlier runs that are refused are logged, but do not fail this run
         None => rest,
     }
 }
 
-/// Records a session, and sends it until it is whole.
+/// Records a session, and sends it until the server has the whole recording.
 async fn record_and_send(
     agent: &Agent,
     server: &Server,
@@ -144,7 +147,7 @@ async fn record_and_send(
         agent.spool().begin(hello(args, &info), server.in_box()).context("beginning the recording in the spool")?;
     let is_paced = info.is_file && !args.as_fast_as_possible;
     let rules = Rules { is_paced, seconds: args.seconds, time_base: info.time_base };
-    // Ends with the signal, when nobody will ever take the recording, and with the source.
+    // Ends with the signal, with the source, or when the server refuses the recording.
     let recording = Shutdown::new();
     let (recorder, ending) = (agent.clone(), recording.clone());
     let holding = (info.is_camera && !args.automatic)
@@ -154,16 +157,16 @@ async fn record_and_send(
         let frames = record(&recorder, frames, rules, &ending).await;
         over.store(true, Ordering::Relaxed);
         ending.begin();
-        tracing::info!(frames, "the recording has ended");
+        tracing::info!(frames, "recording ended");
     });
-    let (stop, asked) = (recording.clone(), shutdown.begun());
+    let (stop, signal) = (recording.clone(), shutdown.begun());
     tokio::spawn(async move {
-        asked.await;
+        signal.await;
         stop.begin();
     });
     let outcome = send(agent, server, id).await;
     if matches!(outcome, Outcome::Refused(_)) && !agent.status().was_welcome {
-        recording.begin(); // it never was, and will not be: somebody must hear of it now
+        recording.begin(); // the server never accepted it and never will: stop now, so that the user sees the error
     }
     recorder.await.context("recording")?;
     if let Some(holding) = holding {
@@ -171,26 +174,26 @@ async fn record_and_send(
     }
     match outcome {
         Outcome::Whole(session) => {
-            tracing::info!(%session, "the recording is whole");
+            tracing::info!(%session, "recording complete on the server");
             Ok(())
         }
-        Outcome::Empty => Err(Failure::Failed(anyhow!("the source gave no frame"))),
+        Outcome::Empty => Err(Failure::Failed(anyhow!("the source delivered no frame"))),
         Outcome::Refused(why) => Err(Failure::Failed(anyhow!(why))),
     }
 }
 
-/// Sends what earlier runs left, the oldest first: a box sends one recording at a time.
+/// Sends the recordings that earlier runs left in the spool, the oldest first: a box sends one recording at a time.
 async fn send_left_over(agent: &Agent, server: &Server, ids: Vec<FeedId>, stop: &Shutdown) -> Result<(), Failure> {
     let mut refused = Vec::new();
     for id in ids {
-        tracing::info!(recording = %id, "sending what an earlier run left");
+        tracing::info!(recording = %id, "sending a recording of an earlier run");
         tokio::select! {
             outcome = send(agent, server, id) => match outcome {
-                Outcome::Whole(session) => tracing::info!(%session, "the recording is whole"),
+                Outcome::Whole(session) => tracing::info!(%session, "recording complete on the server"),
                 Outcome::Empty => {}
                 Outcome::Refused(why) => refused.push(why),
             },
-            () = stop.begun() => return Err(Failure::Failed(anyhow!("ended by a signal; the rest stays in the spool"))),
+            () = stop.begun() => return Err(Failure::Failed(anyhow!("ended by a signal; unsent frames stay in the spool"))),
         }
     }
     if refused.is_empty() { Ok(()) } else { Err(Failure::Failed(anyhow!(refused.join("; ")))) }
@@ -218,17 +221,17 @@ fn say_what_it_is(info: &SourceInfo) {
     if let Some(from) = &info.coded_from {
         tracing::warn!(
             from,
-            "frames are decoded and coded anew as JPEGs: a camera that gives H.264 or MJPEG saves that"
+            "the source's codec cannot be sent; frames are re-encoded as JPEG. A camera with H.264 or MJPEG avoids this"
         );
     }
 }
 
-/// Where it is noted what is switched off at a camera.
+/// Path of the note that records which controls were switched off at which camera.
 fn note_in(spool: &Path) -> PathBuf {
     spool.join("camera.json")
 }
 
-/// Once the camera has found its exposure and white balance, keeps them as they are until the recording ends.
+/// Waits [`SETTLE_TIME`] for the camera's exposure and white balance, then locks them until the recording ends.
 async fn hold(camera: String, note: PathBuf, recording: Shutdown) {
     tokio::select! {
         () = recording.begun() => return,
@@ -241,12 +244,12 @@ async fn hold(camera: String, note: PathBuf, recording: Shutdown) {
     });
     let held = held.await;
     let _lock = match held {
-        Ok(Ok((lock, told))) => {
-            told.iter().for_each(|(name, locked)| tell(&camera, name, locked));
+        Ok(Ok((lock, controls))) => {
+            controls.iter().for_each(|(name, locked)| tell(&camera, name, locked));
             lock
         }
-        Ok(Err(error)) => return tracing::warn!(%error, "the camera's controls cannot be opened: {}", by_hand(&camera)),
-        Err(error) => return tracing::error!(%error, "the camera's controls"),
+        Ok(Err(error)) => return tracing::warn!(%error, "cannot open the camera's controls: {}", by_hand(&camera)),
+        Err(error) => return tracing::error!(%error, "locking the camera's controls failed"),
     };
     recording.begun().await;
 }
@@ -254,21 +257,21 @@ async fn hold(camera: String, note: PathBuf, recording: Shutdown) {
 fn tell(camera: &str, name: &str, locked: &Locked) {
     match locked {
         Locked::Off(value) => {
-            tracing::info!(value, "automatic {name} is off while this is recorded, at what it had found")
+            tracing::info!(value, "automatic {name} switched off during the recording; its last value stays")
         }
         Locked::WasOff => tracing::info!("automatic {name} was off already"),
         Locked::Absent => tracing::info!("the camera has no switch for automatic {name}"),
-        Locked::Refused(error) => tracing::warn!(%error, "automatic {name} cannot be held: {}", by_hand(camera)),
+        Locked::Refused(error) => tracing::warn!(%error, "cannot switch automatic {name} off: {}", by_hand(camera)),
     }
 }
 
 fn by_hand(camera: &str) -> String {
     format!(
-        "it changes the tapes' colours while somebody trains; see `v4l2-ctl -d {camera} -L` for what can be set by hand"
+        "the tapes' colours will change during the recording; set it by hand, `v4l2-ctl -d {camera} -L` lists the controls"
     )
 }
 
-/// Tells once a second on a terminal, else now and then in the log.
+/// Shows the status: every second on a terminal, else every [`LOG_INTERVAL_S`] in the log.
 async fn keep_telling(agent: Agent) {
     let mut seconds = interval(Duration::from_secs(1));
     let mut past: u64 = 0;
@@ -277,7 +280,7 @@ async fn keep_telling(agent: Agent) {
         past += 1;
         if stderr().is_terminal() {
             let line: String = status::line(&agent).chars().take(terminal_width()).collect();
-            let _ = write!(stderr(), "\r\x1b[2K{line}"); // a terminal that is gone is told nothing
+            let _ = write!(stderr(), "\r\x1b[2K{line}"); // a closed terminal is no error
         } else if past.is_multiple_of(LOG_EVERY_S) {
             tracing::info!("{}", status::line(&agent));
         }
@@ -294,7 +297,7 @@ fn clear_line() {
     }
 }
 
-/// Logs go to stderr, over the line that is there.
+/// Starts the log on stderr. Each entry replaces the status line on the terminal.
 fn start_log(filter: &str) -> Result<(), Failure> {
     let filter = EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(Failure::input)?;
     let writer = || {

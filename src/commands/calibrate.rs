@@ -1,6 +1,6 @@
-//! `trocar calibrate`: photos or a video of a checkerboard in, camera.json out.
+//! `trocar calibrate`: computes camera.json from photos or a video of a checkerboard.
 //!
-//! The table of photos, the camera and its standard deviations go to stdout, progress to stderr.
+//! The table of photos, the camera and its standard deviations go to stdout, progress goes to stderr.
 
 use std::fs::File;
 use std::io::{BufReader, IsTerminal, Read, Seek, Write};
@@ -20,19 +20,19 @@ use crate::pipeline::camera::{Board, BoardView, Calibration, PhotoReason, PhotoR
 /// Arguments of `trocar calibrate`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Inner corners of the board, where four squares meet: COLUMNSxROWS.
+    /// Number of inner corners of the board, where four squares meet: COLUMNSxROWS.
     #[arg(long, value_name = "9x6")]
     board: BoardSize,
     /// Side of a square, measured on the print, mm.
     #[arg(long, value_name = "MM")]
     square_mm: f64,
-    /// Where to write the camera.
+    /// File to write the camera to.
     #[arg(long, value_name = "FILE", default_value = "camera.json")]
     out: PathBuf,
-    /// No progress on stderr.
+    /// Show no progress on stderr.
     #[arg(long)]
     quiet: bool,
-    /// Photos (JPEG, PNG) of the board tilted to different sides, all of one size; or one video of it.
+    /// Photos (JPEG, PNG) of the board, tilted to different sides, all of the same size; or one video of it.
     #[arg(required = true, value_name = "PHOTO…|VIDEO")]
     inputs: Vec<PathBuf>,
 }
@@ -107,14 +107,14 @@ fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// One file that is neither photo nor video gets FFmpeg's word; a person needs to hear what would have been right.
+/// Adds to FFmpeg's error that a single file is read as a video, because the user may have meant a photo.
 fn with_hint(error: ViewsError) -> anyhow::Error {
     let hint = matches!(error, ViewsError::Video { .. });
     let error = anyhow::Error::from(error);
     if hint { error.context("a single file is taken as a video unless it is a JPEG or PNG photo") } else { error }
 }
 
-/// What is known of photos when no camera came of them.
+/// Name of each photo and why it was not used, for the case that the calibration failed.
 fn unused(views: &[BoardView]) -> Vec<(String, Option<PhotoReason>)> {
     views.iter().map(|v| (v.name.clone(), v.corners.as_ref().err().map(|&r| PhotoReason::NoCorners(r)))).collect()
 }
@@ -135,7 +135,7 @@ fn print_calibration(calibration: &Calibration) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The table of photos, then the camera's numbers with their standard deviations.
+/// The table of photos, then the camera's parameters with their standard deviations.
 fn table(calibration: &Calibration) -> String {
     let width = calibration.photos.iter().map(|p| p.name.chars().count()).max().unwrap_or(0).max("photo".len());
     let mut text = format!("{:width$}  used  rms_px  reason\n", "photo");
@@ -171,7 +171,7 @@ impl FromStr for BoardSize {
     }
 }
 
-/// A bar on a terminal, plain lines elsewhere, nothing when quiet.
+/// Progress on stderr: a bar on a terminal, else plain lines; nothing if quiet.
 struct Progress {
     bar: ProgressBar,
     plain: bool,

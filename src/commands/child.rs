@@ -1,4 +1,5 @@
-//! `trocar child`: what the service runs for each recording. It speaks records, not text; people have no use for it.
+//! `trocar child`: the child process that the service starts for each recording. It reads and writes binary records;
+//! people do not run it.
 
 use super::Failure;
 use crate::analysis::child;

@@ -1,9 +1,9 @@
-//! The demonstration centre: a simulated box, six trainees of three levels, two tasks, a course, and recordings that go through
-//! the real intake, queue and workers while one looks.
+//! The demonstration centre (`trocar serve --demo`): a simulated box, six trainees of three levels, two tasks, a
+//! course, and recordings that pass through the real intake, queue and workers.
 //!
-//! Nothing here is made up beforehand: the camera is calibrated from simulated photos, the colours are learned from
-//! marked frames, every recording is tracked. What an earlier start did not get to, the next one goes on with: a
-//! recording is known by its trainee, task and name.
+//! No result is prepared in advance: the camera is calibrated from simulated photos, the colours are learned from
+//! marked frames, and every recording is tracked. A start continues where the last one stopped; a recording is
+//! recognised by its trainee, task and file name.
 
 use std::path::{Path, PathBuf};
 
@@ -37,11 +37,11 @@ use crate::vault::{Kept, Vault};
 /// The demonstration instructor's login.
 pub const INSTRUCTOR: &str = "instructor";
 const BOX: &str = "simulated-box";
-/// Every clip of the centre is of this size: one camera, one calibration.
+/// Size of all clips, pixels: one camera, one calibration.
 const PICTURE: (u32, u32) = (960, 540);
 /// Inner corners of the simulated board.
 const BOARD: BoardSize = BoardSize { columns: 9, rows: 6 };
-/// Side of a square of it, mm.
+/// Side of a square of the board, mm.
 const SQUARE_MM: f64 = 21.0;
 const ATTEMPTS: u64 = 2;
 const DAY_MS: i64 = 24 * 3600 * 1000;
@@ -51,12 +51,12 @@ const TASKS: [(Scenario, &str, &str); 2] = [
     (Scenario::Wire, "Tracing the wire", "Follow the m-shaped wire with the tip, from end to end."),
 ];
 
-/// What the first task asks for: the published time, twice in a row and ten times more.
+/// Standard of the first task: the published time, reached twice in a row and ten more times.
 const STANDARD: &str = r#"{"targets": [{"feature": "duration", "by": {"method": "fls", "preset": "peg_transfer"}}],
     "rule": {"in_a_row": 2, "then_more": 10, "at_most": 80}}"#;
 
-/// A course that began a day before the first recordings, so that each state of a step is to be seen: what asks for two sessions is
-/// done, the standard is overdue, and there is more to come.
+/// A course that began a day before the first recordings, so that it shows every state of a step: the step of two
+/// sessions is passed, the step that asks for the standard is overdue, and a further step is open.
 const COURSE: &str = r#"{"name": "Basic skills", "steps": [{"task": "wire", "sessions": 2, "within_days": 10},
     {"task": "pegs", "within_days": 14}, {"task": "pegs", "sessions": 20, "within_days": 42}]}"#;
 const COURSE_BEGAN_MS: i64 = (ATTEMPTS as i64 * 7 + 1) * DAY_MS;
@@ -70,7 +70,7 @@ const TRAINEES: [(&str, Level, Skill, Handedness); 6] = [
     ("Farid Haddad", Level::Expert, Skill::EXPERT, Handedness::Left),
 ];
 
-/// What the centre is built with.
+/// Builds the demonstration centre in a running service.
 pub struct Builder {
     store: Store,
     vault: Vault,
@@ -79,12 +79,12 @@ pub struct Builder {
     intake: Intake,
     cohorts: Cohorts,
     clock: SharedClock,
-    /// Where scenes are made before they are taken in; removed afterwards.
+    /// Folder for simulated scenes until they are uploaded; removed afterwards.
     scratch: PathBuf,
 }
 
 impl Builder {
-    /// Builds in this service.
+    /// A builder for this service.
     pub fn new(app: &App, scratch: PathBuf) -> Self {
         Self {
             store: app.store.clone(),
@@ -98,7 +98,7 @@ impl Builder {
         }
     }
 
-    /// Whether an earlier start began the centre.
+    /// True if an earlier start registered the centre.
     pub async fn is_registered(&self) -> anyhow::Result<bool> {
         match self.store.boxes().get(&Scope::service(), &Key::from(BOX)).await {
             Ok(_) => Ok(true),
@@ -107,7 +107,7 @@ impl Builder {
         }
     }
 
-    /// Registers box, people and tasks, once. Returns the instructor's password if they were not there yet.
+    /// Registers box, people and tasks, once. Returns the instructor's password if this call registered them.
     pub async fn register(&self) -> anyhow::Result<Option<Password>> {
         if self.is_registered().await? {
             return Ok(None);
@@ -148,11 +148,11 @@ impl Builder {
             view: Some(FileView::Top),
             notes: Some(notes),
         };
-        self.store.boxes().create(&service, simulated).await?; // last: it is what says that all of this is there
+        self.store.boxes().create(&service, simulated).await?; // last: `is_registered` looks for the box
         Ok(Some(password))
     }
 
-    /// A standard for the first task, and somebody to be compared with.
+    /// Adds a standard for the first task, and a cohort of all trainees for comparison.
     async fn set_standard(&self) -> anyhow::Result<()> {
         let service = Scope::service();
         let task = self.store.tasks().get(&service, &Key::from(TASKS[0].0.name())).await?;
@@ -163,7 +163,7 @@ impl Builder {
         Ok(())
     }
 
-    /// A course plan, which the group follows.
+    /// Adds a course plan, and makes the group follow it.
     async fn follow_course(&self, group: GroupId) -> anyhow::Result<()> {
         let service = Scope::service();
         let new: NewCourse = serde_json::from_str(COURSE)?;
@@ -172,7 +172,7 @@ impl Builder {
         Ok(self.store.courses().follow(&service, group, course.id, begins).await?)
     }
 
-    /// Sets the box up and sends every recording that is not there yet, until done or the service ends.
+    /// Sets up the box and uploads every missing recording, until all are there or the service ends.
     pub async fn fill(self, shutdown: Shutdown) {
         let ended = tokio::select! {
             filled = self.set_up_and_record() => filled,
@@ -181,10 +181,10 @@ impl Builder {
         if let Err(error) = ended {
             tracing::warn!(
                 error = format!("{error:#}"),
-                "the demonstration centre is incomplete; the next start goes on"
+                "building the demonstration centre failed; the next start continues"
             );
         }
-        let _ = tokio::fs::remove_dir_all(&self.scratch).await; // gone already, or the next start removes it
+        let _ = tokio::fs::remove_dir_all(&self.scratch).await; // if it fails, the next start removes the folder
     }
 
     async fn set_up_and_record(&self) -> anyhow::Result<()> {
@@ -202,10 +202,10 @@ impl Builder {
         Ok(())
     }
 
-    /// One self-test, if there is none: half a minute with the board and a rod, at half the usual rate.
+    /// Makes a self-test, if there is none: half a minute with the board and a rod, at half the usual frame rate.
     async fn self_test(&self, of: BoxId) -> anyhow::Result<()> {
         const FPS: f64 = 12.5;
-        const SECONDS: f64 = 27.5; // the first of two placements of the board, with the rod taken out again
+        const SECONDS: f64 = 27.5; // ends after the first of the two board placements, when the rod has been taken out
         let service = Scope::service();
         if !self.store.self_tests().list(&service, of, &PageRequest::new(1, None)).await?.items.is_empty() {
             return Ok(());
@@ -225,7 +225,7 @@ impl Builder {
         Ok(tokio::fs::remove_dir_all(folder).await?)
     }
 
-    /// Calibration and colours, each by a job like anybody's.
+    /// Calibrates the camera and learns the colours, each with an ordinary job.
     async fn set_up(&self, of: BoxId) -> anyhow::Result<()> {
         let service = Scope::service();
         let calibrated = self.store.calibrations().latest(&service, of).await?.is_some();
@@ -250,10 +250,10 @@ impl Builder {
         Ok(())
     }
 
-    /// Queues a job and waits for its end. The files are kept until the job's row protects them.
+    /// Queues a job and waits until it ends. `kept` protects the files until the job's row does.
     async fn work(&self, input: JobInput, kept: Vec<Kept>) -> anyhow::Result<()> {
         let service = Scope::service();
-        let mut news = self.events.listen();
+        let mut events = self.events.listen();
         let job = self.store.jobs().enqueue(&service, input).await?;
         drop(kept);
         self.queue.work_arrived();
@@ -264,7 +264,7 @@ impl Builder {
                 JobState::Failed | JobState::Quarantined => bail!("setting up the simulated box failed: {now:?}"),
                 JobState::Queued | JobState::Running => {}
             }
-            news.next().await.context("the service ends")?;
+            events.next().await.context("the service is shutting down")?;
         }
     }
 
@@ -309,7 +309,7 @@ impl Builder {
         Ok(sessions.items.iter().any(|session| session.filename.as_str() == filename))
     }
 
-    /// Makes a scene in a folder of its own, beside the async threads.
+    /// Draws a scene into a folder of its own, on a blocking thread.
     async fn scene(&self, name: &str, order: SceneOrder) -> anyhow::Result<PathBuf> {
         let folder = self.scratch.join(name);
         let made = folder.clone();

@@ -1,6 +1,6 @@
-//! The command line: one file per sub-command, each with its arguments and a `run`.
+//! The command line: one file per subcommand, each with its arguments and a `run` function.
 //!
-//! Results alone go to stdout; progress and errors go to stderr. Exit status 0 done, 1 failed, 2 wrong usage or input.
+//! Only results go to stdout; progress and errors go to stderr. Exit status: 0 done, 1 failed, 2 wrong usage or input.
 
 use std::fmt;
 use std::fs::File;
@@ -40,34 +40,34 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run the whole service: HTTP, dashboard, queue and workers.
+    /// Run the service: web pages, programming interface, queue and workers.
     Serve(serve::Args),
-    /// Stand beside a box: send what its camera sees while it is recorded.
+    /// Record a box's camera and send the recording to the server while it is made.
     Agent(agent::Args),
-    /// Make a camera.json from photos or a video of a checkerboard.
+    /// Compute a box's camera.json from photos or a video of a checkerboard.
     Calibrate(calibrate::Args),
-    /// Find the best tape for a box, or judge the colours that were marked.
+    /// Find the best tape colours for a box, or check the colours that were marked.
     Palette(palette::Args),
-    /// Test a box with the printed checkerboard and a taped rod: does it still measure what it should?
+    /// Test with the printed checkerboard and a taped rod whether a box still measures correctly.
     SelfTest(self_test::Args),
     /// Track the tools in a recording.
     Track(track::Args),
-    /// Compute features of trajectories, and what a model of skill says of them.
+    /// Compute the features of trajectories and, with --model, the level of skill.
     Score(score::Args),
-    /// Make a model of skill from features of people of declared levels.
+    /// Train a model of skill from the features of people whose level is known.
     Model(model::Args),
-    /// Make a clip, checkerboard photos, annotations and truth of a simulated box.
+    /// Make a video, checkerboard photos, annotations and true positions of a simulated box.
     Simulate(simulate::Args),
     /// Compare trajectories with the truth, or with each other.
     Evaluate(evaluate::Args),
-    /// Accounts, tokens, and the check of database and files.
+    /// Manage accounts and tokens, back up the data, check database and files.
     Admin(admin::Args),
-    /// Run as a confined child of the service; not for people.
+    /// Run as a confined child process of the service; not for people.
     #[command(hide = true)]
     Child(child::Args),
 }
 
-/// Runs one command to its end.
+/// Runs one command until it ends.
 pub fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
         Command::Serve(args) => serve::run(args),
@@ -85,23 +85,23 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     }
 }
 
-/// Whatever the service writes is personal data: files that this process makes are its owner's alone, SQLite's too, even in
-/// a folder that others may enter.
+/// Makes all new files of this process, SQLite's too, readable by their owner only: everything the service writes is
+/// personal data, and the folder may be open to other users.
 fn keep_to_ourselves() {
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
 }
 
-/// Why a command did not end well, in one line that says what, where and what to do.
+/// Why a command failed. Displayed in one line that says what happened, where, and what to do.
 #[derive(Debug)]
 pub enum Failure {
-    /// The command line or a file named on it cannot be used: status 2.
+    /// The command line, or a file named on it, cannot be used: exit status 2.
     Input(anyhow::Error),
-    /// Anything else: status 1.
+    /// Any other failure: exit status 1.
     Failed(anyhow::Error),
 }
 
 impl Failure {
-    /// The process's exit status.
+    /// The exit status of the process.
     pub fn status(&self) -> u8 {
         match self {
             Failure::Failed(_) => 1,
@@ -109,7 +109,7 @@ impl Failure {
         }
     }
 
-    /// Input that cannot be used.
+    /// A failure caused by unusable input.
     pub fn input(error: impl Into<anyhow::Error>) -> Self {
         Failure::Input(error.into())
     }
@@ -129,7 +129,7 @@ impl From<anyhow::Error> for Failure {
     }
 }
 
-/// Reads a trajectory file; what is wrong with it is the person's to mend.
+/// Reads a trajectory file. Every error in it is an input error, because the user has to correct the file.
 fn read_trajectory(path: &Path) -> Result<Trajectory, Failure> {
     let file = File::open(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
     let trajectory = read_csv(BufReader::new(file)).with_context(|| path.display().to_string());

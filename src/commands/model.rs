@@ -1,4 +1,4 @@
-//! `trocar model`: features of sessions and declared levels in, a model of skill with what it is worth out.
+//! `trocar model`: trains a model of skill from features of sessions and declared levels, and reports its accuracy.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
@@ -18,15 +18,15 @@ use crate::pipeline::score::skill::{Dataset, SESSIONS_EACH, Sample};
 /// Arguments of `trocar model`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The exercise that was done; named in the model.
+    /// Name of the exercise; stored in the model.
     #[arg(long, value_name = "TASK")]
     task: Option<String>,
-    /// Whose each session is: a CSV with the columns `file,person,level`. `file` as `trocar score` names it; `level` is novice,
-    /// intermediate or expert. At least eight people of each level; of each person the last three sessions count,
-    /// in the order in which their features are given.
+    /// Table of the sessions' people, CSV with the columns `file,person,level`. `file` is the name that `trocar score`
+    /// prints; `level` is novice, intermediate or expert. Each level needs at least eight people. Of each person the
+    /// last three sessions count, in the order of the feature files.
     #[arg(long, value_name = "LABELS.CSV")]
     labels: PathBuf,
-    /// The model: read by `trocar score --model`.
+    /// File to write the model to, for `trocar score --model`.
     #[arg(long, value_name = "MODEL.JSON")]
     out: PathBuf,
     /// Show no progress.
@@ -45,7 +45,7 @@ struct Label {
     level: Level,
 }
 
-/// One session of `trocar score --json`, as far as it matters here.
+/// One session of `trocar score --json`: the fields that are needed here.
 #[derive(Deserialize)]
 struct Scored {
     file: String,
@@ -55,7 +55,7 @@ struct Scored {
     features: Vec<Value>,
 }
 
-/// One feature of it.
+/// One feature of a session.
 #[derive(Deserialize)]
 struct Value {
     name: String,
@@ -100,16 +100,16 @@ fn read_labels(path: &Path) -> Result<HashMap<String, Label>, Failure> {
         let label = row.with_context(|| format!("{}: expected file,person,level", path.display()));
         let label = label.map_err(Failure::Input)?;
         if let Some(twice) = labels.insert(label.file.clone(), label) {
-            return Err(Failure::Input(anyhow!("{}: {} stands there twice", path.display(), twice.file)));
+            return Err(Failure::Input(anyhow!("{}: {} has two rows; keep one", path.display(), twice.file)));
         }
     }
     Ok(labels)
 }
 
-/// Usable sessions, with the version of the program that measured them and the number of tools that most of them have.
+/// Usable sessions, the pipeline version that measured them, and their most common number of tools.
 type Usable = (Vec<Sample<String>>, (String, usize));
 
-/// Those of the sessions that are labelled and alike.
+/// The usable sessions. All must have a label and the same pipeline version.
 fn samples(sessions: Vec<Scored>, mut labels: HashMap<String, Label>) -> Result<Usable, Failure> {
     let input = |why: String| Err(Failure::Input(anyhow!(why)));
     let pipeline = sessions.first().map_or_else(String::new, |session| session.pipeline.clone());
@@ -120,13 +120,13 @@ fn samples(sessions: Vec<Scored>, mut labels: HashMap<String, Label>) -> Result<
         let file = &session.file;
         let Some(label) = labels.remove(file) else {
             return input(format!(
-                "{file} has no label, or stands in the features twice: one row and one session for each"
+                "{file} has no label, or is in the features twice; each session needs one label and one set of features"
             ));
         };
         if session.pipeline != pipeline {
             let other = session.pipeline;
             return input(format!(
-                "{file} was measured by version {other} of the program, others by {pipeline}: score all anew"
+                "{file} was measured by pipeline version {other}, other sessions by {pipeline}; score all of them again"
             ));
         }
         if session.verdict == "refused" || session.tools.len() != tools {
@@ -156,7 +156,7 @@ impl From<Value> for Reading {
 fn report_text(file: &ModelFile) -> String {
     let Report { accuracy, baseline, people, sessions, .. } = &file.report;
     let head = format!(
-        "{} ({}) of {} features, made of {} people and {} sessions; measured by pipeline {}\n",
+        "{} ({}) with {} features, trained on {} people and {} sessions; measured by pipeline {}\n",
         file.model.learner,
         file.model.parameter,
         file.model.features.len(),
@@ -165,15 +165,17 @@ fn report_text(file: &ModelFile) -> String {
         file.pipeline,
     );
     let found = format!(
-        "on people left out it found the level in {} of the sessions ({} to {}, counting {} people)\n",
+        "for people left out of training it found the right level in {} of the sessions ({} to {}, {} people)\n",
         percent(accuracy.value),
         percent(accuracy.low),
         percent(accuracy.high),
         accuracy.people,
     );
-    let knows = if file.report.knows { "it knows something" } else { "it knows nothing, and gives no verdicts" };
+    let knows =
+        if file.report.knows { "it knows something" } else { "it is no better than chance and gives no verdicts" };
     let baseline = format!(
-        "the levels weighed alike: {}; with levels shuffled between people {}, 19 of 20 at most {}; p = {:.2}: {knows}\n",
+        "mean over the levels: {}; with levels shuffled between people {}, in 19 of 20 shuffles at most {}; p = {:.2}: \
+         {knows}\n",
         percent(file.report.balanced),
         percent(baseline.mean),
         percent(baseline.high),
@@ -188,7 +190,7 @@ fn report_text(file: &ModelFile) -> String {
     head + &found + &baseline + &table.text()
 }
 
-/// A share as people read it.
+/// A share as whole per cent.
 pub fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }

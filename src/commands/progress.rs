@@ -1,10 +1,10 @@
-//! Progress of long work: a bar on a terminal, plain lines elsewhere, nothing when asked to be quiet. Always on stderr.
+//! Progress of long work, on stderr: a bar on a terminal, else plain lines; nothing if quiet.
 
 use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Shows how far the work is.
+/// Shows the progress of the work.
 pub struct Meter {
     form: Form,
     what: &'static str,
@@ -18,7 +18,7 @@ enum Form {
 }
 
 impl Meter {
-    /// A meter that suits where stderr leads.
+    /// A meter in the style that suits stderr.
     pub fn new(quiet: bool) -> Self {
         let form = match (quiet, std::io::stderr().is_terminal()) {
             (true, _) => Form::Quiet,
@@ -28,7 +28,7 @@ impl Meter {
         Self { form, what: "", tenths: 0 }
     }
 
-    /// Says that `done` of `all` are done; a plain line appears once for every tenth.
+    /// Shows that `done` of `all` are done. A plain line appears once every tenth.
     pub fn show(&mut self, what: &'static str, done: usize, all: usize) {
         if self.what != what {
             (self.what, self.tenths) = (what, 0);
@@ -50,7 +50,7 @@ impl Meter {
         }
     }
 
-    /// Ends with a line that says what came of it.
+    /// Ends with a line that states the outcome.
     pub fn finish(self, outcome: &str) {
         match self.form {
             Form::Quiet => {}
@@ -68,6 +68,6 @@ fn bar() -> ProgressBar {
     let bar = ProgressBar::new(0);
     match style {
         Ok(style) => bar.with_style(style),
-        Err(_) => bar, // the template above is fixed and valid; the default bar would do as well
+        Err(_) => bar, // cannot happen: the template is valid
     }
 }

@@ -1,4 +1,4 @@
-//! `trocar score`: trajectories in, features out; of a trajectory that must not be believed, the reasons instead.
+//! `trocar score`: computes features from trajectories. For a refused trajectory it prints the reasons instead.
 
 use std::path::{Path, PathBuf};
 
@@ -23,31 +23,33 @@ mod skill;
 /// Arguments of `trocar score`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The exercise that was done; named in the result.
+    /// Name of the exercise; repeated in the result.
     #[arg(long, value_name = "TASK")]
     task: Option<String>,
-    /// Length of the windows over which features are also measured, s.
+    /// Length of the time windows for which features are computed too, s.
     #[arg(long, value_name = "SECONDS", default_value_t = AssessmentSettings::default().window_s)]
     window_s: f64,
-    /// A trajectory that shows how the task should go: how far each tool of the same name strays from it is told too. The camera
-    /// must not have moved in between.
+    /// Trajectory of an exemplary performance: also print how far each tool deviates from the tool of the same name in
+    /// it. The camera must not have moved between the two recordings.
     #[arg(long, value_name = "TRACK.CSV")]
     reference: Option<PathBuf>,
-    /// Print the seconds that made each feature: the longest rests, the worst detours, where a tool was not seen, …
+    /// Also print the seconds that explain each feature: the longest rests, the worst detours, when a tool was not
+    /// seen, …
     #[arg(long)]
     evidence: bool,
-    /// A model of skill, made by `trocar model`: says novice, intermediate or expert of each trajectory, or why it does not.
+    /// Model of skill, made by `trocar model`: also print novice, intermediate or expert for each trajectory, or why
+    /// not.
     #[arg(long, value_name = "MODEL.JSON")]
     model: Option<PathBuf>,
-    /// Print JSON, with the windows.
+    /// Print JSON, including the time windows.
     #[arg(long)]
     json: bool,
-    /// Trajectories: of `trocar track`, or of any tracker that writes frame,time_s,tool,x_mm,y_mm,z_mm.
+    /// Trajectories from `trocar track`, or from any tracker that writes the columns frame,time_s,tool,x_mm,y_mm,z_mm.
     #[arg(required = true, value_name = "TRACK.CSV")]
     tracks: Vec<PathBuf>,
 }
 
-/// Runs the command. All files are read before anything is printed, so that a bad one leaves no half result.
+/// Runs the command. It reads all files before it prints anything, so that a bad file leaves no partial result.
 pub fn run(args: Args) -> Result<(), Failure> {
     if !(args.window_s.is_finite() && args.window_s >= 1.0) {
         return Err(Failure::Input(anyhow!("--window-s is {}; expected at least 1 second", args.window_s)));
@@ -72,14 +74,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
 }
 
-/// One trajectory's features and whether they may be believed, as far as its rows tell.
+/// One trajectory's features and its quality verdict, judged from its rows alone.
 struct Scored {
     path: PathBuf,
     assessment: Assessment,
     verdict: Verdict,
-    /// How far from the reference, if there is one.
+    /// Deviations from the reference, if there is one.
     strays: Option<Strays>,
-    /// What the model of skill says, if there is one.
+    /// Verdict of the model of skill, if there is one.
     skill: Option<SkillVerdict>,
 }
 
@@ -151,7 +153,7 @@ fn tool_name_of(tool: Option<usize>, tools: &[String]) -> Option<&str> {
     tool.and_then(|tool| tools.get(tool)).map(String::as_str)
 }
 
-/// A head line, the verdict, and, unless it is refused, the table and under it why a value is missing.
+/// A head line and the verdict. Unless the trajectory is refused, also the table, and the reasons for missing values.
 fn session_text(
     Scored { path, assessment, verdict, strays, skill }: &Scored,
     task: Option<&str>,
@@ -187,13 +189,13 @@ fn table(assessment: &Assessment) -> Table {
     table
 }
 
-/// The value, and half of what 95 of 100 sessions lie in.
+/// The value ± half the width of its 95 % interval.
 fn shown(value: &FeatureValue) -> String {
     let off = value.error.map_or(String::new(), |bar| format!(" ± {}", significant((bar.high - bar.low) / 2.0)));
     value.value.map_or("–".to_owned(), |v| significant(v) + &off)
 }
 
-/// One line per reason, with all the features that have no value for it.
+/// One line per reason, with all features that have no value for this reason.
 fn reasons(assessment: &Assessment) -> String {
     let mut lines: Vec<(String, Vec<String>)> = Vec::new();
     for value in &assessment.features {
@@ -209,7 +211,7 @@ fn reasons(assessment: &Assessment) -> String {
     lines.collect::<Vec<_>>().concat()
 }
 
-/// A number with four significant digits, as people read it; whole numbers as they are.
+/// A number with four significant digits; whole numbers in full.
 fn significant(value: f64) -> String {
     let digits = if value.fract() == 0.0 { 0 } else { 3 - value.abs().log10().floor() as i32 };
     format!("{value:.*}", digits.clamp(0, 6) as usize)

@@ -1,7 +1,7 @@
-//! `trocar self-test`: does a box still measure what it measured when it was set up?
+//! `trocar self-test`: tests whether a box still measures as well as when it was set up.
 //!
-//! A recording of the printed checkerboard and a taped rod that is held on its corners; a table to stdout, the same as JSON
-//! to a file. Yellow is a warning, red and *not measured* are failures.
+//! Input is a recording of the printed checkerboard and of a taped rod that is held on the board's corners. A table
+//! goes to stdout, and the same figures as JSON to a file. Yellow is a warning; red and *not measured* are failures.
 
 use std::path::PathBuf;
 
@@ -22,28 +22,29 @@ use crate::pipeline::quality::ports::Ports;
 /// Arguments of `trocar self-test`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The box's camera: camera.json of `trocar calibrate`.
+    /// Camera of the box: camera.json from `trocar calibrate`.
     #[arg(long, value_name = "FILE")]
     camera: PathBuf,
-    /// What an instructor marked: tape colours, tool sizes.
+    /// Annotations of an instructor: tape colours and tool sizes.
     #[arg(long, value_name = "FILE")]
     annotations: PathBuf,
-    /// Inner corners of the board, where four squares meet: COLUMNSxROWS. Without it, the board of the calibration.
+    /// Number of inner corners of the board, where four squares meet: COLUMNSxROWS [default: the board of the
+    /// calibration].
     #[arg(long, value_name = "9x6", requires = "square_mm")]
     board: Option<BoardSize>,
     /// Side of a square, measured on the print, mm.
     #[arg(long, value_name = "MM", requires = "board")]
     square_mm: Option<f64>,
-    /// How far beyond the tape the tool's point lies, mm; 0 for a rod that ends flat where its tape ends.
+    /// Distance from the end of the tape to the tool's point, mm; 0 for a rod that ends where its tape ends.
     #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = reach)]
     reach_mm: f64,
-    /// Where to write all figures (JSON).
+    /// File to write all figures to (JSON).
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// No progress on stderr.
+    /// Show no progress on stderr.
     #[arg(long)]
     quiet: bool,
-    /// The recording: see docs/self_test.md.
+    /// The recording; docs/self_test.md says how to make it.
     video: PathBuf,
 }
 
@@ -69,8 +70,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     print_result(&text_of(&report))?;
     match report.light {
         Light::Green | Light::Yellow => Ok(()),
-        Light::Red => Err(Failure::Failed(anyhow!("the box's light is red: mend it before anybody is measured"))),
-        Light::NotMeasured => Err(Failure::Failed(anyhow!("the box's light is unknown: repeat the self-test"))),
+        Light::Red => Err(Failure::Failed(anyhow!("the result is red: repair the box before it is used for training"))),
+        Light::NotMeasured => Err(Failure::Failed(anyhow!("the box could not be measured: repeat the self-test"))),
     }
 }
 
@@ -79,7 +80,7 @@ fn board(args: &Args, camera: &CameraFile) -> Result<Board, Failure> {
     let of_calibration = || camera.board().map(|(size, mm)| ((size.columns as usize, size.rows as usize), mm));
     let ((columns, rows), square_mm) = given
         .or_else(of_calibration)
-        .ok_or_else(|| about(&args.camera, anyhow!("names no board; say --board COLUMNSxROWS and --square-mm MM")))?;
+        .ok_or_else(|| about(&args.camera, anyhow!("names no board; add --board COLUMNSxROWS and --square-mm MM")))?;
     Board::new(columns, rows, square_mm).map_err(Failure::input)
 }
 

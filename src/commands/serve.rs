@@ -1,8 +1,8 @@
 //! `trocar serve`: the whole service: HTTP, dashboard, queue and workers.
 //!
-//! The first start makes the data folder, the schema and an administrator, and prints the address and a password once.
-//! Every start puts files and database in step before it listens. SIGTERM and SIGINT end it within ten seconds: open
-//! requests finish, partial uploads are kept, leases are handed back.
+//! The first start creates the data folder, the schema and an administrator, and prints the address and a password
+//! once. Every start makes files and database consistent before it listens. SIGTERM and SIGINT end the service within
+//! ten seconds: open requests finish, partial uploads are kept, leases are released.
 
 use std::io::Write;
 use std::net::SocketAddr;
@@ -42,35 +42,35 @@ use crate::time::{SharedClock, System};
 use crate::upkeep;
 use crate::vault::{Lock, Vault};
 
-/// How long everything may take to end, once asked to.
+/// Time for all tasks to end after the shutdown began.
 const GRACE: Duration = Duration::from_secs(9);
-/// Open files that are asked for; the system's hard limit may give fewer.
+/// Requested limit of open files. The system's hard limit may be lower.
 const DESCRIPTORS: u64 = 65_536;
-/// The first administrator's login.
+/// Login of the first administrator.
 const ADMINISTRATOR: &str = "administrator";
 
 /// Arguments of `trocar serve`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Folder of database, recordings and results; made at the first start [default: trocar-data]
+    /// Folder for database, recordings and results; the first start creates it [default: trocar-data]
     #[arg(long)]
     data: Option<PathBuf>,
     /// Address to listen on [default: 127.0.0.1:8080]
     #[arg(long)]
     listen: Option<SocketAddr>,
-    /// Recordings tracked at the same time [default: half the cores]
+    /// Number of recordings tracked at the same time [default: half the cores]
     #[arg(long)]
     workers: Option<usize>,
-    /// Fill a new data folder with a demonstration centre: a simulated box, trainees, recordings
+    /// Fill a new data folder with a demonstration: a simulated box, trainees and recordings
     #[arg(long)]
     demo: bool,
     /// Settings file [default: trocar.toml in the data folder]
     #[arg(long)]
     settings: Option<PathBuf>,
-    /// What to log, as `info` or `trocar=debug`
+    /// Log filter, such as `info` or `trocar=debug`
     #[arg(long, env = "TROCAR_LOG", default_value = "info")]
     log: String,
-    /// Log one JSON object per line
+    /// Write the log as JSON, one object per line
     #[arg(long)]
     log_json: bool,
 }
@@ -82,9 +82,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let mut settings = Settings::load(flags).map_err(Failure::input)?;
     settings.workers = workers(settings.workers);
     keep_to_ourselves();
-    // A connection is a descriptor, and the usual soft limit is below the connections that the settings allow.
+    // Each connection needs a file descriptor, and the usual soft limit is below `http.max_connections`.
     if let Err(error) = rlimit::increase_nofile_limit(DESCRIPTORS) {
-        tracing::warn!(%error, "the limit of open files stays as it is");
+        tracing::warn!(%error, "cannot raise the limit of open files; many connections may fail");
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     let served = runtime.block_on(serve(settings, args.demo));
@@ -92,7 +92,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     Ok(served?)
 }
 
-/// Logs go to stderr: stdout is for the address and the first password.
+/// Starts the log on stderr: stdout is for the address and the first password.
 fn start_log(filter: &str, json: bool) -> Result<(), Failure> {
     let filter = EnvFilter::try_new(filter).with_context(|| format!("--log {filter}")).map_err(Failure::input)?;
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
@@ -117,7 +117,7 @@ async fn serve(settings: Settings, demo: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// How many workers a setting means: 0 is half the cores, since a recording keeps about two busy.
+/// The number of workers for a setting. 0 means half the cores, because a recording keeps about two cores busy.
 fn workers(set: usize) -> usize {
     match set {
         0 => std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2)),
@@ -125,29 +125,29 @@ fn workers(set: usize) -> usize {
     }
 }
 
-/// Fills a new data folder with the demonstration centre, or goes on where an earlier start ended. A centre that has
-/// people of its own is left alone.
+/// Fills a new data folder with the demonstration centre, or continues where an earlier start stopped. Does nothing in
+/// a data folder that is in real use.
 async fn demonstrate(running: &Running, scratch: PathBuf) -> anyhow::Result<()> {
     let builder = Builder::new(&running.app, scratch);
     if !running.is_first && !builder.is_registered().await? {
-        say("This data folder is in use: no demonstration centre is added to it.");
+        say("This data folder is already in use, so no demonstration is added. Use --demo with a new data folder.");
         return Ok(());
     }
     if let Some(password) = builder.register().await? {
         let instructor = demonstration::INSTRUCTOR;
-        say(&format!("Or, for the demonstration centre, as {instructor} with the password {}", password.reveal()));
+        say(&format!("To see the demonstration, sign in as {instructor} with the password {}", password.reveal()));
     }
     running.shutdown.spawn(builder.fill(running.shutdown.clone()));
     Ok(())
 }
 
-/// A service that runs.
+/// A running service.
 pub struct Running {
-    /// Where it listens.
+    /// Address that it listens on.
     pub address: SocketAddr,
-    /// Its end.
+    /// Its shutdown.
     pub shutdown: Shutdown,
-    /// Whether there was nobody yet, so that the given password is now the first administrator's.
+    /// True if this start created the first administrator, with the given password.
     pub is_first: bool,
     app: App,
     served: JoinHandle<()>,
@@ -155,15 +155,15 @@ pub struct Running {
 }
 
 impl Running {
-    /// Waits until the service has ended, once something began its end.
+    /// Waits until the shutdown has begun and the service has ended.
     pub async fn ended(self) {
-        // Side by side: open requests and work beside them share the same seconds.
+        // Both at once, so that open requests and background tasks share the same grace time.
         let (served, finished) = tokio::join!(self.served, self.shutdown.finished(GRACE));
         if served.is_err() {
-            tracing::error!("the accept loop had died");
+            tracing::error!("accept loop panicked");
         }
         if !finished {
-            tracing::warn!("some work did not end in time; the next start recovers it");
+            tracing::warn!("some tasks did not end in time; the next start recovers them");
         }
     }
 
@@ -174,8 +174,8 @@ impl Running {
     }
 }
 
-/// Starts a service: recovered, listening, with its workers. `password` becomes the first administrator's if there is
-/// nobody yet; `child` is the program that decodes: this one, but in tests.
+/// Starts a service: recovers the data, listens, and starts the workers. `password` is for the first administrator, who
+/// is created if there is no account yet. `child` is the program for child processes: this program, except in tests.
 pub async fn start(
     settings: Settings,
     clock: SharedClock,
@@ -197,8 +197,8 @@ pub async fn start(
         TcpListener::bind(settings.listen).await.with_context(|| format!("listening on {}", settings.listen))?;
     let address = listener.local_addr().context("asking for the address")?;
     let shutdown = Shutdown::new();
-    let rooms = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
-    let intake = Intake::new(rooms.0, rooms.1, clock.clone(), shutdown.clone(), settings.uploads.clone());
+    let (storage, jobs) = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
+    let intake = Intake::new(storage, jobs, clock.clone(), shutdown.clone(), settings.uploads.clone());
     let feeds = Feeds::new(live::Parts {
         store: store.clone(),
         vault: vault.clone(),
@@ -239,7 +239,7 @@ pub async fn start(
     Ok(Running { address, shutdown, is_first, app, served, _lock: lock })
 }
 
-/// What those who run the service are told of its settings.
+/// The facts and settings that the service reports to administrators.
 fn in_force(settings: &Settings, started_at_ms: i64) -> InForce {
     InForce {
         pipeline: PIPELINE_VERSION,
@@ -251,20 +251,20 @@ fn in_force(settings: &Settings, started_at_ms: i64) -> InForce {
     }
 }
 
-/// Refuses a kernel that cannot confine children as the settings require.
+/// Refuses to start on a kernel that cannot confine child processes as the settings require.
 fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
     match sandbox::landlock() {
         Ok(_) => {}
         Err(why) if require_landlock => anyhow::bail!(
-            "{why}; or set `require_landlock = false` under [analysis]: children are then confined by limits and the \
-             filter of system calls alone"
+            "{why}; or set `require_landlock = false` under [analysis]: child processes are then confined only by limits \
+             and the system call filter"
         ),
-        Err(why) => tracing::warn!(%why, "children are confined by limits and the filter of system calls alone"),
+        Err(why) => tracing::warn!(%why, "child processes are confined only by limits and the system call filter"),
     }
     Ok(())
 }
 
-/// Starts what runs beside the requests: leases that ran out are rescued, what nothing needs is cleared.
+/// Starts the background tasks: rescue of expired leases, upkeep of feeds, removal of unneeded files.
 fn keep_up(app: &App, settings: &UpkeepSettings) {
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());
     app.shutdown.spawn(async move { queue.keep_sweeping(&stop).await });
@@ -275,7 +275,7 @@ fn keep_up(app: &App, settings: &UpkeepSettings) {
     stop.clone().spawn(async move { upkeep::keep(&app.store, &app.vault, every, app.clock.clone(), &stop).await });
 }
 
-/// Starts what looks after orders to score sessions again.
+/// Starts the background task that carries out rescoring orders.
 fn keep_rescoring(app: &App, settings: RescoringSettings) {
     let (app, stop) = (app.clone(), app.shutdown.clone());
     stop.clone().spawn(async move {
@@ -283,7 +283,7 @@ fn keep_rescoring(app: &App, settings: RescoringSettings) {
     });
 }
 
-/// Where the workers work.
+/// The worker pool of this service.
 fn workshop(app: &App, settings: AnalysisSettings, program: Program) -> Workshop {
     Workshop {
         store: app.store.clone(),
@@ -295,7 +295,7 @@ fn workshop(app: &App, settings: AnalysisSettings, program: Program) -> Workshop
     }
 }
 
-/// Makes the first administrator, if there is nobody yet.
+/// Creates the first administrator if there is no account yet. Returns whether it did.
 async fn make_first_administrator(store: &Store, password: &Password) -> anyhow::Result<bool> {
     if store.people().count().await? > 0 {
         return Ok(false);
@@ -311,25 +311,25 @@ async fn make_first_administrator(store: &Store, password: &Password) -> anyhow:
     Ok(true)
 }
 
-/// Tells where the service is and, at the first start, how to sign in.
+/// Prints the address and, at the first start, how to sign in.
 fn greet(address: SocketAddr, password: Option<&Password>) {
     say(&format!("Trocar listens on http://{address}/"));
     if let Some(password) = password {
         say(&format!("Sign in as {ADMINISTRATOR} with the password {}", password.reveal()));
-        say("It is shown this once and kept nowhere: change it after signing in.");
+        say("The password is shown only this once and kept nowhere: change it after you have signed in.");
     }
 }
 
-/// Says something to whoever started the service: on stdout and nowhere else, since a log would keep a password. Nobody
-/// may be listening (`trocar serve | head -1`), which `println!` would answer with a panic.
+/// Prints a line to stdout only, because a log would keep the password. If stdout is closed (`trocar serve | head -1`),
+/// `println!` would panic; this function only warns.
 fn say(line: &str) {
     let mut out = std::io::stdout().lock();
     if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) {
-        tracing::warn!(%error, "nobody reads what the service has to say");
+        tracing::warn!(%error, "cannot write to standard output; a message was lost");
     }
 }
 
-/// The process's metrics; services of one process share them.
+/// The metrics of the process. All services in one process share them, as in tests.
 fn metrics() -> anyhow::Result<PrometheusHandle> {
     static SHARED: Mutex<Option<PrometheusHandle>> = Mutex::new(None);
     let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,15 +1,15 @@
-//! Text tables for people: columns aligned, the first to the left, the others to the right.
+//! Text tables for people: the first column is left-aligned, the others right-aligned.
 
 use std::fmt::Write;
 
-/// Rows of cells, the first row being the head.
+/// Rows of cells. The first row is the head.
 #[derive(Default)]
 pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// A table with this head.
+    /// A table with this head and no rows.
     pub fn new<S: Into<String>>(head: impl IntoIterator<Item = S>) -> Self {
         Self { rows: vec![head.into_iter().map(Into::into).collect()] }
     }
@@ -19,12 +19,12 @@ impl Table {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// Is there nothing below the head?
+    /// True if there are no rows below the head.
     pub fn is_empty(&self) -> bool {
         self.rows.len() < 2
     }
 
-    /// The table's text, each line indented by two spaces and ended by a line feed.
+    /// The table as text. Each line is indented by two spaces and ends with a line feed.
     pub fn text(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |column: usize| {

@@ -1,5 +1,5 @@
-//! `trocar track`: the whole tracker without a server. Recording, camera and annotations in; trajectory out, and on stderr
-//! whether it may be believed. A refused session was tracked all the same: its path is written, and the status is 0.
+//! `trocar track`: the whole tracker without a server. From recording, camera and annotations it computes a trajectory,
+//! and prints the quality verdict to stderr. The trajectory of a refused session is written too, with exit status 0.
 
 mod debug;
 mod marks;
@@ -36,33 +36,33 @@ use crate::pipeline::trajectory::{Kind, Sample, Trajectory};
 /// Arguments of `trocar track`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The camera that recorded: camera.json of `trocar calibrate`, or any in OpenCV's convention.
+    /// Camera of the recording: camera.json from `trocar calibrate`, or another file in OpenCV's convention.
     #[arg(long, value_name = "FILE")]
     camera: PathBuf,
-    /// What an instructor marked: tape colours, tool sizes.
+    /// Annotations of an instructor: tape colours and tool sizes.
     #[arg(long, value_name = "FILE")]
     annotations: PathBuf,
-    /// Where to write the trajectory (CSV); standard output without it.
+    /// File to write the trajectory to (CSV) [default: standard output].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// As live: what was told of each frame when it came, without any hindsight.
+    /// Write the positions as in a live feed: each frame uses only earlier frames.
     #[arg(long, conflicts_with = "raw")]
     causal: bool,
-    /// Each frame's own measurement, without any filter over time.
+    /// Write each frame's own measurement, without filtering over time.
     #[arg(long)]
     raw: bool,
-    /// How borders become positions.
+    /// Method that computes positions from the borders of the tape.
     #[arg(long, value_enum, default_value_t = Pose::Planes)]
     pose: Pose,
-    /// Write the time of each stage, on the processor and on the wall, to this file (JSON, milliseconds).
+    /// Write the CPU time and wall time of each stage to this file (JSON, milliseconds).
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
-    /// Write how the session was seen, and whether its numbers may be believed, to this file (JSON).
+    /// Write the quality figures and the verdict on the session to this file (JSON).
     #[arg(long, value_name = "FILE")]
     quality: Option<PathBuf>,
     #[command(flatten)]
     debug: DebugArgs,
-    /// Say nothing but errors.
+    /// Print only errors.
     #[arg(long)]
     quiet: bool,
     /// The recording.
@@ -79,7 +79,7 @@ enum Pose {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<(), Failure> {
-    heap::share_one().context("keeping to one heap")?;
+    heap::share_one().context("limiting memory to one heap")?;
     let mut clock = StageClock::start();
     let mut pictures = DebugPictures::open(&args.debug)?;
     let camera = CameraFile::parse(&read(&args.camera)?).map_err(|e| about(&args.camera, e))?;
@@ -129,8 +129,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
 
 /// Collects the marked colours and tracks.
 ///
-/// Samples that were collected in passing over most frames are compared with those of the full pass that tracking is; in
-/// a damaged recording they can differ, and then all is done once more without such savings.
+/// To save time, the samples are first collected without decoding most frames. Tracking decodes all frames and collects
+/// them again. In a damaged recording the two can differ; then both steps are repeated without this shortcut.
 fn track(
     args: &Args,
     camera: &CameraFile,
@@ -168,7 +168,7 @@ fn settings(
     Ok(TrackerSettings { pose, ..tracker_settings(&args.annotations, camera, marked, samples)? })
 }
 
-/// The usual settings for what is marked in this file.
+/// Default settings for the tools of an annotations file.
 pub(super) fn tracker_settings(
     annotations: &Path,
     camera: &CameraFile,
@@ -183,12 +183,12 @@ pub(super) fn tracker_settings(
     Ok(settings)
 }
 
-/// The marked colours, from the clip that the annotations name, else from the one to be tracked.
+/// Samples of the marked colours, from the clip that the annotations name, else from the clip to be tracked.
 pub(super) fn marked_samples(marked: &AnnotationsFile, file: &Path, tracked: &Path) -> Result<ColourSamples, Failure> {
     Marks::new(marked, file, tracked).collect(&mut StageClock::start())
 }
 
-/// A line for each colour that is not good; `trocar palette --check` tells more.
+/// Prints a line for each colour that is not good. `trocar palette --check` gives details.
 fn warn_of_colours(args: &Args, marked: &AnnotationsFile, samples: &ColourSamples) {
     if args.quiet {
         return;
@@ -199,18 +199,18 @@ fn warn_of_colours(args: &Args, marked: &AnnotationsFile, samples: &ColourSample
     }
 }
 
-/// What one pass over the recording gives.
+/// Result of one pass over the recording.
 struct Followed {
     tracking: Tracking,
-    /// What was told of each frame when it came, if that was asked for.
+    /// The causal samples of each frame, with `--causal`.
     live: Option<Vec<Sample>>,
-    /// The marked colours, collected again; `None` if that was not asked for.
+    /// The marked colours, collected again, if requested.
     samples: Option<ColourSamples>,
     frames_expected: Option<u64>,
     frames_interlaced: u64,
 }
 
-/// Tracks every frame of the recording, while the next ones are decoded.
+/// Tracks every frame of the recording, while another thread decodes the next frames.
 fn follow(
     args: &Args,
     settings: TrackerSettings,
@@ -269,7 +269,7 @@ fn follow(
     Ok(Followed { tracking, live, samples, frames_expected: info.frames_expected, frames_interlaced })
 }
 
-/// A marked rectangle that has been checked to lie inside the frame, as a mark of its colour.
+/// A labelled rectangle as a mark of its colour. The rectangle must lie inside the frame.
 pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> Rectangle {
     let size = |n: i64| usize::try_from(n).unwrap_or(0);
     let [x, y, w, h] = [label.x, label.y, label.w, label.h].map(size);
@@ -299,7 +299,7 @@ fn report(tracking: &Tracking) {
             tool.observed,
             tracking.quality.frames,
             tool.predicted,
-            if reasons.is_empty() { "" } else { "; not measured or not believed: " },
+            if reasons.is_empty() { "" } else { "; reasons for missing measurements: " },
             reasons.join(", ")
         );
     }
@@ -318,7 +318,7 @@ fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
     Ok(BufWriter::new(File::create(path).with_context(|| format!("cannot write {}", path.display()))?))
 }
 
-/// Input that cannot be used, with the file it came from.
+/// An input failure with the path of the file that caused it.
 pub(super) fn about(path: &Path, error: impl Into<anyhow::Error>) -> Failure {
     Failure::Input(error.into().context(path.display().to_string()))
 }

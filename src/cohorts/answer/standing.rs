@@ -1,4 +1,4 @@
-//! How somebody stands by a standard: pass rule, charts, reminders.
+//! A trainee's standing against a standard: pass rule, charts, reminders.
 
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -6,90 +6,90 @@ use utoipa::ToSchema;
 use crate::domain::named;
 use crate::domain::standard::{ChartDesign, Rule};
 
-/// How far by a pass rule.
+/// State of a pass rule.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct RuleState {
     /// The rule.
     #[serde(flatten)]
     pub rule: Rule,
-    /// How it stands.
+    /// Whether it is met.
     pub state: RuleStanding,
-    /// The session by which it was met.
+    /// Number of the session that met it.
     pub met_at: Option<usize>,
-    /// Passes in a row so far, up to those that the rule asks for; `null` once it is met or out of reach.
+    /// Passes in a row so far, at most as many as the rule asks for; `null` once it is met or out of reach.
     pub have_in_a_row: Option<usize>,
     /// Passes after these so far.
     pub have_more: Option<usize>,
-    /// Sessions so far of which nobody knows whether they were passed.
+    /// Number of sessions so far with an unknown outcome.
     pub unknown: Option<usize>,
 }
 
 named! {
-    /// How a pass rule stands.
+    /// Whether a pass rule is met.
     RuleStanding: "state" {
-        /// Met.
+        /// The rule is met.
         Met = "met",
-        /// Not yet.
+        /// The rule is not met yet.
         Open = "open",
-        /// It cannot be met any more, whatever the unknown sessions were.
+        /// The rule can no longer be met, even if all unknown sessions were passes.
         OutOfReach = "out_of_reach",
     }
 }
 
-/// What the charts say: LC-CUSUM until proficiency, CUSUM from then on. Shares are 0 to 1.
+/// The charts: LC-CUSUM until proficiency, CUSUM from then on. Shares are 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Charts {
-    /// What they were designed for.
+    /// Design of the charts.
     pub design: ChartDesign,
-    /// Share of inadequate trainees that are called proficient within `design.declare_within` judged sessions.
+    /// Share of inadequate trainees that are declared proficient within `design.declare_within` judged sessions.
     pub declared_wrongly: Option<f64>,
-    /// Share of adequate ones that are.
+    /// Share of adequate trainees that are declared proficient within as many.
     pub declared_rightly: Option<f64>,
-    /// Judged sessions after a relapse by which half of them are found; `null` beyond 200.
+    /// Number of judged sessions until half of all relapses are detected; `null` beyond 200.
     pub relapse_found_median: Option<usize>,
-    /// The same for nine of ten.
+    /// Number of judged sessions until nine of ten relapses are detected; `null` beyond 200.
     pub relapse_found_90: Option<usize>,
-    /// Score at which proficiency is told.
+    /// Score at which proficiency is declared.
     pub declares_at: f64,
-    /// Score at which a relapse is.
+    /// Score at which a relapse is declared.
     pub alarms_at: f64,
-    /// How the trainee stands.
+    /// The trainee's standing.
     pub standing: StandingName,
     /// Judged sessions since the last event.
     pub judged: usize,
-    /// Declarations and relapses, in turn.
+    /// Declarations and relapses, in order.
     pub events: Vec<ChartEvent>,
-    /// One point per session; `null` where nobody knows whether it was passed.
+    /// One point per session; `null` if the session's outcome is unknown.
     pub path: Vec<Option<ChartPoint>>,
 }
 
 named! {
-    /// How a trainee stands by the charts.
+    /// A trainee's standing on the charts.
     StandingName: "standing" {
-        /// The sessions so far do not show proficiency, nor the contrary.
+        /// The sessions so far show neither proficiency nor the opposite.
         NotYet = "not_yet",
         /// Proficient.
         Proficient = "proficient",
-        /// Was proficient, relapsed, and is not yet again.
+        /// Was proficient, has relapsed, and is not proficient again yet.
         Relapsed = "relapsed",
     }
 }
 
-/// What happened on the charts.
+/// An event on the charts, at a session.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 pub struct ChartEvent {
-    /// What.
+    /// Kind of the event.
     pub event: EventName,
-    /// At which session.
+    /// Number of the session.
     pub session: usize,
-    /// Judged sessions that it took.
+    /// Number of judged sessions until the event.
     pub judged: usize,
-    /// Of a declaration: share of inadequate trainees who would have been declared by then too; `null` beyond 200.
+    /// For a declaration: share of inadequate trainees who would be declared by then too; `null` beyond 200 sessions.
     pub wrong_by_then: Option<f64>,
 }
 
 named! {
-    /// An event on the charts.
+    /// Kind of an event on the charts.
     EventName: "event" {
         /// Declared proficient.
         Declared = "declared",
@@ -103,28 +103,29 @@ named! {
 pub struct ChartPoint {
     /// The session's number.
     pub session: usize,
-    /// `true` while learning, `false` while keeping what was learnt.
+    /// `true` for the LC-CUSUM chart before proficiency, `false` for the CUSUM chart after it.
     pub learning: bool,
-    /// The score after it.
+    /// The score after the session.
     pub score: f64,
 }
 
-/// By what a task counts as learnt.
+/// When a task was passed, and the criterion.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Passed {
-    /// By the pass rule, or by the charts.
+    /// The criterion: the pass rule or the charts.
     pub by: PassedBy,
-    /// The session by which it was so.
+    /// Number of the session that completed it.
     pub session: usize,
-    /// When that was recorded.
+    /// When that session was recorded.
     #[schema(format = "date-time")]
     pub at: String,
-    /// The passes that made it: those that the rule counted, or all since the chart began that declared it.
+    /// Numbers of the passes that count: those of the rule, or all since the start of the chart that declared
+    /// proficiency.
     pub sessions: Vec<usize>,
 }
 
 named! {
-    /// What says that a task is learnt.
+    /// The criterion for passing a task.
     PassedBy: "by" {
         /// The standard's pass rule.
         Rule = "rule",
@@ -139,15 +140,15 @@ pub struct Reminder {
     /// When it is due.
     #[schema(format = "date-time")]
     pub due_at: String,
-    /// How it stands.
+    /// Its state.
     pub state: ReminderState,
-    /// When it was practised.
+    /// When the task was practised for it.
     #[schema(format = "date-time")]
     pub done_at: Option<String>,
 }
 
 named! {
-    /// How a reminder stands.
+    /// State of a reminder.
     ReminderState: "state" {
         /// Not due yet.
         Ahead = "ahead",

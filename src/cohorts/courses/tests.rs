@@ -1,4 +1,4 @@
-//! Steps of a course on a small centre's own database.
+//! Steps of a course, on the database of a small centre.
 
 use std::time::Duration;
 
@@ -17,7 +17,8 @@ use crate::time::{Clock, Day};
 
 const DAY_MS: i64 = 86_400_000;
 
-/// A group of Ana alone, which follows a course of these steps; the course began so many days ago.
+/// Creates a group with the trainee Ana, which follows a course with these steps since `days_ago` days. Returns Ana's
+/// id.
 async fn following(centre: &Centre, days_ago: i64, steps: Value) -> TraineeId {
     let ana = centre.trainee("Ana").await;
     centre.group("Autumn", &[], &[&ana]).await;
@@ -34,7 +35,7 @@ async fn row(centre: &Centre, cohorts: &Cohorts) -> CourseRow {
     let group = centre.store.groups().list(&Scope::service()).await.unwrap()[0].id;
     let table = cohorts.group_course(&Scope::service(), group).await.unwrap();
     let own = cohorts.own_courses(&Scope::service(), &Key::from("ana")).await.unwrap();
-    assert_eq!([&table.rows[0]], [&own[0].row], "a trainee is told what the table tells of them");
+    assert_eq!([&table.rows[0]], [&own[0].row], "the trainee sees the same as the table shows");
     own[0].row.clone()
 }
 
@@ -46,16 +47,16 @@ fn states(row: &CourseRow) -> Vec<StepState> {
 async fn a_step_is_passed_when_the_task_is_and_tells_what_is_missing_until_then() {
     let (centre, cohorts) = with_standard(json!({"in_a_row": 2, "then_more": 1})).await;
     let ana = following(&centre, 30, json!([{"task": "peg-transfer"}])).await;
-    let told = async || row(&centre, &cohorts).await.steps.remove(0);
-    let StepProgress { state, sessions, missing, passed, .. } = told().await;
+    let step = async || row(&centre, &cohorts).await.steps.remove(0);
+    let StepProgress { state, sessions, missing, passed, .. } = step().await;
     assert_eq!((state, sessions, missing, passed), (StepState::NotBegun, 0, Some(3), None));
     centre.practised(ana, NOW_MS, vec![duration(60.0, 1.0)]).await;
     centre.practised(ana, NOW_MS + DAY_MS, vec![duration(40.0, 1.0)]).await;
-    let StepProgress { state, sessions, missing, .. } = told().await;
+    let StepProgress { state, sessions, missing, .. } = step().await;
     assert_eq!((state, sessions, missing), (StepState::InWork, 2, Some(2)), "one of two in a row, and one more");
     centre.practised(ana, NOW_MS + 2 * DAY_MS, vec![duration(40.0, 1.0)]).await;
     let last = centre.practised(ana, NOW_MS + 3 * DAY_MS, vec![duration(40.0, 1.0)]).await;
-    let StepProgress { state, missing, passed, .. } = told().await;
+    let StepProgress { state, missing, passed, .. } = step().await;
     assert_eq!((state, missing, passed.unwrap().session), (StepState::Passed, None, last.id));
 }
 
@@ -74,9 +75,9 @@ async fn a_step_is_overdue_from_the_end_of_its_last_day_on_and_not_once_it_is_pa
     until(ends_ms - 1);
     assert_eq!(overdue().await, [false, false], "on its last day it is in time");
     until(ends_ms);
-    assert_eq!(overdue().await, [true, false], "and what has no day is never late");
+    assert_eq!(overdue().await, [true, false], "and a step without a due day is never late");
     centre.practised(ana, ends_ms, vec![duration(40.0, 1.0)]).await;
-    assert_eq!(overdue().await, [false, false], "what is done late is done");
+    assert_eq!(overdue().await, [false, false], "a step that is passed late is passed");
 }
 
 #[tokio::test]
@@ -96,7 +97,11 @@ async fn what_is_able_counts_whenever_and_practice_from_the_first_day_on() {
     centre.practised(ana, first_ms + 2 * DAY_MS, vec![duration(90.0, 1.0)]).await;
     let done = row(&centre, &cohorts).await;
     let passed = done.steps[1].passed.clone().unwrap();
-    assert_eq!((done.next, done.steps[1].sessions, passed.session), (None, 3, second.id), "the second one made it");
+    assert_eq!(
+        (done.next, done.steps[1].sessions, passed.session),
+        (None, 3, second.id),
+        "the second session passed it"
+    );
 }
 
 #[tokio::test]
@@ -120,7 +125,7 @@ async fn who_relapsed_has_the_step_before_them_again() {
         let seconds = if day < 17 { 40.0 } else { 60.0 };
         centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(seconds, 1.0)]).await;
     }
-    let told = row(&centre, &cohorts).await;
-    assert_eq!((states(&told), told.next), (vec![StepState::InWork], Some(1)));
-    assert_eq!(told.steps[0].missing, None, "without a rule nobody can tell how many more");
+    let row = row(&centre, &cohorts).await;
+    assert_eq!((states(&row), row.next), (vec![StepState::InWork], Some(1)));
+    assert_eq!(row.steps[0].missing, None, "without a rule the missing number is unknown");
 }

@@ -1,4 +1,4 @@
-//! What raters' agreement and the correlations of their ratings are made of.
+//! Agreement of raters, and correlations of ratings with features.
 
 use super::*;
 use crate::domain::rating::Mark;
@@ -45,11 +45,11 @@ fn published(ids: &Ids) -> Vec<GivenRating> {
 
 #[test]
 fn the_published_example_has_its_published_agreement() {
-    let told = agreement_of(Form::Osats, &published(&Ids::new(6)));
-    let (single, mean) = (told.single.unwrap(), told.mean.unwrap());
-    assert!((single.value - 0.29).abs() < 0.005 && (mean.value - 0.62).abs() < 0.005, "{told:?}");
-    assert!((single.low - 0.019).abs() < 1e-3 && (single.high - 0.761).abs() < 1e-3, "{told:?}");
-    assert_eq!((told.people, told.raters, told.sessions, told.left_out), (6, 4, 6, 0));
+    let answer = agreement_of(Form::Osats, &published(&Ids::new(6)));
+    let (single, mean) = (answer.single.unwrap(), answer.mean.unwrap());
+    assert!((single.value - 0.29).abs() < 0.005 && (mean.value - 0.62).abs() < 0.005, "{answer:?}");
+    assert!((single.low - 0.019).abs() < 1e-3 && (single.high - 0.761).abs() < 1e-3, "{answer:?}");
+    assert_eq!((answer.people, answer.raters, answer.sessions, answer.left_out), (6, 4, 6, 0));
 }
 
 #[test]
@@ -62,9 +62,9 @@ fn raters_who_met_a_few_people_again_and_again_do_not_hide_those_who_met_many() 
     };
     let often = (0..60).flat_map(|session| [mark(session, session % 3, 0), mark(session, session % 3, 1)]);
     let wide = (3..16).flat_map(|person| [mark(60 + person, person, 2), mark(60 + person, person, 3)]);
-    let told = agreement_of(Form::Osats, &often.chain(wide).collect::<Vec<_>>());
-    assert_eq!((told.people, told.raters), (13, 2), "{told:?}");
-    assert!(told.single.is_some());
+    let answer = agreement_of(Form::Osats, &often.chain(wide).collect::<Vec<_>>());
+    assert_eq!((answer.people, answer.raters), (13, 2), "{answer:?}");
+    assert!(answer.single.is_some());
 }
 
 #[test]
@@ -74,16 +74,16 @@ fn an_older_session_and_a_rating_with_a_gap_change_nothing() {
     let whole = agreement_of(Form::Osats, &given);
     given.extend((0..4).map(|rater| ids.rating(2, 0, rater, &[Some(1)])));
     given.extend((0..4).map(|rater| ids.rating(6, 1, rater, &[Some(5), None])));
-    let told = agreement_of(Form::Osats, &given);
-    assert_eq!((told.single, told.people, told.sessions, told.left_out), (whole.single, 6, 7, 1));
+    let answer = agreement_of(Form::Osats, &given);
+    assert_eq!((answer.single, answer.people, answer.sessions, answer.left_out), (whole.single, 6, 7, 1));
 }
 
 #[test]
 fn too_few_who_were_rated_by_the_same_raters_is_said() {
     let ids = Ids::new(6);
     let five: Vec<GivenRating> = published(&ids).into_iter().filter(|rating| rating.trainee != ids.people[3]).collect();
-    let told = agreement_of(Form::Goals, &five);
-    assert_eq!((told.single, told.withheld.unwrap().missing), (None, Some(1)));
+    let answer = agreement_of(Form::Goals, &five);
+    assert_eq!((answer.single, answer.withheld.unwrap().missing), (None, Some(1)));
     let alone: Vec<GivenRating> = published(&ids).into_iter().filter(|rating| rating.rater == ids.raters[0]).collect();
     assert_eq!(agreement_of(Form::Goals, &alone).withheld.unwrap().missing, Some(6));
 }
@@ -99,7 +99,7 @@ fn value(ids: &Ids, person: usize, second: usize, feature: &str, tool: Option<&s
     }
 }
 
-/// Twelve people, each rated twice; the better, the faster, and one feature that has nothing to do with it.
+/// Twelve people, each rated twice. Better-rated people are faster; a second feature is unrelated to the ratings.
 fn measured(ids: &Ids) -> (Vec<GivenRating>, Vec<SessionValue>) {
     let noise = [5.0, 1.0, 9.0, 3.0, 7.0, 2.0, 8.0, 4.0, 6.0, 0.0, 5.5, 2.5];
     let mut given = Vec::new();
@@ -120,9 +120,9 @@ fn measured(ids: &Ids) -> (Vec<GivenRating>, Vec<SessionValue>) {
 fn a_person_counts_once_and_what_goes_with_ratings_is_found_among_what_does_not() {
     let ids = Ids::new(12);
     let (given, values) = measured(&ids);
-    let told = correlations_of(Form::Osats, &given, &totals(&given), values);
-    assert_eq!((told.people, told.sessions, told.asked), (12, 24, 2));
-    let [duration, path] = [&told.items[0], &told.items[1]];
+    let answer = correlations_of(Form::Osats, &given, &totals(&given), values);
+    assert_eq!((answer.people, answer.sessions, answer.asked), (12, 24, 2));
+    let [duration, path] = [&answer.items[0], &answer.items[1]];
     assert_eq!(
         (duration.of.feature.as_str(), duration.people, duration.found, duration.better),
         ("duration", 12, true, "lower")
@@ -146,8 +146,8 @@ fn the_hand_that_most_people_prefer_is_compared_however_often_others_were_rated(
     for value in &mut values {
         value.handedness = Some(if number(value) < 10 { Handedness::Left } else { Handedness::Right });
     }
-    let told = correlations_of(Form::Osats, &given, &totals(&given), values);
-    let path = told.items.iter().find(|row| row.of.feature == "path_length").unwrap();
+    let answer = correlations_of(Form::Osats, &given, &totals(&given), values);
+    let path = answer.items.iter().find(|row| row.of.feature == "path_length").unwrap();
     assert_eq!((path.people, path.handedness), (7, Some(Handedness::Right)));
 }
 
@@ -161,6 +161,6 @@ fn too_few_people_give_no_correlation_and_other_versions_count_for_nothing() {
     assert_eq!((few.items.len(), few.withheld.unwrap().missing), (0, Some(1)));
     let mut mixed = values;
     mixed.iter_mut().take(8).for_each(|value| value.pipeline = "8".to_owned());
-    let told = correlations_of(Form::Osats, &given, &totals(&given), mixed);
-    assert_eq!((told.people, told.pipeline.as_deref()), (10, Some("9")));
+    let answer = correlations_of(Form::Osats, &given, &totals(&given), mixed);
+    assert_eq!((answer.people, answer.pipeline.as_deref()), (10, Some("9")));
 }

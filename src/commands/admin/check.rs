@@ -1,4 +1,4 @@
-//! `trocar admin check`: is everything that the database knows of really there?
+//! `trocar admin check`: checks that every file in the database is present and undamaged.
 
 use anyhow::{Context, anyhow};
 
@@ -9,22 +9,22 @@ use crate::upkeep;
 /// Arguments of `trocar admin check`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Read every file and verify its content, not only its length
+    /// Also read every file and verify its content, not only its length
     #[arg(long)]
     thorough: bool,
 }
 
-/// Prints one line per finding.
-pub async fn run(centre: &Centre, args: &Args) -> Result<(), Failure> {
-    let findings = upkeep::check(&centre.store, &centre.vault, args.thorough).await.context("checking")?;
+/// Prints one line per finding. Fails if data is lost.
+pub async fn run(folder: &Centre, args: &Args) -> Result<(), Failure> {
+    let findings = upkeep::check(&folder.store, &folder.vault, args.thorough).await.context("checking")?;
     for finding in &findings {
         println!("{finding}");
     }
     match findings.iter().filter(|finding| finding.is_loss()).count() {
         0 => {
-            println!("clean: database and files agree");
+            println!("no data is lost: database and files agree");
             Ok(())
         }
-        lost => Err(Failure::Failed(anyhow!("{lost} findings: restore what is missing from a backup"))),
+        lost => Err(Failure::Failed(anyhow!("data is missing or damaged ({lost} findings above): restore a backup"))),
     }
 }

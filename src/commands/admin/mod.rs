@@ -1,7 +1,7 @@
-//! `trocar admin`: what is done on the machine itself: accounts, tokens, the check of database and files.
+//! `trocar admin`: administration on the machine itself: accounts, tokens, backup, check of database and files.
 //!
-//! Works beside a running service: each change is one transaction, and the service sees it with its next question.
-#![expect(clippy::print_stdout, reason = "results alone go to stdout")]
+//! It works while the service runs: each change is one transaction, and the service sees it with its next query.
+#![expect(clippy::print_stdout, reason = "only results go to stdout")]
 
 mod backup;
 mod check;
@@ -35,19 +35,19 @@ pub struct Args {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Compare the database with the files, without changing either; status 1 if something is lost.
+    /// Check the database and the files, without changing them; exit status 1 if data is lost.
     Check(check::Args),
-    /// Copy database and files into an empty folder while the service works; the copy is a data folder itself.
+    /// Copy database and files into an empty folder; the service may run. The copy can be used as a data folder.
     Backup(backup::Args),
-    /// Accounts of people.
+    /// List, add and delete accounts; set passwords.
     #[command(subcommand)]
     User(user::Command),
-    /// Access tokens of programs.
+    /// List, add and delete access tokens of programs.
     #[command(subcommand)]
     Token(token::Command),
 }
 
-/// The data folder, open.
+/// An open data folder.
 struct Centre {
     store: Store,
     vault: Vault,
@@ -60,12 +60,12 @@ pub fn run(args: Args) -> Result<(), Failure> {
     keep_to_ourselves();
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting the runtime")?;
     runtime.block_on(async {
-        let centre = open(&settings).await?;
+        let folder = open(&settings).await?;
         match args.command {
-            Command::Check(args) => check::run(&centre, &args).await,
-            Command::Backup(args) => backup::run(&centre, &args).await,
-            Command::User(command) => user::run(&centre, command).await,
-            Command::Token(command) => token::run(&centre, command).await,
+            Command::Check(args) => check::run(&folder, &args).await,
+            Command::Backup(args) => backup::run(&folder, &args).await,
+            Command::User(command) => user::run(&folder, command).await,
+            Command::Token(command) => token::run(&folder, command).await,
         }
     })
 }
@@ -75,7 +75,7 @@ async fn open(settings: &Settings) -> Result<Centre, Failure> {
     if !database.exists() {
         let shown = settings.data.display();
         let why =
-            anyhow!("`{shown}` is not a data folder of Trocar: name it with --data, or start `trocar serve` first");
+            anyhow!("`{shown}` is not a Trocar data folder: name another with --data, or run `trocar serve` first");
         return Err(Failure::input(why));
     }
     let store = Store::open(&database, &settings.store, Arc::new(System)).await.context("opening the database")?;
@@ -83,7 +83,7 @@ async fn open(settings: &Settings) -> Result<Centre, Failure> {
     Ok(Centre { store, vault })
 }
 
-/// What a person typed cannot be used (status 2), or something broke (status 1).
+/// A [`CommandFailure`] for an error of the store: exit status 2 if the input is wrong, else 1.
 fn refused(error: StoreError) -> Failure {
     match error {
         StoreError::NotFound { .. }

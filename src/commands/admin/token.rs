@@ -1,4 +1,4 @@
-//! `trocar admin token`: ways in for programs.
+//! `trocar admin token`: access tokens of programs.
 
 use clap::Subcommand;
 
@@ -12,47 +12,47 @@ use crate::ids::TokenId;
 use crate::store::{ActsAs, NewToken, Token};
 use crate::time;
 
-/// What to do with tokens.
+/// Subcommands of `trocar admin token`.
 #[derive(Subcommand)]
 pub enum Command {
-    /// List the tokens: id, role, name, end.
+    /// List the tokens: id, role, name, expiry.
     List,
-    /// Make a token and print it; it cannot be shown again.
+    /// Create a token and print it; it cannot be shown again.
     Add {
-        /// What it is for
+        /// Name of the token: the purpose it serves
         name: Name,
-        /// The account that it acts for
+        /// Account whose rights the token has
         #[arg(long, value_name = "LOGIN", required_unless_present = "for_box")]
         acts_for: Option<Login>,
-        /// Its role, if less than the account's
+        /// Role of the token, if lower than the account's
         #[arg(long, requires = "acts_for")]
         role: Option<Role>,
-        /// The box that an agent feeds, by id or code
+        /// Id or code of the box, for the token of a box's agent
         #[arg(long = "box", value_name = "BOX", conflicts_with = "acts_for")]
         for_box: Option<String>,
-        /// Its end, such as 2027-01-31T00:00:00Z [default: none]
+        /// When the token expires, such as 2027-01-31T00:00:00Z [default: never]
         #[arg(long, value_parser = parse_time)]
         expires_at: Option<i64>,
     },
-    /// Withdraw a token.
+    /// Delete a token; programs that use it lose access.
     Delete {
-        /// Which
+        /// Id of the token
         id: TokenId,
     },
 }
 
 /// Runs the command.
-pub async fn run(centre: &Centre, command: Command) -> Result<(), Failure> {
-    let (service, tokens) = (Scope::service(), centre.store.tokens());
+pub async fn run(folder: &Centre, command: Command) -> Result<(), Failure> {
+    let (service, tokens) = (Scope::service(), folder.store.tokens());
     match command {
         Command::List => {
             for Token { id, role, name, expires_at_ms, .. } in tokens.list(&service).await.map_err(refused)? {
-                let end = expires_at_ms.map_or_else(|| "no end".to_owned(), time::to_rfc3339);
+                let end = expires_at_ms.map_or_else(|| "never expires".to_owned(), time::to_rfc3339);
                 println!("{id}\t{role}\t{name}\t{end}");
             }
         }
         Command::Add { name, acts_for, role, for_box, expires_at } => {
-            let acts_as = acts_as(centre, acts_for, role, for_box).await?;
+            let acts_as = acts_as(folder, acts_for, role, for_box).await?;
             let secret = Secret::random();
             let new = NewToken { name, acts_as, expires_at_ms: expires_at, secret: secret.hash() };
             tokens.create(&service, new).await.map_err(refused)?;
@@ -64,17 +64,17 @@ pub async fn run(centre: &Centre, command: Command) -> Result<(), Failure> {
 }
 
 async fn acts_as(
-    centre: &Centre,
+    folder: &Centre,
     acts_for: Option<Login>,
     role: Option<Role>,
     for_box: Option<String>,
 ) -> Result<ActsAs, Failure> {
     if let Some(login) = acts_for {
-        let person = user::find(centre, &login).await?;
+        let person = user::find(folder, &login).await?;
         return Ok(ActsAs::Person(person.id, role.unwrap_or(person.role)));
     }
     let key = Key::from(&for_box.unwrap_or_default()); // the command line requires one of the two
-    let found = centre.store.boxes().get(&Scope::service(), &key).await.map_err(refused)?;
+    let found = folder.store.boxes().get(&Scope::service(), &key).await.map_err(refused)?;
     Ok(ActsAs::Agent(found.id))
 }
 

@@ -1,4 +1,4 @@
-//! `trocar admin user`: accounts, for the first administrator and for whoever forgot the password.
+//! `trocar admin user`: accounts, such as that of the first administrator, and new passwords for forgotten ones.
 
 use std::io::BufRead;
 
@@ -13,22 +13,22 @@ use crate::domain::secret::{Password, PasswordHash};
 use crate::domain::text::{Key, Login, Name};
 use crate::store::{NewPerson, PageRequest, Person, StoreError};
 
-/// What to do with accounts.
+/// Subcommands of `trocar admin user`.
 #[derive(Subcommand)]
 pub enum Command {
     /// List the accounts: login, role, name.
     List,
-    /// Make an account; prints its password unless --password-stdin is given.
+    /// Create an account; prints its password unless --password-stdin is given.
     Add {
-        /// What they type to sign in
+        /// Login name, typed to sign in
         login: Login,
         /// administrator, instructor or trainee
         #[arg(long)]
         role: Role,
-        /// What people call them [default: the login]
+        /// Name of the person [default: the login]
         #[arg(long)]
         name: Option<Name>,
-        /// The trainee that the account is of, by id or code; for --role trainee
+        /// With --role trainee: id or code of the trainee that the account belongs to
         #[arg(long)]
         trainee: Option<String>,
         /// Read the password from the first line of standard input
@@ -37,27 +37,27 @@ pub enum Command {
     },
     /// Set a password and sign the account out everywhere; prints the password unless --password-stdin is given.
     Password {
-        /// Whose
+        /// Login name of the account
         login: Login,
         /// Read the password from the first line of standard input
         #[arg(long)]
         password_stdin: bool,
     },
-    /// Shut somebody out.
+    /// Delete an account; its person can no longer sign in.
     Delete {
-        /// Whom
+        /// Login name of the account
         login: Login,
     },
 }
 
 /// Runs the command.
-pub async fn run(centre: &Centre, command: Command) -> Result<(), Failure> {
+pub async fn run(folder: &Centre, command: Command) -> Result<(), Failure> {
     match command {
-        Command::List => list(centre).await,
+        Command::List => list(folder).await,
         Command::Add { login, role, name, trainee, password_stdin } => {
             let trainee = match trainee {
                 Some(key) => {
-                    let trainees = centre.store.trainees();
+                    let trainees = folder.store.trainees();
                     Some(trainees.get(&Scope::service(), &Key::from(&key)).await.map_err(refused)?.id)
                 }
                 None => None,
@@ -65,29 +65,29 @@ pub async fn run(centre: &Centre, command: Command) -> Result<(), Failure> {
             let (password, hash) = choose_password(password_stdin).await?;
             let name = name.map_or_else(|| login.as_str().parse(), Ok).map_err(Failure::input)?;
             let new = NewPerson { login, name, role, password: hash, trainee };
-            centre.store.people().create(&Scope::service(), new).await.map_err(refused)?;
+            folder.store.people().create(&Scope::service(), new).await.map_err(refused)?;
             print_password(password);
             Ok(())
         }
         Command::Password { login, password_stdin } => {
-            let person = find(centre, &login).await?;
+            let person = find(folder, &login).await?;
             let (password, hash) = choose_password(password_stdin).await?;
-            centre.store.people().set_password(&Scope::service(), person.id, hash).await.map_err(refused)?;
+            folder.store.people().set_password(&Scope::service(), person.id, hash).await.map_err(refused)?;
             print_password(password);
             Ok(())
         }
         Command::Delete { login } => {
-            let person = find(centre, &login).await?;
-            centre.store.people().delete(&Scope::service(), person.id).await.map_err(refused)
+            let person = find(folder, &login).await?;
+            folder.store.people().delete(&Scope::service(), person.id).await.map_err(refused)
         }
     }
 }
 
-async fn list(centre: &Centre) -> Result<(), Failure> {
+async fn list(folder: &Centre) -> Result<(), Failure> {
     let mut after = None;
     loop {
         let page = PageRequest::new(PageRequest::MOST, after);
-        let page = centre.store.people().list(&Scope::service(), &page).await.map_err(refused)?;
+        let page = folder.store.people().list(&Scope::service(), &page).await.map_err(refused)?;
         for Person { login, role, name, .. } in &page.items {
             println!("{login}\t{role}\t{name}");
         }
@@ -98,13 +98,14 @@ async fn list(centre: &Centre) -> Result<(), Failure> {
     }
 }
 
-/// The account of this login.
-pub(super) async fn find(centre: &Centre, login: &Login) -> Result<Person, Failure> {
-    let found = centre.store.people().by_login(login).await.map_err(refused)?;
+/// The account with this login.
+pub(super) async fn find(folder: &Centre, login: &Login) -> Result<Person, Failure> {
+    let found = folder.store.people().by_login(login).await.map_err(refused)?;
     found.map(|(person, _)| person).ok_or_else(|| refused(StoreError::NotFound { what: "account" }))
 }
 
-/// The password on standard input, or a random one to be shown; and its hash.
+/// Reads the password from standard input, or makes a random one. Returns the hash and, if it is random, the password
+/// to print.
 async fn choose_password(from_stdin: bool) -> Result<(Option<Password>, PasswordHash), Failure> {
     if !from_stdin {
         let password = Password::random();

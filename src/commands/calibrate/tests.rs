@@ -1,4 +1,4 @@
-//! The command on photos that others took, against answers that others know; and on input that cannot be used.
+//! The command on published photos with published calibrations, on rendered photos, and on unusable input.
 
 use image::{GrayImage, RgbImage};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -43,9 +43,9 @@ fn rms_px(file: &CameraFile) -> f64 {
     file.more["rms_px"].as_f64().unwrap()
 }
 
-/// Largest distance, px, between the directions that two cameras see at those pixels, once one common shift and scale is
-/// taken off: principal point against the boards' tilt, and focal length against their distance, are what photos of
-/// boards hardly tell; the rest is distortion.
+/// Largest distance, px, between the directions of two cameras at these pixels, after one common shift and scale is
+/// removed. Photos of boards hardly separate the principal point from the boards' tilt, or the focal length from their
+/// distance; the remaining difference is distortion.
 fn distortion_differs_px(a: &Camera, b: &Camera, at: &[Pixel]) -> f64 {
     let look = |camera: &Camera| at.iter().map(|p| camera.normalised_of(*p).unwrap().0.coords).collect::<Vec<_>>();
     let (from, to) = (look(a), look(b));
@@ -94,7 +94,7 @@ fn hull(corners: &[Pixel]) -> Vec<Vector2<f64>> {
     [lower, upper].concat()
 }
 
-/// The middle of a picture; its farthest corners are in no photo of the rendered scenes.
+/// Pixels in the middle of the picture: no photo of the rendered scenes shows the board in the picture's corners.
 fn middle(camera: &Camera) -> Vec<Pixel> {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     let whole =
@@ -184,7 +184,7 @@ fn a_wrongly_counted_board_is_told_what_the_photos_show() {
     assert!(failure.to_string().contains("the photos show a board of 9x6"), "{failure}");
 }
 
-/// Writes files and returns what the command says of them.
+/// Writes the files and returns the command's error message for them.
 fn refusal(files: &[(&str, &[u8])]) -> String {
     let folder = TempDir::new().unwrap();
     let write = |(name, bytes): &(&str, &[u8])| {

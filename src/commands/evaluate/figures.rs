@@ -1,12 +1,12 @@
-//! Which figures people get to see, and how each is written: for the terminal and the page alike.
+//! Selects and formats the figures that people see, for the terminal and for the page.
 
 use crate::pipeline::evaluation::{Accuracy, Errors, Lag, Level, NoiseFloor, Share, ToolAccuracy};
 
-/// What a figure is where there is none.
+/// Text of a missing figure.
 pub(super) const NONE: &str = "–";
 
-/// Tools and levels that say something of their own: all tools together only where there are several, a stricter
-/// visibility only where it drops frames.
+/// The tools and levels worth a row: all tools together only if there are several, a stricter visibility only if it
+/// drops frames.
 pub(super) fn rows(accuracy: &Accuracy) -> Vec<(&ToolAccuracy, &Level)> {
     let of_tool = |tool: &'_ ToolAccuracy| {
         let repeats = |at: usize| at > 0 && tool.levels[at].frames == tool.levels[at - 1].frames;
@@ -18,13 +18,13 @@ pub(super) fn rows(accuracy: &Accuracy) -> Vec<(&ToolAccuracy, &Level)> {
         .collect()
 }
 
-/// Each tool, and all of them where there are several.
+/// Each tool, and all tools together if there are several.
 pub(super) fn tools(accuracy: &Accuracy) -> Vec<&ToolAccuracy> {
     let together = Some(&accuracy.all).filter(|_| accuracy.tools.len() > 1);
     accuracy.tools.iter().chain(together).collect()
 }
 
-/// Errors of all rows, and where some are predicted also of each state.
+/// Errors of all rows; if some rows are predicted, also the errors of each state.
 pub(super) fn states(level: &Level) -> Vec<(&'static str, &Errors)> {
     let apart = level.predicted_errors.is_some();
     let kinds = [
@@ -47,7 +47,7 @@ pub(super) fn percent(share: f64) -> String {
     format!("{:.1}", 100.0 * share)
 }
 
-/// Milliseconds with twice the standard error, which holds 95 %.
+/// Milliseconds ± twice the standard error (95 %).
 pub(super) fn lag(lag: Lag) -> String {
     match lag {
         Lag::Measured { lag_s, sigma_s } => format!("{:.1} ± {:.1}", 1000.0 * lag_s, 2000.0 * sigma_s),
@@ -55,13 +55,13 @@ pub(super) fn lag(lag: Lag) -> String {
     }
 }
 
-/// Percent inside the region, and where the true share lies.
+/// Per cent inside the region, with the 95 % interval of the true share.
 pub(super) fn share(share: &Share) -> String {
     let [low, high] = share.interval.map(|end| 100.0 * end);
     format!("{} ({low:.0}–{high:.0})", percent(share.inside))
 }
 
-/// Median and RMS, mm/s.
+/// Number of rows, median and RMS of the speed at rest, mm/s.
 pub(super) fn at_rest(floor: &NoiseFloor) -> [String; 3] {
     [floor.rows.to_string(), format!("{:.2}", floor.median_mm_s), format!("{:.2}", floor.rms_mm_s)]
 }

@@ -1,4 +1,4 @@
-//! The figures for programs: every level, every state; `null` where a figure lacks support.
+//! The figures as JSON for programs: every level and every state; `null` if there are too few data for a figure.
 
 use serde_json::{Value, json};
 

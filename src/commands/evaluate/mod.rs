@@ -1,4 +1,4 @@
-//! `trocar evaluate`: a trajectory against the truth, or paths along one guide against each other.
+//! `trocar evaluate`: compares a trajectory with the truth, or paths along one guide with each other.
 
 mod figures;
 mod json;
@@ -20,10 +20,10 @@ use crate::pipeline::trajectory::{SampleState, Trajectory};
 /// Arguments of `trocar evaluate`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Compare paths along one straight guide: one file per path, or one file whose path goes to and fro.
+    /// Compare paths along one straight guide: one file per path, or one file with a path to and fro.
     #[arg(long)]
     repeatability: bool,
-    /// With --repeatability, the tool whose path to take; needed where a file holds several.
+    /// With --repeatability: the tool to compare; needed if a file holds several tools.
     #[arg(long, value_name = "TOOL", requires = "repeatability")]
     tool: Option<String>,
     /// Print JSON.
@@ -32,12 +32,12 @@ pub struct Args {
     /// Also write a page with tables and plots: one HTML file that needs no network.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// `track.csv truth.json`, or with --repeatability one or more trajectories.
+    /// `track.csv truth.json`; with --repeatability, one or more trajectories.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 }
 
-/// What a kind of comparison says: to programs, to people, and to those who want to see it.
+/// The result of a comparison, for programs (JSON), for the terminal (text) and as an HTML page.
 struct Findings {
     json: Value,
     text: String,
@@ -101,7 +101,7 @@ fn compare(files: &[PathBuf], tool: Option<&str>) -> Result<Findings, Failure> {
     })
 }
 
-/// The observed positions of the tool that is asked for, or of the only one.
+/// The observed positions of the named tool, or of the only tool.
 fn path_of(trajectory: &Trajectory, tool: Option<&str>) -> anyhow::Result<Vec<Point3<f64>>> {
     let names = trajectory.tools.join(", ");
     let tool = match tool {

@@ -1,4 +1,4 @@
-//! The figures for people at a terminal: what was found, how far off it was, whether the track said so.
+//! The figures as text for the terminal: coverage, errors, and whether the stated error bars hold.
 
 use super::figures;
 use crate::commands::table::Table;
@@ -75,7 +75,7 @@ fn honesty_row(tool: &ToolAccuracy, level: &Level) -> Option<Vec<String>> {
 
 fn notes(accuracy: &Accuracy) -> String {
     format!(
-        "  {} rows on frames that the truth does not have; times differ by at most {:.1} ms\n",
+        "  {} rows are on frames without truth; the times of the two files differ by at most {:.1} ms\n",
         accuracy.unjudged,
         1000.0 * accuracy.largest_time_difference_s
     )
@@ -88,7 +88,7 @@ pub(super) fn repeatability(result: &Repeatability) -> String {
         let cells = row.iter().map(|distance| format!("{distance:.2}"));
         table.row([format!("to the line of path {}", index + 1)].into_iter().chain(cells));
     }
-    let others = format!("  other paths' points to a path's line: {:.2} mm on average\n", result.others_mm);
-    let own = format!("  a path's own points to its line: {:.2} mm on average\n", result.own_mm);
+    let others = format!("  distance of other paths' points to a path's line: {:.2} mm on average\n", result.others_mm);
+    let own = format!("  distance of a path's own points to its line: {:.2} mm on average\n", result.own_mm);
     table.text() + &others + &own
 }

@@ -12,7 +12,7 @@ use crate::domain::palette::{ColourGrade, PairGrade, PaletteAdvice, TapeGrade};
 use crate::media::{Limits, Picture, photo};
 use crate::pipeline::segmentation::palette::advice::advise;
 
-/// Pairs in the text; JSON has them all.
+/// Number of pairs in the text. JSON has all pairs.
 const PAIRS_SHOWN: usize = 5;
 
 /// Runs the command.
@@ -31,7 +31,7 @@ fn first_picture(path: &Path) -> Result<Picture, Failure> {
 }
 
 fn text_of(advice: &PaletteAdvice) -> String {
-    let mut text = String::from("Tapes against this box, best first (steps: 1/255 of the full range):\n");
+    let mut text = String::from("Tapes for this box, best first (margins in steps of 1/255 of the full range):\n");
     let mut tapes = Table::new(["tape", "near", "sRGB", "margin", "in the box", "verdict"]);
     for TapeGrade { tape, ral, srgb, margin_steps, in_box, grade } in &advice.tapes {
         let (in_box, ral) = (format!("{:.2} %", 100.0 * in_box), format!("RAL {ral}"));
@@ -53,14 +53,16 @@ fn text_of(advice: &PaletteAdvice) -> String {
 
 fn recommendation(advice: &PaletteAdvice) -> String {
     let pair = |pair: &PairGrade| match pair.grade {
-        ColourGrade::Good => format!("for two, {} and {}", pair.tapes[0], pair.tapes[1]),
-        _ => "no two of these tapes stand apart well; cover what is colourful in the box".to_owned(),
+        ColourGrade::Good => format!("for two tools, {} and {}", pair.tapes[0], pair.tapes[1]),
+        _ => "no two of these tapes differ enough; cover colourful things in the box".to_owned(),
     };
     match advice.tapes.first().zip(advice.pairs.first()) {
         Some((best, two)) if best.grade == ColourGrade::Good => {
             format!("For one tool take {}; {}.\n", best.tape, pair(two))
         }
-        _ => "None of these tapes stands apart well here: cover what is colourful in the box, or light it evenly.\n"
-            .to_owned(),
+        _ => {
+            "None of these tapes differs enough from this box: cover colourful things in the box, or light it evenly.\n"
+                .to_owned()
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! `trocar palette --check`: the marked colours against each other and against the frames on which they were marked.
+//! `trocar palette --check`: compares the marked colours with each other and with the frames on which they were marked.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::palette::{ColourGrade, ColourVerdict, ConfusionRow, PaletteReport};
 use crate::media::MediaError;
 
-/// Runs the command; a bad colour is a failure, told after the table.
+/// Runs the command. A bad colour is a failure, reported after the table.
 pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), Failure> {
     let marked = AnnotationsFile::parse(&read(annotations)?).map_err(|e| about(annotations, e))?;
     let report = report(&marked, annotations, video)?;
@@ -25,14 +25,17 @@ pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), F
         return Ok(());
     }
     let what = if bad.len() == 1 { "colour is" } else { "colours are" };
-    Err(Failure::Failed(anyhow!("{what} bad: {}; take another tape (trocar palette --advise)", bad.join(", "))))
+    Err(Failure::Failed(anyhow!("{what} bad: {}; use another tape, see `trocar palette --advise`", bad.join(", "))))
 }
 
 fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> Result<PaletteReport, Failure> {
     let folder = annotations.parent().unwrap_or(Path::new("."));
     let named = marked.video.as_ref().map(|name| folder.join(name));
     let path = named.as_deref().or(video).ok_or_else(|| {
-        about(annotations, anyhow!("names no `video`; give the clip in which its frames count as the last argument"))
+        about(
+            annotations,
+            anyhow!("names no `video`; give the video that the frame numbers belong to as the last argument"),
+        )
     })?;
     let mut video = open(path)?;
     let info = video.info();
@@ -51,11 +54,11 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
 }
 
 fn text_of(report: &PaletteReport) -> String {
-    let mut text = String::from("What the marked pixels are taken for when their own rectangle has no say, %:\n");
+    let mut text = String::from("How the marked pixels are classified without their own rectangle, %:\n");
     text += &confusion_table(report);
-    text += "\nWhen the light changes, share of a tape not known, and most of any other label taken for it, %:\n";
+    text += "\nUnder changed light: share of a tape lost, and largest share of another label taken for it, %:\n";
     text += &light_table(report);
-    text += "\nThe tools' colours (steps: 1/255 of the full range):\n";
+    text += "\nThe tools' colours (margins in steps of 1/255 of the full range):\n";
     text += &verdict_table(report);
     let warnings: String = report.warnings.iter().map(|warning| format!("{warning}\n")).collect();
     if warnings.is_empty() { text } else { text + "\n" + &warnings }
@@ -93,7 +96,7 @@ fn light_table(report: &PaletteReport) -> String {
 }
 
 fn percent(share: f64) -> String {
-    format!("{:.1}", 100.0 * share.abs()) // 1 − 1 is no negative share
+    format!("{:.1}", 100.0 * share.abs()) // avoids "-0.0"
 }
 
 fn verdict_table(report: &PaletteReport) -> String {

@@ -1,4 +1,4 @@
-//! `trocar palette`: which tape to buy for a box, and whether the tape that was marked is a good one.
+//! `trocar palette`: recommends tapes for a box, and checks the colours of the marked tapes.
 
 mod advise;
 mod check;
@@ -10,16 +10,16 @@ use super::{Failure, print_result};
 /// Arguments of `trocar palette`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit status of --check: 0 when every colour is good or at risk, 1 when one is bad, 2 when the input cannot be used."
+    after_help = "Exit status of --check: 0 if every colour is good or at risk, 1 if one is bad, 2 if the input cannot be used."
 )]
 pub struct Args {
-    /// Rank tapes against the empty box: a photo (JPEG, PNG), or a video of which the first frame counts.
+    /// Rank tapes for this empty box: a photo (JPEG, PNG) or a video; only the first frame of a video is used.
     #[arg(long, value_name = "FRAME_OR_VIDEO", required_unless_present = "check", conflicts_with = "check")]
     advise: Option<PathBuf>,
-    /// Judge the colours that are marked in these annotations.
+    /// Check the colours that are marked in these annotations.
     #[arg(long, value_name = "ANNOTATIONS")]
     check: Option<PathBuf>,
-    /// With --check, the clip in which the annotations count frames; needed where they name none.
+    /// With --check: the video that the annotations' frame numbers belong to; needed if they do not name it.
     #[arg(value_name = "VIDEO", requires = "check")]
     video: Option<PathBuf>,
     /// Print JSON.

@@ -1,4 +1,4 @@
-//! The seconds that made each feature, as `trocar score --evidence` prints them.
+//! `trocar score --evidence`: prints the seconds that explain each feature.
 
 use serde_json::{Value, json};
 
@@ -7,7 +7,7 @@ use crate::domain::evidence::EvidenceRow;
 use crate::pipeline::assessment::Assessment;
 use crate::pipeline::evidence::{Evidence, Stretch};
 
-/// A line for each feature that has stretches, and one for each reason why others have none.
+/// One line for each feature with stretches, and one line for each reason why other features have none.
 pub(super) fn text(assessment: &Assessment) -> String {
     let mut lines = vec!["  evidence, the seconds that made each feature:".to_owned()];
     let mut silent: Vec<(String, Vec<String>)> = Vec::new();
@@ -30,7 +30,7 @@ pub(super) fn text(assessment: &Assessment) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The same as the service tells it.
+/// The same in the JSON form of the service.
 pub(super) fn json(assessment: &Assessment) -> Value {
     let rows = assessment.evidence.iter().map(|evidence| json!(EvidenceRow::of(evidence, &assessment.tools)));
     Value::Array(rows.collect())

@@ -1,4 +1,4 @@
-//! `trocar score --reference`: how far each tool strays from a path that shows how the task should go.
+//! `trocar score --reference`: how far each tool deviates from the path of an exemplary performance.
 
 use std::path::{Path, PathBuf};
 
@@ -14,31 +14,31 @@ use crate::pipeline::features::reference::{Deviation, deviation};
 use crate::pipeline::features::{FeatureSettings, NotEnough};
 use crate::pipeline::trajectory::Trajectory;
 
-/// A path that shows how the task should go.
+/// The path of an exemplary performance.
 pub struct Reference {
     path: PathBuf,
     tools: Vec<String>,
     motions: Vec<Result<Motion, NotEnough>>,
 }
 
-/// How far each tool that both have strays from it.
+/// Deviation of each tool that both trajectories have.
 pub struct Strays {
     reference: PathBuf,
     tools: Vec<(String, Result<Deviation, NotEnough>)>,
 }
 
 impl Reference {
-    /// Reads it. A path of which no tool can be followed is no reference.
+    /// Reads the reference. Refuses a trajectory without a usable tool.
     pub fn read(path: &Path, settings: &FeatureSettings) -> Result<Self, Failure> {
         let trajectory = read_trajectory(path)?;
         let motions = motions(&trajectory, settings);
         match motions.iter().find_map(|motion| motion.as_ref().err()).filter(|_| motions.iter().all(Result::is_err)) {
-            Some(reason) => Err(Failure::Input(anyhow!("{}: {reason}; take another reference", path.display()))),
+            Some(reason) => Err(Failure::Input(anyhow!("{}: {reason}; use another reference", path.display()))),
             None => Ok(Self { path: path.to_owned(), tools: trajectory.tools, motions }),
         }
     }
 
-    /// How far a trajectory's tools are from the reference's of the same names.
+    /// Deviations of a trajectory's tools from the reference's tools of the same names.
     pub fn strays(&self, path: &Path, track: &Trajectory, settings: &FeatureSettings) -> Result<Strays, Failure> {
         let known = |name: &String| self.tools.iter().position(|tool| tool == name);
         let of_tool = |(name, motion): (&String, Result<Motion, NotEnough>)| {
@@ -58,7 +58,7 @@ impl Reference {
 }
 
 impl Strays {
-    /// As a part of a session's JSON.
+    /// The part of a session's JSON.
     pub fn json(&self) -> Value {
         let of_tool = |(tool, strays): &(String, Result<Deviation, NotEnough>)| {
             json!({
@@ -75,7 +75,7 @@ impl Strays {
         })
     }
 
-    /// As a table beneath the features.
+    /// The table below the features.
     pub fn text(&self) -> String {
         let head = ["tool", "mean (DTW)", "largest (Fréchet)", "unit"].map(str::to_owned);
         let mut table = Table::new(head);

@@ -1,4 +1,4 @@
-//! `trocar score --model`: what a model of skill says of a trajectory.
+//! `trocar score --model`: the verdict of a model of skill on a trajectory.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::pipeline::PIPELINE_VERSION;
 use crate::pipeline::assessment::Assessment;
 use crate::pipeline::features::FeatureValue;
 
-/// Reads a model, and refuses one of another task or of another version of the program.
+/// Reads a model. Refuses a model of another task or of another pipeline version.
 pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, Failure> {
     let text =
         fs::read_to_string(path).with_context(|| format!("reading {}", path.display())).map_err(Failure::Input)?;
@@ -22,7 +22,7 @@ pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, Failure>
     if model.pipeline != PIPELINE_VERSION {
         let own = &model.pipeline;
         return refused(format!(
-            "its sessions were measured by pipeline {own}, this program is {PIPELINE_VERSION}: make it anew"
+            "its sessions were measured by pipeline {own}, this program has {PIPELINE_VERSION}; train the model again"
         ));
     }
     match (task, model.task.as_deref()) {
@@ -31,10 +31,10 @@ pub fn read_model(path: &Path, task: Option<&str>) -> Result<ModelFile, Failure>
     }
 }
 
-/// What it says of a session, unless the session is refused.
+/// The model's verdict on a session. A refused session gets none.
 pub fn verdict(model: &ModelFile, assessment: &Assessment, is_refused: bool) -> SkillVerdict {
     if is_refused {
-        return SkillVerdict::without(ReasonName::Refused, "no feature of this session is to be believed");
+        return SkillVerdict::without(ReasonName::Refused, "the session is refused, its features are not reliable");
     }
     let readings = Readings::of(assessment.features.iter().map(|value| reading(value, &assessment.tools)));
     model.model.judge(&readings, assessment.tools.len()).worth(&model.report)
@@ -50,7 +50,7 @@ fn reading(value: &FeatureValue, tools: &[String]) -> Reading {
     }
 }
 
-/// The verdict in lines for people.
+/// The verdict as text for people.
 pub fn text(verdict: &SkillVerdict) -> String {
     let said = match (&verdict.level, &verdict.reason) {
         (Some(level), _) => level.name().to_owned(),
@@ -63,7 +63,7 @@ pub fn text(verdict: &SkillVerdict) -> String {
     });
     let of_people = |of: Share| {
         let [value, low, high] = [of.value, of.low, of.high].map(percent);
-        format!("in {value} ({low} to {high}, {} people) of the sessions of people whom they had not seen\n", of.people)
+        format!("in {value} ({low} to {high}, {} people) of the sessions of people left out of training\n", of.people)
     };
     let worth = match (verdict.accuracy_where_given, verdict.accuracy) {
         (Some(given), _) => format!("  – where such models gave this level, it was right {}", of_people(given)),

@@ -1,4 +1,4 @@
-//! `trocar simulate`: a clip, checkerboard photos, camera, annotations and truth of a simulated box.
+//! `trocar simulate`: makes a clip, checkerboard photos, camera, annotations and truth of a simulated box.
 
 mod scene;
 
@@ -23,53 +23,54 @@ pub struct Args {
     /// Seed of the hands' motion and the sensor's noise; the same seed gives the same pixels.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder to write to; made if need be.
+    /// Folder to write to; created if missing.
     #[arg(long)]
     out: PathBuf,
     /// Picture size, pixels.
     #[arg(long, default_value = "1280x720", value_parser = size)]
     size: (u32, u32),
-    /// Frames to make; without this and --seconds, until the task is done.
+    /// Number of frames; without this and --seconds, until the task is done.
     #[arg(long, conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: Option<u32>,
-    /// Seconds to make; the task is repeated if they are many.
+    /// Length in seconds; the task is repeated if it is shorter.
     #[arg(long, value_parser = seconds)]
     seconds: Option<f64>,
-    /// Frames a second.
+    /// Frames per second.
     #[arg(long, default_value_t = 25.0, value_parser = rate)]
     fps: f64,
-    /// Whose hands: novice, intermediate or expert.
+    /// Level of the simulated person: novice, intermediate or expert.
     #[arg(long, default_value = "intermediate")]
     skill: String,
-    /// Which person of that level: people differ, and each is the same in every scene; without it, the level's mean.
+    /// Number of the person within the level: each number is a different person, the same in every scene [default: the
+    /// level's average].
     #[arg(long, value_name = "NUMBER")]
     person: Option<u64>,
-    /// Where the camera stands: top or side.
+    /// Position of the camera: top or side.
     #[arg(long, default_value = "top")]
     view: String,
-    /// Which box: its lens, mounting and mat. Clips of one box share one calibration.
+    /// Number of the box: it sets lens, mounting and mat. Clips of one box share one calibration.
     #[arg(long = "box", default_value_t = 1)]
     rig: u64,
-    /// Tapes of the left and the right tool, of orange, cyan, magenta, lime, yellow, violet. Where both are the same, the
+    /// Tapes of the left and the right tool: orange, cyan, magenta, lime, yellow or violet. If both are the same, the
     /// tools are called left and right.
     #[arg(long, default_value = "orange,cyan")]
     tapes: String,
     /// Outer diameter of the tools over the tape, mm.
     #[arg(long, default_value_t = 5.0, value_parser = diameter)]
     diameter_mm: f64,
-    /// How far the camera was moved to its right since its box was set up, mm.
+    /// Shift of the camera to its right since the box was set up, mm.
     #[arg(long, default_value_t = 0.0, value_parser = moved, allow_negative_numbers = true)]
     camera_moved_mm: f64,
-    /// Checkerboard photos to make.
+    /// Number of checkerboard photos.
     #[arg(long, default_value_t = 18, value_parser = clap::value_parser!(u16).range(0..=99))]
     boards: u16,
     /// Bend the board on the last three photos.
     #[arg(long)]
     bent: bool,
-    /// Uneven time stamps and lost frames, as from a live feed.
+    /// Make time stamps uneven and leave out frames, as in a live feed.
     #[arg(long)]
     uneven: bool,
-    /// Samples of the clip: yuv420p, yuv422p, yuv444p, yuv420p10 or yuv444p10.
+    /// Pixel format of the clip: yuv420p, yuv422p, yuv444p, yuv420p10 or yuv444p10.
     #[arg(long, default_value = "yuv420p")]
     pixels: String,
     /// Show no progress.
@@ -124,7 +125,7 @@ fn one_of<T, const N: usize>(
     names: [&str; N],
     find: impl Fn(&str) -> Option<T>,
 ) -> anyhow::Result<T> {
-    find(name).ok_or_else(|| anyhow!("no {what} is called `{name}`; there are {}", names.join(", ")))
+    find(name).ok_or_else(|| anyhow!("no {what} is called `{name}`; use one of {}", names.join(", ")))
 }
 
 fn view(name: &str) -> Option<View> {
@@ -152,7 +153,7 @@ fn tapes(text: &str) -> anyhow::Result<[Tape; 2]> {
         text.split(',').map(|name| one_of("tape", name.trim(), names, Tape::named)).collect::<anyhow::Result<_>>()?;
     match found[..] {
         [left, right] => Ok([left, right]),
-        _ => Err(anyhow!("--tapes {text}: give two tapes, as in orange,cyan")),
+        _ => Err(anyhow!("--tapes {text}: expected two tapes, such as orange,cyan")),
     }
 }
 
@@ -161,7 +162,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     sides
         .filter(|(w, h)| RANGE.contains(w) && RANGE.contains(h))
-        .ok_or_else(|| "expected WIDTHxHEIGHT, each 64 to 4096, as in 1280x720".to_owned())
+        .ok_or_else(|| "expected WIDTHxHEIGHT, each 64 to 4096, such as 1280x720".to_owned())
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -1,4 +1,4 @@
-//! Writes a simulated scene to a folder, in the formats of the contract.
+//! Writes a simulated scene to a folder, in the file formats of [`crate::domain::files`].
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -18,29 +18,29 @@ use crate::simulation::render::{Chroma, Photographer, Renderer};
 use crate::simulation::schedule::{Evenness, frame_times};
 use crate::simulation::{Setup, View, World, truth};
 
-/// A scene to be written.
+/// Description of a scene to write.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneOrder {
     /// What to simulate.
     pub setup: Setup,
-    /// Frames in the clip; `None` until the task is done.
+    /// Number of frames in the clip; `None`: until the task is done.
     pub frames: Option<usize>,
-    /// Usual frame rate, Hz.
+    /// Nominal frame rate, Hz.
     pub fps: f64,
-    /// How even the frames are.
+    /// Whether frames are evenly spaced in time.
     pub evenness: Evenness,
-    /// How the clip stores its samples.
+    /// Pixel format of the clip.
     pub samples: Samples,
-    /// Compression, 0 to 51.
+    /// Compression: the encoder's constant rate factor, 0 to 51.
     pub crf: u8,
-    /// Checkerboard photos.
+    /// Number of checkerboard photos.
     pub boards: usize,
-    /// How many of them show a bent board.
+    /// Number of photos with a bent board.
     pub bent: usize,
 }
 
 impl SceneOrder {
-    /// The whole task at 25 frames a second, with 18 photos of a flat board.
+    /// The whole task at 25 frames per second, with 18 photos of a flat board.
     pub fn new(setup: Setup) -> Self {
         Self {
             setup,
@@ -55,14 +55,13 @@ impl SceneOrder {
     }
 }
 
-/// What is being written, for progress: name, how much is done, how much there is.
+/// Callback for progress: what is being written, the number done, the total number.
 pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize);
 
-/// Names of the files in the folder.
+/// File name of the clip in the folder.
 pub const CLIP: &str = "clip.mp4";
 
-/// Writes the scene; returns the clip's frame times, s. An interrupted run leaves files that are named in full only
-/// when they are whole, except the clip.
+/// Writes the scene and returns the clip's frame times, s. An interrupted run may leave incomplete files.
 pub fn write_scene(folder: &Path, order: &SceneOrder, progress: Progress) -> anyhow::Result<Vec<f64>> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let world = World::new(&order.setup);

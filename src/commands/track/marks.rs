@@ -1,4 +1,4 @@
-//! The colours that an instructor marked, from the clip in which they were marked.
+//! Collects samples of the colours that an instructor marked on a clip.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::media::{MediaError, VideoFile};
 use crate::pipeline::frame::Frame;
 use crate::pipeline::segmentation::samples::ColourSamples;
 
-/// Rectangles on frames of a clip.
+/// The labelled rectangles of a clip.
 pub(super) struct Marks<'a> {
     marked: &'a AnnotationsFile,
     annotations: &'a Path,
@@ -22,7 +22,7 @@ pub(super) struct Marks<'a> {
 }
 
 impl<'a> Marks<'a> {
-    /// Of the clip that the annotations name; if they name none, of the one to be tracked.
+    /// The marks of the clip that the annotations name; if they name none, of the clip to be tracked.
     pub(super) fn new(marked: &'a AnnotationsFile, annotations: &'a Path, tracked: &Path) -> Self {
         let folder = annotations.parent().unwrap_or(Path::new("."));
         let clip = marked.video.as_ref().map_or_else(|| tracked.to_owned(), |name| folder.join(name));
@@ -31,19 +31,19 @@ impl<'a> Marks<'a> {
         Self { marked, annotations, clip, is_tracked_too }
     }
 
-    /// Collects from frames as they come.
+    /// A collector without samples.
     pub(super) fn collector(&self) -> Collector<'a> {
         Collector { marked: self.marked, samples: None }
     }
 
-    /// Collects while decoding as little as that takes. `None` where it cannot be done, or could not be checked since
-    /// the clip will not pass by again.
+    /// Collects while decoding as few frames as possible. `None` if that fails, or if the clip is not the tracked one,
+    /// because then no full pass checks the samples.
     pub(super) fn collect_few(&self, clock: &mut StageClock) -> Result<Option<ColourSamples>, Failure> {
         if !self.is_tracked_too {
             return Ok(None);
         }
         let video = self.open()?;
-        // The first frame says how all samples are encoded.
+        // Frame 0 is needed too: its colour encoding is that of all samples.
         let numbers: Vec<u64> = self.marked.labels.iter().map(|label| label.frame).chain([0]).collect();
         let mut collector = self.collector();
         let shown = video.show_few(&numbers, |picture| {
@@ -55,7 +55,7 @@ impl<'a> Marks<'a> {
         Ok(shown.and_then(|()| collector.into_samples()))
     }
 
-    /// Collects while decoding from the start up to the last mark.
+    /// Collects while decoding all frames up to the last mark.
     pub(super) fn collect(&self, clock: &mut StageClock) -> Result<ColourSamples, Failure> {
         let mut video = self.open()?;
         let last = self.marked.labels.iter().map(|label| label.frame).max().unwrap_or(0);
@@ -83,14 +83,14 @@ impl<'a> Marks<'a> {
     }
 }
 
-/// Takes what is marked on the frames it is shown.
+/// Collects samples from the frames that it is given.
 pub(super) struct Collector<'a> {
     marked: &'a AnnotationsFile,
     samples: Option<ColourSamples>,
 }
 
 impl Collector<'_> {
-    /// Takes what is marked on this frame. The first one's encoding is that of all samples.
+    /// Collects the marks on this frame. The first frame's encoding is that of all samples.
     pub(super) fn look_at(&mut self, frame: &Frame<'_>) {
         let samples = self.samples.get_or_insert_with(|| ColourSamples::new(frame.encoding));
         let labels = self.marked.labels.iter().filter(|label| label.frame == frame.index);
@@ -99,7 +99,7 @@ impl Collector<'_> {
         }
     }
 
-    /// The samples; `None` if no frame came.
+    /// The samples; `None` without any frame.
     pub(super) fn into_samples(self) -> Option<ColourSamples> {
         self.samples
     }
@@ -118,7 +118,7 @@ mod tests {
         named.into_iter().chain(beside).find(|p| p.join("scenes").is_dir())
     }
 
-    /// What quantising costs, on every pixel that tracking would look up.
+    /// Error of the quantised table, on every pixel that tracking would look up.
     #[test]
     fn the_table_agrees_with_exact_neighbours_on_nearly_all_real_pixels() {
         let Some(shared) = shared() else {

@@ -1,11 +1,11 @@
-//! How far the tracking is.
+//! Progress of tracking.
 
 use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar on a terminal, a line every few seconds elsewhere, nothing when quiet.
+/// Progress on stderr: a bar on a terminal, else a line every 5 s; nothing if quiet.
 pub(super) struct Progress {
     bar: ProgressBar,
     plain: bool,

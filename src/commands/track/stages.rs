@@ -1,14 +1,14 @@
-//! Where the time goes: CPU and wall time of each stage of a run.
+//! CPU and wall time of each stage of a run.
 
 use std::io::{self, Write};
 use std::time::Instant;
 
 use rustix::time::ClockId;
 
-/// What the main thread passes through.
+/// Stages of the main thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
-    /// Decodes, with the decoder's threads, what has marks on it.
+    /// Decodes the frames with marks, with the decoder's threads.
     DecodingMarked,
     /// Reads marks and collects their pixels.
     Samples,
@@ -18,9 +18,9 @@ pub(super) enum Stage {
     Preparing,
     /// Waits for the thread that decodes.
     Waiting,
-    /// Looks at frames.
+    /// Tracks frames.
     Tracking,
-    /// Fulcrum, filter and smoother over the whole recording.
+    /// Runs fulcrum, filter and smoother over the whole recording.
     Finishing,
     /// Writes the path.
     Writing,
@@ -39,16 +39,16 @@ const STAGES: [(Stage, &str); 8] = [
 
 /// CPU and wall time per stage.
 ///
-/// All our own stages run on the thread that keeps this clock, and none of its time escapes the laps: what the process
-/// used besides is the decoder's threads and the program's start. Unlike time on the wall, that is the same on a busy
-/// machine. Wall times of the stages add up to the whole run's, as decoding beside the tracking shows only where it is
-/// waited for.
+/// All stages except decoding run on the thread that owns this clock, and every moment of it belongs to a lap. The
+/// remaining CPU time of the process is that of the decoder's threads and of the program's start. Unlike wall time, CPU
+/// time does not depend on other load of the machine. The wall times of the stages add up to that of the run: decoding
+/// in parallel appears only as [`TrackStage::Waiting`].
 pub(super) struct StageClock {
     began: Instant,
     last: Instant,
     last_cpu_ms: f64,
     spent: [Spent; STAGES.len()],
-    /// CPU time of each look at a frame: single precision, for an hour has 90,000 of them.
+    /// CPU time of tracking each frame. Single precision, because an hour has 90,000 frames.
     tracking_cpu_ms: Vec<f32>,
 }
 
@@ -70,7 +70,7 @@ impl StageClock {
         }
     }
 
-    /// Puts the time since the last lap down to a stage.
+    /// Adds the time since the last lap to a stage.
     pub(super) fn lap_of(&mut self, stage: Stage) {
         let (now, now_cpu_ms) = (Instant::now(), cpu_ms(ClockId::ThreadCPUTime));
         let lap_cpu_ms = now_cpu_ms - self.last_cpu_ms;
@@ -83,7 +83,7 @@ impl StageClock {
         (self.last, self.last_cpu_ms) = (now, now_cpu_ms);
     }
 
-    /// Every frame is to be looked at once more; what that took so far stays with its stage.
+    /// Clears the times per frame before all frames are tracked again. The time spent so far stays with its stage.
     pub(super) fn track_again(&mut self) {
         self.tracking_cpu_ms.clear();
     }
@@ -110,11 +110,11 @@ impl StageClock {
             "wall_ms_of": wall,
         });
         writeln!(out, "{text:#}")?;
-        out.flush() // a full disk would go unnoticed when a buffer is dropped
+        out.flush() // dropping the buffer would hide the error of a full disk
     }
 }
 
-/// CPU time so far, ms.
+/// CPU time used so far, ms.
 fn cpu_ms(clock: ClockId) -> f64 {
     let time = rustix::time::clock_gettime(clock);
     time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6

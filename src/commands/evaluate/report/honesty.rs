@@ -1,20 +1,21 @@
-//! Are the stated errors true? Normalised errors beside the law that they would follow.
+//! Shows whether the stated errors are true: a histogram of normalised errors beside their expected distribution.
 
 use super::node::Node;
 use super::plot::{MARGIN, Panel, Span, WIDTH, label, picture};
 use super::{Drawn, of_tool, page};
 use crate::pipeline::evaluation::{VISIBLE_FROM, WITHIN_95, chi_square_3_density, normalised_square};
 
-/// Up to where the histogram reaches, and how wide its bars are.
+/// Largest value in the histogram, and width of its bars.
 const REACH: f64 = 16.0;
 const BAR: f64 = 0.5;
 
 /// A histogram for each tool that states its errors.
 pub fn histograms(tools: &[Drawn]) -> Node {
     let pictures: Vec<Node> = tools.iter().filter_map(histogram).collect();
-    let caption = "Squared 3-D error in units of what the track states, over its three axes. Bars: the track; curve: the χ² law of three \
-                   degrees of freedom, which honest errors follow. Bars left of the curve: the track is better than it says; a \
-                   long tail to the right: worse. 5 % of honest errors lie beyond the dashed line.";
+    let caption = "Squared 3-D error divided by the stated variance, summed over three axes. Bars: the track. Curve: the χ² \
+                   distribution with three degrees of freedom, expected if the stated errors are true. Bars left of the \
+                   curve: the track is better than stated. A long tail to the right: it is worse. If the stated errors are \
+                   true, 5 % lie beyond the dashed line.";
     let caption = if pictures.is_empty() { "The track states no errors." } else { caption };
     page::section("Stated against true errors", pictures.into_iter().chain([page::caption(caption)]))
 }
@@ -47,13 +48,13 @@ fn histogram(tool: &Drawn) -> Option<Node> {
     parts.push(label(
         "number",
         (u + 8.0, v + 14.0),
-        &format!("{beyond:.1} % beyond (honest: 5 %), {far:.1} % off the plot"),
+        &format!("{beyond:.1} % beyond (expected: 5 %), {far:.1} % outside the plot"),
     ));
     let name = format!("histogram of the normalised errors of {}", tool.name);
     Some(of_tool(tool, picture(&name, 24.0 + 190.0 + MARGIN.1 + 4.0, parts)))
 }
 
-/// Density in each bar; those beyond the last bar count but are not drawn. `None` without any.
+/// Density in each bar. Values beyond the last bar count but are not drawn. `None` without values.
 fn density(squares: &[f64]) -> Option<Vec<f64>> {
     let mut bars = vec![0.0; (REACH / BAR) as usize];
     let each = 1.0 / (BAR * squares.len() as f64);

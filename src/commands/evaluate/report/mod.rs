@@ -1,4 +1,4 @@
-//! The report page: what the tables say, and what only a picture shows.
+//! The report page: tables and plots.
 
 mod honesty;
 mod node;
@@ -15,17 +15,17 @@ use self::node::{Node, element};
 use super::figures;
 use crate::pipeline::evaluation::{Accuracy, Judged, Motion, Repeatability, Truth};
 
-/// A tool and all that is drawn of it.
+/// A tool and the data that is drawn for it.
 struct Drawn<'a> {
     name: &'a str,
-    /// The style sheet's name of its colour.
+    /// Name of its colour in the style sheet.
     colour: &'static str,
     /// Its rows.
     rows: Vec<Judged<'a>>,
     motion: Motion,
 }
 
-/// A trajectory held against the truth.
+/// The page that compares a trajectory with the truth.
 pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[Judged], truth: &Truth) -> String {
     let names = accuracy.tools.iter().filter_map(|tool| tool.tool.as_deref());
     let drawn = |(at, name): (usize, _)| Drawn {
@@ -46,23 +46,23 @@ pub fn accuracy(about: &str, accuracy: &Accuracy, rows: &[Judged], truth: &Truth
     page::page("Track against truth", about, parts)
 }
 
-/// Paths along one guide held against each other.
+/// The page that compares paths along one guide with each other.
 pub fn repeatability(about: &str, result: &Repeatability, paths: &[Vec<Point3<f64>>]) -> String {
     let parts = [summary::lead_of_slides(result), slides::pictures(paths), summary::distances(result)];
     page::page("Repeatability", about, parts)
 }
 
-/// A picture on a card of its own, in the tool's colour.
+/// A picture on its own card, in the tool's colour.
 fn of_tool(tool: &Drawn, picture: Node) -> Node {
     element("div", &[("class", "card"), ("style", &format!("--tool: var(--tool-{})", tool.colour))], [picture])
 }
 
-/// Rows without a frame missing between them.
+/// Splits rows into stretches without missing frames.
 fn stretches<'a>(rows: &'a [&'a Judged<'a>]) -> impl Iterator<Item = &'a [&'a Judged<'a>]> {
     rows.chunk_by(|a, b| b.sample.frame <= a.sample.frame + 1)
 }
 
-/// The colour of the tape's name where the style sheet has it; others in turn.
+/// The style sheet's colour with the tape's name; for other names, a colour by index.
 fn colour(name: &str, at: usize) -> &'static str {
     const COLOURS: [&str; 9] = ["orange", "cyan", "purple", "green", "pink", "blue", "yellow", "red", "grey"];
     COLOURS.into_iter().find(|colour| *colour == name).unwrap_or(COLOURS[at % COLOURS.len()])

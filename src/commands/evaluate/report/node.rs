@@ -1,5 +1,5 @@
-//! A piece of a page that is well formed and escaped because of how it is made: names come from the program, text and
-//! values from anywhere.
+//! HTML and SVG markup that is always well formed and escaped: element and attribute names are constants of the
+//! program, texts and attribute values are escaped.
 
 use std::fmt::Write;
 
@@ -14,10 +14,10 @@ impl Node {
     }
 }
 
-/// Names and values of an element.
+/// Attribute names and values of an element.
 pub type Attributes<'a> = &'a [(&'static str, &'a str)];
 
-/// An element with what is inside it.
+/// An element with its content.
 pub fn element(name: &'static str, attributes: Attributes, inside: impl IntoIterator<Item = Node>) -> Node {
     let mut markup = format!("<{name}");
     for (attribute, value) in attributes {
@@ -29,24 +29,24 @@ pub fn element(name: &'static str, attributes: Attributes, inside: impl IntoIter
     Node(markup)
 }
 
-/// An element that cannot hold anything, such as `meta`.
+/// A void element, such as `meta`.
 pub fn empty(name: &'static str, attributes: Attributes) -> Node {
     let Node(whole) = element(name, attributes, []);
     Node(whole.trim_end_matches(&format!("</{name}>")).to_owned())
 }
 
-/// Text.
+/// Escaped text.
 pub fn text(text: impl AsRef<str>) -> Node {
     Node(escaped(text.as_ref()))
 }
 
-/// A style sheet that was written with the program: its text stands in the page as it is.
+/// A style sheet of the program, inserted unescaped.
 pub fn style(sheets: &[&'static str]) -> Node {
     Node(format!("<style>\n{}</style>", sheets.concat()))
 }
 
-/// Text that neither ends an element nor an attribute, in whichever quotes. Control characters, which neither HTML nor
-/// XML can hold, become the sign for something unreadable.
+/// Escapes text so that it can end neither an element nor an attribute, with single or double quotes. Control
+/// characters, which HTML and XML forbid, become U+FFFD.
 fn escaped(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! Along the recording: when a tool was seen, and how far off it was.
+//! Plots over the recording's time: when a tool was seen, and its error.
 
 use nalgebra::Vector3;
 
@@ -8,17 +8,17 @@ use super::{Drawn, of_tool, page, stretches};
 use crate::pipeline::evaluation::{Judged, OUT_OF_SIGHT_BELOW, Truth, VISIBLE_FROM, WITHIN_95};
 use crate::pipeline::trajectory::SampleState;
 
-/// Room for the names of lanes, left.
+/// Width of the lane names at the left.
 const NAMES: f64 = 96.0;
 const LANE: f64 = 14.0;
 
-/// When each tool was seen, measured, predicted, missed or claimed falsely.
+/// The lanes of each tool: when it was visible, observed, predicted, missing or false.
 pub fn seen(tools: &[Drawn], truth: &Truth) -> Node {
     let time = time(truth);
     let pictures = tools.iter().map(|tool| of_tool(tool, lanes(tool, truth, time)));
     let caption = format!(
-        "Grey: share of the band that can be seen. Missing: at least {:.0} % of the band is visible and there is no row. False: a \
-         row while the tool is out of sight.",
+        "Grey: visible share of the band. Missing: at least {:.0} % of the band is visible, but the track has no row. False: \
+         the track has a row while the tool is out of sight.",
         100.0 * VISIBLE_FROM[0]
     );
     page::section("Seen, predicted, missing", pictures.chain([page::caption(&caption)]))
@@ -67,7 +67,7 @@ fn visible(frame: &crate::pipeline::evaluation::TruthFrame, name: &str) -> f64 {
     frame.tools.iter().find(|tool| tool.tool == name).map_or(0.0, |tool| tool.visible)
 }
 
-/// From and to of each stretch of frames for which something holds.
+/// Start and end times of each run of frames whose flag is true.
 fn runs(frames: &[(f64, bool)]) -> Vec<(f64, f64)> {
     let holding = frames.chunk_by(|a, b| a.1 == b.1).filter(|run| run[0].1);
     holding.map(|run| (run[0].0, run[run.len() - 1].0)).collect()
@@ -78,10 +78,10 @@ fn time(truth: &Truth) -> Span {
     Span { from: ends[0], to: ends[1].max(ends[0] + 1e-3) }
 }
 
-/// Error in x, y and z over time with the band that should hold 95 % of it.
+/// Errors in x, y and z over time, with the band that should contain 95 % of them.
 pub fn errors(tools: &[Drawn]) -> Node {
-    let caption = "The line is the error, measured less true; the band is the ± 95 % that the track states for it. Below zero: too far left \
-                   (x), up (y), near (z). Errors beyond the edge are drawn at it.";
+    let caption = "Line: the error, measured minus true position. Band: the 95 % error bar that the track states. Below zero: too \
+                   far left (x), up (y), near (z). Errors outside the plot are drawn at its edge.";
     let drawn = tools.iter().filter(|tool| tool.rows.iter().any(|row| !row.is_false()));
     let pictures = drawn.map(|tool| of_tool(tool, errors_of(tool)));
     page::section("Errors over time", pictures.chain([page::caption(caption)]))
@@ -120,7 +120,7 @@ fn bound(row: &Judged, axis: usize) -> Option<f64> {
     sigma.map(|sigma| WITHIN_95[0].sqrt() * sigma)
 }
 
-/// How far the axis reaches so that all but a hundredth of errors and bounds fit, mm.
+/// Limit of the axis, mm: 99 % of the errors and bounds fit.
 fn reach(rows: &[&Judged], axes: &[usize]) -> f64 {
     let of_row = |row: &&Judged| {
         let error: &Vector3<f64> = &row.error_mm;

@@ -1,11 +1,11 @@
-//! The page round the plots: head, lead figures, sections, tables.
+//! The page around the plots: head, lead figures, sections, tables.
 
 use super::node::{Node, element, empty, style, text};
 
-/// The dashboard's colours, and what this page makes of them.
+/// Style sheets: the dashboard's colours, and this page's own styles.
 const STYLES: [&str; 2] = [include_str!("../../../../static/styles/tokens.css"), include_str!("report.css")];
 
-/// A whole page: no script, nothing from elsewhere, and a policy that would refuse both.
+/// A complete page without scripts and without external resources. Its content security policy forbids both.
 pub fn page(title: &str, about: &str, body: impl IntoIterator<Item = Node>) -> String {
     let policy = "default-src 'none'; style-src 'unsafe-inline'";
     let head = [
@@ -23,7 +23,7 @@ pub fn page(title: &str, about: &str, body: impl IntoIterator<Item = Node>) -> S
     format!("<!doctype html>\n{}\n", page.markup())
 }
 
-/// The few figures to read first: name, value with unit, what it means.
+/// The main figures at the top of the page: name, value with unit, meaning.
 pub fn lead(figures: &[(&str, String, &str)]) -> Node {
     let tile = |(name, value, meaning): &(&str, String, &str)| {
         let lines = [("name", *name), ("value", value.as_str()), ("meaning", *meaning)];
@@ -36,7 +36,7 @@ pub fn lead(figures: &[(&str, String, &str)]) -> Node {
     element("section", &[("class", "lead")], figures.iter().map(tile))
 }
 
-/// A part of the page.
+/// A section of the page.
 pub fn section(title: &str, body: impl IntoIterator<Item = Node>) -> Node {
     element("section", &[], [element("h2", &[], [text(title)])].into_iter().chain(body))
 }
@@ -46,12 +46,12 @@ pub fn paragraph(words: &str) -> Node {
     element("p", &[], [text(words)])
 }
 
-/// What a section's pictures show.
+/// The caption of a section's pictures.
 pub fn caption(words: &str) -> Node {
     element("p", &[("class", "caption")], [text(words)])
 }
 
-/// A table whose first row is its head and whose first column names the rows.
+/// A table. The first row is the head, the first column holds the row names.
 pub fn table(rows: &[Vec<String>]) -> Node {
     let cell = |head: bool, first: bool, words: &String| match (head, first) {
         (true, _) => element("th", &[("scope", "col")], [text(words)]),

@@ -1,4 +1,4 @@
-//! The path over the true one, as the camera sees it and from the side.
+//! Plots of the path over the true path, as seen by the camera and from the side.
 
 use nalgebra::Point3;
 
@@ -10,8 +10,8 @@ use crate::pipeline::evaluation::Judged;
 /// Both views of each tool.
 pub fn views(tools: &[Drawn]) -> Node {
     let pictures = tools.iter().filter(|tool| !tool.motion.is_empty()).map(|tool| of_tool(tool, view(tool)));
-    let caption = "Broad and grey: the truth; thin and coloured: the track. Left as the camera sees it, right from the side with the camera \
-                   above. Millimetres, the same scale along both axes.";
+    let caption = "Broad and grey: the truth. Thin and coloured: the track. Left: as the camera sees it. Right: from the side, \
+                   with the camera above. Millimetres, same scale on both axes.";
     page::section("Path over truth", pictures.chain([page::caption(caption)]))
 }
 

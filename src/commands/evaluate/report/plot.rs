@@ -1,29 +1,29 @@
-//! One plot: numbers to places on the paper, axes with round numbers, lines and bands.
+//! One plot: maps numbers to picture coordinates, draws axes with round numbers, lines and bands.
 //!
-//! Colours are the style sheet's, by class: the same picture serves light, dark and print. That, and that nothing more
-//! than lines is needed, is why no plotting library is used: those draw fixed colours.
+//! Elements have classes, and the style sheet gives the colours, so one picture serves light and dark mode and print.
+//! Plotting libraries draw fixed colours, and only lines are needed, so none is used.
 
 use std::fmt::Write;
 
 use super::node::{Attributes, Node, element, text};
 
-/// Width of a picture, in its own units: pixels on a wide page.
+/// Width of a picture, in picture units: pixels on a wide page.
 pub const WIDTH: f64 = 960.0;
 
-/// Room for an axis's numbers: left and below.
+/// Space for the numbers of the axes: left and below.
 pub const MARGIN: (f64, f64) = (58.0, 34.0);
 
-/// A stretch of numbers, `from` at the left or bottom.
+/// The range of numbers on an axis; `from` is at the left or bottom.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// First.
+    /// Number at the left or bottom.
     pub from: f64,
-    /// Last.
+    /// Number at the right or top.
     pub to: f64,
 }
 
 impl Span {
-    /// Holds all these, with a little room; never empty.
+    /// A range that holds all values, with a small margin. Never empty.
     pub fn around(values: impl IntoIterator<Item = f64>) -> Span {
         let (low, high) = values.into_iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
         let (low, high) = if low > high { (0.0, 1.0) } else { (low, high) };
@@ -31,17 +31,17 @@ impl Span {
         Span { from: low - room, to: high + room }
     }
 
-    /// The same with this much room on both sides.
+    /// The same range with this margin on both sides.
     pub fn with_room(self, room: f64) -> Span {
         Span { from: self.from - room, to: self.to + room }
     }
 
-    /// How long.
+    /// Length of the range.
     pub fn length(self) -> f64 {
         (self.to - self.from).abs()
     }
 
-    /// Round numbers in it, about this many, with the digits they need behind the dot.
+    /// About this many round numbers in the range, and the number of decimals that they need.
     pub fn ticks(self, about: f64) -> (Vec<f64>, usize) {
         let rough = self.length() / about;
         let decade = 10_f64.powf(rough.log10().floor());
@@ -65,14 +65,14 @@ pub struct Panel {
     pub width: f64,
     /// Height.
     pub height: f64,
-    /// To the right.
+    /// Range of the horizontal axis, to the right.
     pub x: Span,
-    /// Upwards; `from` above `to` turns it downwards.
+    /// Range of the vertical axis, upwards; downwards if `from` is greater than `to`.
     pub y: Span,
 }
 
 impl Panel {
-    /// Where numbers lie on the picture, kept within the panel.
+    /// Picture coordinates of a pair of numbers, clamped to the panel.
     pub fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let (across, up) =
             ((x - self.x.from) / (self.x.to - self.x.from), (y - self.y.from) / (self.y.to - self.y.from));
@@ -113,12 +113,12 @@ impl Panel {
         group("beside", parts)
     }
 
-    /// A line through points in order.
+    /// A line through the points in order.
     pub fn line(&self, class: &str, points: &[(f64, f64)]) -> Node {
         path(class, &outline(&self.thinned(points)), "")
     }
 
-    /// The area between two lines over the same x.
+    /// The area between two lines with the same x values.
     pub fn band(&self, class: &str, points: &[(f64, f64, f64)]) -> Node {
         let upper: Vec<_> = points.iter().map(|(x, _, high)| (*x, *high)).collect();
         let lower: Vec<_> = points.iter().map(|(x, low, _)| (*x, *low)).collect();
@@ -140,8 +140,8 @@ impl Panel {
         element("rect", attributes, [])
     }
 
-    /// Places of points, of those in one column of the picture the first, lowest, highest and last: an hour of video
-    /// looks the same and needs no more room than a minute.
+    /// Picture coordinates of the points. If there are many, only the first, lowest, highest and last of each picture
+    /// column: an hour of video then looks the same and takes no more space than a minute.
     fn thinned(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         const FEW: usize = 2000;
         let places: Vec<_> = points.iter().map(|p| self.place(*p)).collect();
@@ -164,17 +164,17 @@ pub fn picture(name: &str, height: f64, parts: impl IntoIterator<Item = Node>) -
     element("svg", &[("viewBox", &size), ("role", "img"), ("aria-label", name)], parts)
 }
 
-/// Parts that share a class.
+/// A group of parts that share a class.
 pub fn group(class: &str, parts: impl IntoIterator<Item = Node>) -> Node {
     element("g", &[("class", class)], parts)
 }
 
-/// A straight line between two places of the picture.
+/// A straight line between two points of the picture.
 pub fn line(class: &str, from: (f64, f64), to: (f64, f64)) -> Node {
     path(class, &outline(&[from, to]), "")
 }
 
-/// Words at a place of the picture.
+/// Text at a point of the picture.
 pub fn label(class: &str, (u, v): (f64, f64), words: &str) -> Node {
     let (u, v) = (format!("{u:.1}"), format!("{v:.1}"));
     element("text", &[("class", class), ("x", &u), ("y", &v)], [text(words)])
@@ -187,12 +187,12 @@ fn path(class: &str, outline: &str, end: &str) -> Node {
 fn outline(places: &[(f64, f64)]) -> String {
     let mut outline = String::new();
     for (index, (u, v)) in places.iter().enumerate() {
-        let _ = write!(outline, "{}{u:.1} {v:.1}", if index == 0 { 'M' } else { 'L' }); // a string takes all
+        let _ = write!(outline, "{}{u:.1} {v:.1}", if index == 0 { 'M' } else { 'L' }); // cannot fail
     }
     outline
 }
 
-/// With a real minus sign.
+/// A number with a typographic minus sign.
 fn number(value: f64, digits: usize) -> String {
     let value = if value.abs() < 1e-12 { 0.0 } else { value };
     format!("{value:.digits$}").replace('-', "\u{2212}")

@@ -1,4 +1,4 @@
-//! Slides along one guide: how far each strays from the line through all of them.
+//! Plots of slides along one guide: the deviation of each slide from the line through all slides.
 
 use nalgebra::{Point3, Vector3};
 
@@ -7,12 +7,13 @@ use super::page;
 use super::plot::{MARGIN, Panel, Span, WIDTH, label, picture};
 use crate::pipeline::evaluation::Line;
 
-/// Distance from the common line along the guide, across it in the picture plane and in depth.
+/// Distance from the common line over the position along the guide: across in the picture plane, and in depth.
 pub fn pictures(paths: &[Vec<Point3<f64>>]) -> Node {
     let all: Vec<Point3<f64>> = paths.iter().flatten().copied().collect();
     let picture = Line::fit(&all).map(|line| element("div", &[("class", "card")], [strays(&line, paths)]));
-    let caption = "Zero is the line through all slides. Curves that run together but bend away from zero: a systematic error along the guide. \
-                   Curves apart from each other: slides that were measured differently. Early slides blue, late ones orange.";
+    let caption = "Zero is the line through all slides. If the curves run together but bend away from zero, there is a systematic \
+                   error along the guide. If they run apart, slides were measured differently. Early slides are blue, late \
+                   ones orange.";
     page::section("Slides along the guide", picture.into_iter().chain([page::caption(caption)]))
 }
 
@@ -42,13 +43,14 @@ fn name(n: usize, count: usize) -> Node {
     in_turn(n, count, label("slide", (MARGIN.0 + step * n as f64, 14.0), &format!("slide {}", n + 1)))
 }
 
-/// In the colour of the n-th of so many slides.
+/// A part in the colour of slide `n` of `count`.
 fn in_turn(n: usize, count: usize, part: Node) -> Node {
     let place = n as f64 / (count - 1).max(1) as f64;
     element("g", &[("style", &format!("--place: {place:.3}"))], [part])
 }
 
-/// Two directions across a guide: one within the picture plane, the other as much along the line of sight as can be.
+/// Two directions perpendicular to the guide: one in the picture plane, the other as close to the line of sight as
+/// possible.
 fn sides(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let across = direction.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::x);
     (across, across.cross(direction))

@@ -1,11 +1,11 @@
-//! What to read first, and every figure with its unit.
+//! The main figures at the top, and the table of all figures with units.
 
 use super::figures::{self, NONE};
 use super::node::Node;
 use super::page;
 use crate::pipeline::evaluation::{Accuracy, Errors, Honesty, Level, Repeatability, Spread, ToolAccuracy};
 
-/// The figures by which a track is judged, of all tools.
+/// The main figures of a track, over all tools.
 pub fn lead(accuracy: &Accuracy) -> Node {
     let (all, level) = (&accuracy.all, &accuracy.all.levels[0]);
     let or_none = |value: Option<String>| value.unwrap_or_else(|| NONE.to_owned());
@@ -17,15 +17,15 @@ pub fn lead(accuracy: &Accuracy) -> Node {
         (
             "False · exchanged",
             format!("{} · {}", all.false_tracks, level.swaps),
-            "rows for a tool out of sight · at the other tool",
+            "rows for a tool out of sight · rows at the other tool",
         ),
-        ("Inside stated 95 %", or_none(inside), "of the errors; 95 % would be honest"),
+        ("Inside stated 95 %", or_none(inside), "of the errors; 95 % are expected"),
     ])
 }
 
 type Row = (&'static str, fn(&ToolAccuracy, &Level) -> String);
 
-/// Every figure, tools side by side.
+/// The table of all figures, with a column per tool.
 pub fn table(accuracy: &Accuracy) -> Node {
     let columns = figures::rows(accuracy);
     let head = |(tool, level): &(&ToolAccuracy, &Level)| match level.visible_from {
@@ -37,9 +37,9 @@ pub fn table(accuracy: &Accuracy) -> Node {
         rows.push([name.to_owned()].into_iter().chain(columns.iter().map(|(tool, level)| of(tool, level))).collect());
     }
     let notes = format!(
-        "Judged where at least 40 % of a tool's band can be seen. {} rows lie on frames that the truth does not have; the two \
-         files' times of one frame differ by at most {:.1} ms. The interval after a share is where it lies with 95 %, were \
-         rows independent; a smoother's are not, so the real one is wider.",
+        "Only frames that show at least 40 % of a tool's band count. {} rows are on frames without truth. The times of a frame \
+         in the two files differ by at most {:.1} ms. The interval after a share is its 95 % interval for independent rows; \
+         the rows of a smoothed track are not independent, so the true interval is wider.",
         accuracy.unjudged,
         1000.0 * accuracy.largest_time_difference_s
     );
@@ -49,7 +49,7 @@ pub fn table(accuracy: &Accuracy) -> Node {
 const ROWS: [Row; 17] = [
     ("Frames with the tool in view", |_, level| level.frames.to_string()),
     ("Found, %", |_, level| figures::found(level)),
-    ("Found by measuring, frames", |_, level| level.observed.to_string()),
+    ("Found by a measurement, frames", |_, level| level.observed.to_string()),
     ("False tracks, rows", |tool, _| tool.false_tracks.to_string()),
     ("Exchanged with another tool, rows", |_, level| level.swaps.to_string()),
     ("Lateral error: RMS · median · 95 %, mm", |_, level| sizes(level, |e| e.lateral)),
@@ -62,7 +62,7 @@ const ROWS: [Row; 17] = [
     ("Inside stated 95 %, lateral, %", |_, level| honesty(level, |h| figures::share(&h.lateral))),
     ("Inside stated 95 %, depth, %", |_, level| honesty(level, |h| figures::share(&h.depth))),
     ("Inside stated 95 %, 3-D, %", |_, level| honesty(level, |h| figures::share(&h.three_d))),
-    ("Mean normalised squared error (1: honest)", |_, level| {
+    ("Mean normalised squared error (expected: 1)", |_, level| {
         honesty(level, |h| format!("{:.2}", h.three_d.mean_square))
     }),
     ("Speed while the tool rests: median · RMS, mm/s", |tool, _| {
@@ -79,7 +79,7 @@ fn mean(level: &Level, axis: usize) -> String {
     level.errors.map_or_else(|| NONE.to_owned(), |e| signed(e.bias_mm[axis]))
 }
 
-/// With a real minus sign, and none before nought.
+/// A number with a typographic minus sign; never "−0.00".
 fn signed(mm: f64) -> String {
     let mm = if mm.abs() < 0.005 { 0.0 } else { mm };
     format!("{mm:.2}").replace('-', "\u{2212}")
@@ -89,7 +89,7 @@ fn honesty(level: &Level, of: fn(&Honesty) -> String) -> String {
     level.honesty.as_ref().map_or_else(|| "no error stated".to_owned(), of)
 }
 
-/// How alike the slides are.
+/// The main figures of repeatability.
 pub fn lead_of_slides(result: &Repeatability) -> Node {
     let mm = |value: f64| format!("{value:.2} mm");
     page::lead(&[
@@ -99,7 +99,7 @@ pub fn lead_of_slides(result: &Repeatability) -> Node {
     ])
 }
 
-/// Each slide's points to each slide's line.
+/// The table of mean distances of each slide's points to each slide's line.
 pub fn distances(result: &Repeatability) -> Node {
     let head = (1..=result.lines.len()).map(|n| n.to_string());
     let mut rows = vec![["points of slide".to_owned()].into_iter().chain(head).collect::<Vec<_>>()];

@@ -1,4 +1,4 @@
-//! What a reader meets: figures with units, every picture, names that are not obeyed.
+//! The page has figures with units and every picture, and escapes hostile names.
 
 use nalgebra::{Point3, Vector3};
 
@@ -8,7 +8,7 @@ use crate::pipeline::trajectory::{Sample, SampleState, Trajectory};
 
 const HOSTILE: &str = "</style><script>alert(\"1\")</script>'onload='";
 
-/// One tool on a curve for four seconds, hidden for a while, and a track of it that is 1 mm too deep.
+/// One tool on a curve for four seconds, hidden for a while, and its track, which is 1 mm too deep.
 fn scene(name: &str) -> (Trajectory, Truth) {
     let tip = |i: u32| Point3::new(f64::from(i), 20.0 * (0.1 * f64::from(i)).sin(), 180.0);
     let visible = |i: u32| if (40..60).contains(&i) { 0.0 } else { 1.0 };

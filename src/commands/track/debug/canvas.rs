@@ -1,4 +1,4 @@
-//! A part of a frame, enlarged, to draw on in the frame's own pixels.
+//! An enlarged crop of a frame, to draw on in the frame's pixel coordinates.
 
 use std::path::Path;
 
@@ -11,13 +11,14 @@ use crate::pipeline::frame::Frame;
 /// A colour to draw with.
 pub(super) type Ink = [u8; 3];
 
-/// Pixels of the picture to one of a letter.
+/// Picture pixels per letter pixel.
 const LETTER_PX: usize = 2;
 
-/// From one line of letters to the next, pixels of the picture.
+/// Distance between text lines, picture pixels.
 const LINE_PX: usize = 16;
 
-/// The part of a frame that is shown: its first column and row, its size, and how many pixels each of its pixels becomes.
+/// The crop of a frame that is shown: its first column and row, its size, and the scale (picture pixels per frame
+/// pixel).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Part {
     pub(super) left: usize,
@@ -28,13 +29,12 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// All of a frame as it is.
+    /// The whole frame at scale 1.
     pub(super) fn whole(frame: &Frame<'_>) -> Self {
         Self { left: 0, top: 0, width: frame.width(), height: frame.height(), scale: 1 }
     }
 
-    /// The part between two corners, cut at the frame, as large as it fits into about a thousand pixels; `None` if nothing
-    /// is left.
+    /// The crop between two corners, clipped to the frame and enlarged to at most 1000 pixels. `None` if it is empty.
     pub(super) fn around(low: Vector2<f64>, high: Vector2<f64>, frame: &Frame<'_>) -> Option<Self> {
         const LARGEST_PX: usize = 1000;
         const MOST: usize = 12;
@@ -47,7 +47,7 @@ impl Part {
     }
 }
 
-/// A picture under work: lines of text, and the part of the frame below them.
+/// A picture to draw on: lines of text, and the crop of the frame below them.
 pub(super) struct Canvas {
     picture: RgbImage,
     part: Part,
@@ -56,7 +56,7 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// The part of the frame, with the text above it; each line in its own colour. `brightness` dims what is not drawn.
+    /// The crop of the frame with text lines above it, each in its own colour. `brightness` dims the frame's pixels.
     pub(super) fn new(frame: &Frame<'_>, part: Part, text: &[(Ink, String)], brightness: f64) -> Self {
         const PAPER: Rgb<u8> = Rgb([16, 16, 16]);
         let header_px = text.len() * LINE_PX + LETTER_PX;
@@ -70,7 +70,7 @@ impl Canvas {
         canvas
     }
 
-    /// Lines are drawn this wide from now on, pixels of the picture.
+    /// Sets the width of lines, picture pixels.
     pub(super) fn with_pen(self, pen_px: i64) -> Self {
         Self { pen_px, ..self }
     }
@@ -99,7 +99,7 @@ impl Canvas {
         }
     }
 
-    /// A dot of so many pixels of the picture around a place of the frame.
+    /// Draws a square dot of `size` picture pixels around a point of the frame.
     pub(super) fn dot(&mut self, at: Vector2<f64>, size: i64, ink: Ink) {
         let [x, y] = self.place(at);
         for (dx, dy) in (0..size).flat_map(|dy| (0..size).map(move |dx| (dx - size / 2, dy - size / 2))) {
@@ -107,22 +107,22 @@ impl Canvas {
         }
     }
 
-    /// A line between two places of the frame.
+    /// Draws a line between two points of the frame.
     pub(super) fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, ink: Ink) {
         const LONGEST: f64 = 20_000.0;
-        const A_PIXEL: f64 = 2.0; // steps of a whole pixel leave gaps where rounding joins two of them
+        const A_PIXEL: f64 = 2.0; // with one step per pixel, rounding leaves gaps
         let steps = ((to - from).amax() * self.part.scale as f64 * A_PIXEL).ceil().clamp(1.0, LONGEST);
         for step in 0..=steps as u32 {
             self.dot(from + (to - from) * (f64::from(step) / steps), self.pen_px, ink);
         }
     }
 
-    /// Lines through all places in turn.
+    /// Draws lines through all points in order.
     pub(super) fn path(&mut self, places: &[Vector2<f64>], ink: Ink) {
         places.windows(2).for_each(|pair| self.line(pair[0], pair[1], ink));
     }
 
-    /// A cross over a place of the frame.
+    /// Draws a cross at a point of the frame.
     pub(super) fn cross(&mut self, at: Vector2<f64>, half_px: f64, ink: Ink) {
         for arm in [Vector2::new(half_px, 0.0), Vector2::new(0.0, half_px)] {
             self.line(at - arm, at + arm, ink);
@@ -134,14 +134,14 @@ impl Canvas {
         self.picture.save(path)
     }
 
-    /// A frame's pixel 0 is centred at 0, and becomes `scale` pixels.
+    /// Picture coordinates of a point of the frame. Frame pixel 0 is centred at 0 and covers `scale` picture pixels.
     fn place(&self, at: Vector2<f64>) -> [i64; 2] {
         let scale = self.part.scale as f64;
         let shown = |px: f64, first: usize| ((px + 0.5 - first as f64) * scale).floor() as i64;
         [shown(at.x, self.part.left), shown(at.y, self.part.top) + self.header_px as i64]
     }
 
-    /// Lines that leave the part do not run over the text.
+    /// Puts a pixel inside the crop only, so that lines that leave the crop do not cross the text.
     fn put_in_part(&mut self, x: i64, y: i64, ink: Ink) {
         if y >= self.header_px as i64 && x < (self.part.width * self.part.scale) as i64 {
             self.put(x, y, ink);
@@ -157,7 +157,7 @@ impl Canvas {
     }
 }
 
-/// Where a line's letter of this number begins, pixels of the picture.
+/// Left edge of the letter with this index, picture pixels.
 fn letter_x(place: usize) -> usize {
     (place * (letters::SIZE.0 + 1) + 2) * LETTER_PX
 }
@@ -169,10 +169,10 @@ mod tests {
 
     const INK: Ink = [255, 0, 0];
     const PAPER: Ink = [16, 16, 16];
-    /// Of a grey that full range codes as 100, at half brightness.
+    /// The grey with code 100 in full range, at half brightness.
     const GREY: Ink = [50, 50, 50];
 
-    /// Four columns by three rows of a frame, from its pixel (2, 1), each ten pixels wide, below two lines of text.
+    /// Four columns by three rows of a frame from its pixel (2, 1), at scale 10, below two lines of text.
     fn canvas() -> Canvas {
         let data = [[100; 48], [128; 48], [128; 48]];
         let [y, u, v] = data.each_ref().map(|data| Plane { data, stride: 8, width: 8, height: 6 });

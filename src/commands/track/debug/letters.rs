@@ -1,9 +1,9 @@
-//! Letters for legends: three columns by five rows, an octal digit a row. No font need be found or shipped.
+//! Letters for legends, three columns by five rows, one octal digit per row. So no font has to be found or shipped.
 
-/// Columns and rows of a letter, without the space between two.
+/// Columns and rows of a letter, without the space between letters.
 pub(super) const SIZE: (usize, usize) = (3, 5);
 
-/// Is this place of a letter dark? Small letters are drawn as capitals; what is not known as a space.
+/// True if this pixel of a letter is drawn. Small letters are drawn as capitals, unknown characters as spaces.
 pub(super) fn is_ink(letter: char, column: usize, row: usize) -> bool {
     let rows = rows(letter.to_ascii_uppercase());
     let digit = rows >> (3 * (SIZE.1 - 1 - row)) & 0o7;

@@ -1,10 +1,10 @@
-//! `trocar track --debug-dir`: pictures of chosen frames, stage by stage, that show why a frame failed.
+//! `trocar track --debug-dir`: draws pictures of chosen frames, one per stage, that show why a frame failed.
 //!
 //! | file | shows |
 //! |---|---|
-//! | `frame_000123_1_colours.png` | what has a tool's colour, where it was searched, which regions were taken for its band |
-//! | `frame_000123_2_edges_tool1_fit1.png` | the probes of the last look, the edges that they met, the tube fitted to them; one for each fit |
-//! | `frame_000123_3_result.png` | outline, axis and tip, or why there are none |
+//! | `frame_000123_1_colours.png` | cells with a tool's colour, searched areas, regions taken for its band |
+//! | `frame_000123_2_edges_tool1_fit1.png` | one per fit: probes of the last pass, edges found, fitted tube |
+//! | `frame_000123_3_result.png` | outline, axis and tip, or the reason why there are none |
 
 mod canvas;
 mod letters;
@@ -20,10 +20,10 @@ use crate::pipeline::frame::Frame;
 use crate::pipeline::tracker::{FrameReport, FrameTrace};
 pub(super) use pictures::Scene;
 
-/// Frames that are drawn at most: about 500 MB of pictures at 1080p.
+/// Limit of drawn frames: about 500 MB of pictures at 1080p.
 const MOST_FRAMES: usize = 100;
 
-/// Which frames to draw, and where to.
+/// Frames to draw, and the folder for the pictures.
 #[derive(clap::Args, Default)]
 pub(super) struct DebugArgs {
     /// Draw pictures of chosen frames, one per stage, into this new or empty folder (PNG; at most 100 frames).
@@ -33,7 +33,7 @@ pub(super) struct DebugArgs {
     #[arg(long = "debug-every", value_name = "N", default_value_t = 50, requires = "dir",
         value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
-    /// With --debug-dir: draw these frames only, counted from 0, as in 12,40,41.
+    /// With --debug-dir: draw only these frames, counted from 0, such as 12,40,41.
     #[arg(
         long = "debug-frames",
         value_name = "LIST",
@@ -44,22 +44,22 @@ pub(super) struct DebugArgs {
     frames: Vec<u64>,
 }
 
-/// Draws the frames that were chosen.
+/// Draws the chosen frames.
 pub(super) struct DebugPictures {
     folder: PathBuf,
     every: u64,
     frames: Vec<u64>,
-    /// A damaged recording is tracked twice, and the pictures of the second time take the place of the first.
+    /// Frames drawn so far. A damaged recording is tracked twice; the second pass overwrites the pictures of the first.
     drawn: BTreeSet<u64>,
 }
 
 impl DebugPictures {
-    /// Makes the folder; `None` where no pictures are wanted.
+    /// Creates the folder. `None` without `--debug-dir`.
     pub(super) fn open(args: &DebugArgs) -> Result<Option<Self>, Failure> {
         let Some(folder) = &args.dir else { return Ok(None) };
         std::fs::create_dir_all(folder).map_err(|e| about(folder, e))?;
         if std::fs::read_dir(folder).map_err(|e| about(folder, e))?.next().is_some() {
-            let what = "is not empty, and pictures of two runs would mix; name a new or an empty folder";
+            let what = "is not empty; pictures of two runs would be mixed: name a new or an empty folder";
             return Err(about(folder, anyhow!(what)));
         }
         is_writable(folder).map_err(|e| about(folder, e))?;
@@ -71,7 +71,7 @@ impl DebugPictures {
         }))
     }
 
-    /// Is this frame to be drawn?
+    /// True if this frame is to be drawn.
     pub(super) fn wants(&self, frame: u64) -> bool {
         let chosen =
             if self.frames.is_empty() { frame.is_multiple_of(self.every) } else { self.frames.contains(&frame) };
@@ -94,13 +94,13 @@ impl DebugPictures {
         Ok(())
     }
 
-    /// What came of it, for people.
+    /// A line for people: how many frames were drawn, and where.
     pub(super) fn report(&self) -> String {
         let folder = self.folder.display();
         match self.drawn.len() {
             0 => format!("debug: none of the chosen frames is in the recording; {folder} is empty"),
             MOST_FRAMES => {
-                format!("debug: {MOST_FRAMES} frames drawn in {folder}, and no more; choose others with --debug-frames")
+                format!("debug: {MOST_FRAMES} frames drawn in {folder}, the limit; choose others with --debug-frames")
             }
             1 => format!("debug: 1 frame drawn in {folder}"),
             drawn => format!("debug: {drawn} frames drawn in {folder}"),
@@ -108,7 +108,7 @@ impl DebugPictures {
     }
 }
 
-/// Better said before the recording is tracked than after.
+/// Checks that the folder is writable before the long tracking starts.
 fn is_writable(folder: &Path) -> std::io::Result<()> {
     let probe = folder.join(".writable");
     std::fs::write(&probe, [])?;
@@ -127,6 +127,6 @@ mod tests {
         assert!(pictures.wants(8) && !pictures.wants(9));
         pictures.drawn = (0..all).map(|index| 2 * index).collect();
         assert!(pictures.wants(8) && !pictures.wants(9) && !pictures.wants(2 * all));
-        assert!(pictures.report().contains("100 frames drawn in pictures, and no more"), "{}", pictures.report());
+        assert!(pictures.report().contains("100 frames drawn in pictures, the limit"), "{}", pictures.report());
     }
 }

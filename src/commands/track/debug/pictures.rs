@@ -1,4 +1,4 @@
-//! The pictures of one frame: what had a tool's colour, which edges were met, and what came of it.
+//! The pictures of one frame: cells with a tool's colour, edges found by the probes, and the result.
 
 use nalgebra::Vector2;
 
@@ -19,28 +19,29 @@ const BLUE: Ink = [90, 150, 255];
 const DARK_BLUE: Ink = [50, 80, 170];
 const YELLOW: Ink = [255, 230, 0];
 
-/// One colour per tool, in their order, and round again: none that a tape is likely to have.
+/// Colours of the tools, in order and repeated: colours that a tape is unlikely to have.
 const TOOLS: [Ink; 4] = [[255, 40, 255], [170, 255, 0], [0, 255, 255], [255, 140, 0]];
 
-/// An edge this near to the fitted outline agrees with it, pixels: with more on average, the tracker follows no tube.
+/// An edge within this distance of the fitted outline agrees with it, pixels. The tracker rejects tubes whose edges are
+/// farther off on average.
 const AGREES_PX: f64 = 0.7;
 
-/// How much of a shaft is drawn behind its tip, mm.
+/// Length of the shaft drawn behind the tip, mm.
 const SHAFT_MM: f64 = 60.0;
 
-/// What all pictures of a recording share.
+/// Data shared by all pictures of a recording.
 pub(in crate::commands::track) struct Scene {
     camera: Camera,
     tools: Vec<String>,
-    /// For each tool the first that wears its colour.
+    /// For each tool, the index of the first tool with the same colour.
     first_of_its_colour: Vec<usize>,
 }
 
-/// One picture, and what its file's name says of it.
+/// A picture and its part of the file name.
 pub(super) type Named = (String, Canvas);
 
 impl Scene {
-    /// The camera and the tools that are tracked.
+    /// The shared data for these settings.
     pub(in crate::commands::track) fn new(settings: &TrackerSettings) -> Self {
         let first_of = |colour: &str| settings.tools.iter().position(|tool| tool.colour == colour).unwrap_or(0);
         Self {
@@ -50,19 +51,19 @@ impl Scene {
         }
     }
 
-    /// Said of a tool whose cells have another's ink.
+    /// A note for a tool whose cells are drawn in another tool's colour, because both have the same tape.
     fn tape_of_another(&self, tool: usize) -> String {
         let first = self.first_of_its_colour[tool];
         if first == tool { String::new() } else { format!("; same tape as {}", self.tools[first]) }
     }
 
-    /// Classes count colours from 1. Tools of one colour share a class, which is drawn as the first one's.
+    /// Classes number the colours from 1. Tools of one colour share a class, drawn in the ink of the first tool.
     fn ink_of_class(&self, class: u8) -> Option<Ink> {
         let mut firsts = self.first_of_its_colour.iter().enumerate().filter(|(tool, first)| tool == *first);
         firsts.nth(usize::from(class).checked_sub(1)?).map(|(tool, _)| ink_of(tool))
     }
 
-    /// Every picture of a frame, in the order of the stages.
+    /// All pictures of a frame, in the order of the stages.
     pub(super) fn pictures(&self, frame: &Frame<'_>, report: &FrameReport, trace: &FrameTrace) -> Vec<Named> {
         let mut pictures = vec![("1_colours".to_owned(), self.colours(frame, trace))];
         for (tool, of_tool) in trace.tools.iter().enumerate() {
@@ -76,18 +77,14 @@ impl Scene {
         pictures
     }
 
-    /// The class of every cell, the places that were searched, and the regions that were taken for a band.
+    /// The class of every cell, the areas that were searched, and the regions that were taken for a band.
     fn colours(&self, frame: &Frame<'_>, trace: &FrameTrace) -> Canvas {
         let head =
-            format!("frame {}: cells of a tool's colour. white: searched. yellow: measured. red: no band", frame.index);
+            format!("frame {}: cells in a tool's colour. white: searched. yellow: measured. red: no band", frame.index);
         let mut text = vec![(WHITE, head)];
         for (tool, of_tool) in trace.tools.iter().enumerate() {
             let followed = of_tool.places.is_empty() && !of_tool.fits.is_empty();
-            let how = if followed {
-                "followed from where it was expected, not searched".to_owned()
-            } else {
-                searched(of_tool)
-            };
+            let how = if followed { "found at the expected place, not searched".to_owned() } else { searched(of_tool) };
             text.push((ink_of(tool), format!("{}: {how}{}", self.tools[tool], self.tape_of_another(tool))));
         }
         let mut canvas = Canvas::new(frame, Part::whole(frame), &text, 0.45).with_pen(2);
@@ -111,7 +108,7 @@ impl Scene {
         canvas
     }
 
-    /// One tube laid onto the edges: the probes of its last look, and what they met.
+    /// One fit of a tube: the probes of its last pass, and the edges that they found.
     fn edges(&self, frame: &Frame<'_>, (tool, (number, of)): (usize, (usize, usize)), fit: &Fit) -> Option<Canvas> {
         const AROUND_PX: f64 = 12.0;
         let look = fit.looks.last()?;
@@ -128,15 +125,15 @@ impl Scene {
         let text = [
             (
                 ink_of(tool),
-                format!("frame {}: {}: fit {number} of {of}, look {}", frame.index, self.tools[tool], fit.looks.len()),
+                format!("frame {}: {}: fit {number} of {of}, pass {}", frame.index, self.tools[tool], fit.looks.len()),
             ),
             (WHITE, told(look, met.len(), agree)),
-            (DARK_BLUE, "dark blue: where it began".to_owned()),
-            (BLUE, "blue: probes laid along here".to_owned()),
-            (WHITE, "white: fitted".to_owned()),
+            (DARK_BLUE, "dark blue: start of the fit".to_owned()),
+            (BLUE, "blue: outline that the probes follow".to_owned()),
+            (WHITE, "white: fitted outline".to_owned()),
             (GREEN, format!("green: edge within {AGREES_PX} px of it")),
             (RED, "red: edge elsewhere".to_owned()),
-            (GREY, "grey: probe that met no edge".to_owned()),
+            (GREY, "grey: probe without an edge".to_owned()),
         ];
         let mut canvas = Canvas::new(frame, Part::around(low, high, frame)?, &text, 1.0).with_pen(2);
         canvas.path(&start, DARK_BLUE);
@@ -154,7 +151,7 @@ impl Scene {
         Some(canvas)
     }
 
-    /// The outline, axis and tip of each tool, or where the filter thinks it is, and why it was not seen.
+    /// Outline, axis and tip of each tool; for a tool that was not measured, the filter's position and the reason.
     fn result(&self, frame: &Frame<'_>, report: &FrameReport, trace: &FrameTrace) -> Canvas {
         let head = format!(
             "frame {} at {:.3} s: result. cross: measured tip. white cross: filter only",
@@ -216,12 +213,12 @@ fn searched(trace: &ToolTrace) -> String {
     let whys = trace.regions.iter().map(|(_, refused)| refused.map_or("measured", |reason| reason.name()));
     let whys: Vec<&str> = whys.collect();
     let regions = if whys.is_empty() { "no region tried".to_owned() } else { format!("regions: {}", whys.join(", ")) };
-    format!("places searched: {}; {regions}", trace.places.len())
+    format!("areas searched: {}; {regions}", trace.places.len())
 }
 
 fn told(look: &Look, met: usize, agree: usize) -> String {
     let fitted = if look.fitted.is_some() { "" } else { "; no tube fits them" };
-    format!("{} probes in sight, {met} met an edge, {agree} agree{fitted}", look.probes.len())
+    format!("{} probes in view, {met} found an edge, {agree} agree{fitted}", look.probes.len())
 }
 
 fn outcome(report: &ToolReport) -> String {
@@ -238,24 +235,24 @@ fn outcome(report: &ToolReport) -> String {
     }
 }
 
-/// Where a probe looked.
+/// The two ends of a probe.
 fn probe_ends(probe: &Probe) -> [Vector2<f64>; 2] {
     [-probe.inwards_px, probe.outwards_px].map(|reach| probe.middle.0.coords + probe.outward * reach)
 }
 
-/// Does an edge lie on the outline?
+/// True if the edge lies on the outline.
 fn agrees(edge: Pixel, outline: &[Vector2<f64>]) -> bool {
     outline.windows(2).any(|pair| distance_px(edge.0.coords, pair[0], pair[1]) < AGREES_PX)
 }
 
-/// Distance of a place from a line between two others.
+/// Distance of a point from the segment between two others.
 fn distance_px(at: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     let along = to - from;
     let part = ((at - from).dot(&along) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
     (at - from - along * part).norm()
 }
 
-/// The corners of a place, once around, pixels.
+/// The corners of a box of cells, once around, pixels.
 fn box_corners(place: &CellBox) -> [Vector2<f64>; 5] {
     let px = |cell: usize| (cell * CELL_PX) as f64 - 0.5;
     let corner = |column, row| Vector2::new(px(column), px(row));
